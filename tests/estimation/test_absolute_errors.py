@@ -6,9 +6,9 @@ from least_absolute import descended, loss
 
 from evopem import SearchSettings, estimate
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.state_space.absolute import AbsoluteStateSpaceErrors
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.estimate import estimate_state_space
+from evopem.estimation.state_space.problem import AbsoluteStateSpaceErrors
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 

@@ -9,10 +9,10 @@ import evopem
 from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
+from evopem.estimation.damped_descent import descend
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.pole_coordinates import blocks_of
-from evopem.estimation.state_space.problem import descend
 from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording

@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from evopem.config.settings import SearchSettings
+from evopem.estimation.damped_descent import descend
 from evopem.estimation.delays import estimate_delays
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
@@ -20,8 +21,7 @@ from evopem.estimation.state_space.held_out import (
 )
 from evopem.estimation.state_space.local_estimates import descend_from, described
 from evopem.estimation.state_space.point_model import PointModel, model_of, parameter_covariance
-from evopem.estimation.state_space.problem import descend, descended
-from evopem.estimation.state_space.search import Rung, converted, reductions, searched
+from evopem.estimation.state_space.search import Rung, converted, descended, reductions, searched
 from evopem.estimation.state_space.section_signals import SectionSignals
 from evopem.estimation.state_space.sections import (
     Layout,
@@ -119,7 +119,7 @@ def problem(structure, order, weighting="determinant", samples=200):
 @pytest.mark.parametrize("weighting", WEIGHTINGS)
 def test_the_gradient_agrees_with_finite_differences(structure, order, weighting):
     errors, point = problem(structure, order, weighting)
-    gradient = errors.normal_equations(errors.projection(point)).gradient
+    gradient = errors.normal_equations(errors.projection(point))[0]
     step, numeric = 1e-6, np.empty(errors.dimension)
     for k, unit in enumerate(np.eye(errors.dimension)):
         values = [
@@ -310,7 +310,7 @@ def test_descents_of_long_records_race_to_the_same_optimum(monkeypatch):
     truth = system(modes=2, ny=2, nu=1, structure="ss_oe")
     u, y, _ = recorded(truth, 300, 0.1, 3)
     full = list(estimates_of_orders(record_of(u, y), (2, 4), structure="ss_oe"))
-    monkeypatch.setattr("evopem.estimation.state_space.problem.COSTLY", 0)
+    monkeypatch.setattr("evopem.estimation.state_space.search.COSTLY", 0)
     monkeypatch.setattr("evopem.estimation.state_space.problem.LAP", 5)
     raced = list(estimates_of_orders(record_of(u, y), (2, 4), structure="ss_oe"))
     spent = [

@@ -17,7 +17,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.damped_descent import Optimum, damped_step
+from evopem.estimation.damped_descent import Damping, Optimum
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp] | slice
@@ -34,7 +34,6 @@ LAST_PASS = 1e-3
 TOLERANCE = 1e-3
 # Steps at one width.
 STEPS = 60
-FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e12
 # Mean absolute errors below this share of those of the output carry no information.
 ROUNDING = 1e-9
 # Passes of reweighted least squares towards linear coefficients.
@@ -169,7 +168,7 @@ class _Descent:
         self.errors = problem.errors(self.point)
         self.stable = problem.is_stable(self.point)
         self.evaluations = 1
-        self._damping = FIRST_DAMPING
+        self._damping = Damping()
         self._duals = np.zeros_like(self.errors)
 
     def at_width(self, width: float) -> bool:
@@ -197,26 +196,11 @@ class _Descent:
         sizes = np.hypot(self.errors, widths)
         slopes = self.errors / sizes
         curvatures = (1.0 - self._duals * slopes) / sizes
-        gradient, hessian = self._normal_equations(sizes, slopes, curvatures)
-        scale = np.sqrt(np.diag(hessian))
-        scale = np.where(scale > 1e-12 * scale.max(initial=1e-300), scale, 1.0)
-        gradient, hessian = gradient / scale, hessian / np.outer(scale, scale)
-        growth = 2.0
-        while self._damping <= LARGEST_DAMPING:
-            step = damped_step(hessian, gradient, self._damping)
-            if step is not None:
-                promised = -(gradient @ step) - 0.5 * step @ hessian @ step
-                if promised < least and self._damping <= FIRST_DAMPING:
-                    return None
-                gain = self._try(step / scale, value, widths, slopes, curvatures)
-                if gain > 0.0:
-                    ratio = gain / promised if promised > 0.0 else 0.0
-                    factor = max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
-                    self._damping = max(self._damping * factor, 1e-15)
-                    return gain
-            self._damping, growth = self._damping * growth, growth * 2.0
-        self._damping = FIRST_DAMPING
-        return None
+        return self._damping.step(
+            *self._normal_equations(sizes, slopes, curvatures),
+            least,
+            lambda step: self._try(step, value, widths, slopes, curvatures),
+        )
 
     def _try(
         self, step: Array, value: float, widths: Array, slopes: Array, curvatures: Array

@@ -17,9 +17,8 @@ from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
 from evopem.estimation import absolute_descent
 from evopem.estimation.criteria import lies_at_bound
-from evopem.estimation.damped_descent import Optimum
+from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.pem.constrained_parameters import Gain
-from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import (
     SearchDiagnostics,
@@ -42,7 +41,7 @@ from evopem.estimation.state_space.problem import (
     POLISH_TOLERANCE,
     STEPS,
     TOLERANCE,
-    descend,
+    absolute_scores,
 )
 from evopem.estimation.state_space.starting_points import from_poles
 from evopem.estimation.vector_autoregression import coloured_autocovariances
@@ -337,13 +336,11 @@ def _covariance(
     if settings.objective == "absolute":
         if problem.horizon > 1 and plain.innovations:
             return None
-        vanishing = -(-(plain.parameters + plain.order * data.segments) // scores.shape[1])
-        density = np.array([density_at_zero(each, vanishing) for each in scores.T])
-        if not np.all(density > 0.0):
+        found_scores = absolute_scores(plain, scores, problem.weighing)
+        if found_scores is None:
             return None
-        relative = absolute_descent.output_weights(scores / problem.sizes, problem.weighing)
-        weights = np.diag(2.0 * density * relative / problem.sizes)
-        scores, curvature = np.sign(scores) / (2.0 * density), weights
+        scores, weights = found_scores
+        curvature = weights
     if white:
         gamma = (scores.T @ scores / len(scores))[None]
     else:

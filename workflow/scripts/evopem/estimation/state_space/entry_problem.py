@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from evopem.estimation.absolute_descent import Places, Weighing
 from evopem.estimation.pem.constrained_parameters import Gain
-from evopem.estimation.state_space.errors import NormalEquations, StateSpaceErrors
+from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.kernels import entry_derivatives
 from evopem.estimation.state_space.point_model import degrees_of_freedom
 from evopem.estimation.state_space.pole_coordinates import Block, coupling_of, modal_basis
@@ -119,8 +119,7 @@ class EntryProblem:
             at += len(gain.codes)
         self.dimension = at
         self.weighing: Weighing = "power" if plain.weighting == "power" else "noise"
-        self.sizes = np.mean(np.abs(data.outputs), axis=0)
-        self.sizes[self.sizes == 0.0] = 1.0
+        self.sizes = data.absolute_sizes
         self._coupling = np.ones(n // 2)
         self._latest: tuple[Array, EntryErrors] | None = None
 
@@ -253,7 +252,7 @@ class EntryProblem:
             return False
         return bool(np.abs(np.linalg.eigvals(matrix)).max() <= self.plain.radius)
 
-    def normal_equations(self, projection: EntryErrors) -> NormalEquations:
+    def normal_equations(self, projection: EntryErrors) -> tuple[Array, Array]:
         """Gradient and Gauss-Newton Hessian; coordinates held at a bound have none."""
         weights = self.plain.weights(projection.covariance)
         weighted = np.einsum("ij,tjp->tip", weights, projection.derivatives)
@@ -265,7 +264,7 @@ class EntryProblem:
         held = self._held(gradient)
         gradient[held] = 0.0
         hessian[held], hessian[:, held] = 0.0, 0.0
-        return NormalEquations(gradient, hessian)
+        return gradient, hessian
 
     def _held(self, gradient: Array) -> NDArray[np.bool_]:
         """Coordinates at a bound, beyond which the criterion falls; those of kinds."""

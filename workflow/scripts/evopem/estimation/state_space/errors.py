@@ -92,6 +92,12 @@ class ScaledRecording:
         return np.bincount(self.level_of, lengths, self.levels) / self.samples
 
     @property
+    def absolute_sizes(self) -> Array:
+        """Mean absolute values of the scaled outputs, (l,)."""
+        sizes = np.mean(np.abs(self.outputs), axis=0)
+        return np.where(sizes == 0.0, 1.0, sizes)
+
+    @property
     def constants(self) -> Array:
         """Regressors of the levels, (N, levels)."""
         if not self.levels:
@@ -195,14 +201,6 @@ class Projection:
     covariance: Array  # (ny, ny): errors' errors / N
 
 
-@dataclass(frozen=True, eq=False)
-class NormalEquations:
-    """Gradient, (n,), and Gauss-Newton Hessian, (n, n), of the criterion of a point."""
-
-    gradient: Array
-    hessian: Array
-
-
 class StateSpaceErrors:
     """Criterion, normal equations and feasibility of models of one order on a recording.
 
@@ -249,6 +247,11 @@ class StateSpaceErrors:
         count = n * (nu + ny) + ny * int(self.data.feedthrough.sum())
         count += n * ny if self.innovations else 0
         return count + ny * (int(self.data.levels > 0) + self.data.drift.shape[1])
+
+    @property
+    def estimated(self) -> int:
+        """Parameters and initial states."""
+        return self.parameters + self.order * self.data.segments
 
     @property
     def cost(self) -> float:
@@ -381,7 +384,7 @@ class StateSpaceErrors:
         after = moved(self.layout, point, step)
         return inside(self.layout, after, self.radius * (1.0 - EDGE))
 
-    def normal_equations(self, projection: Projection) -> NormalEquations:
+    def normal_equations(self, projection: Projection) -> tuple[Array, Array]:
         """Gradient and Gauss-Newton Hessian of the criterion, s of each section held."""
         signals = self.signals.derivatives(projection.sections, projection.states)
         along = projection.basis.T @ signals
@@ -395,4 +398,4 @@ class StateSpaceErrors:
         )
         against = signals.T @ (projection.errors @ (weights @ c))
         gradient = self.derivatives.summed(projection.sections, -against)
-        return NormalEquations(per_sample * gradient, hessian)
+        return per_sample * gradient, hessian

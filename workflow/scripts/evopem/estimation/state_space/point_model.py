@@ -32,8 +32,7 @@ def model_of(errors: StateSpaceErrors, projection: Projection) -> StateSpaceMode
 def degrees_of_freedom(errors: StateSpaceErrors) -> float:
     """Samples less the estimates for each output."""
     outputs = errors.data.outputs.shape[1]
-    estimated = (errors.parameters + errors.order * errors.data.segments) / outputs
-    return float(max(errors.data.samples - estimated, 1.0))
+    return float(max(errors.data.samples - errors.estimated / outputs, 1.0))
 
 
 class PointModel:

@@ -1,227 +1,50 @@
-"""Descents of state-space models, and the problem as the memetic search sees it."""
+"""The problem as the memetic search sees it, of squares and of absolute errors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import Objective
-from evopem.estimation.damped_descent import Optimum, damped_step
+from evopem.estimation import absolute_descent
+from evopem.estimation.absolute_descent import Places, Weighing
+from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.state_space.errors import NormalEquations, Projection, StateSpaceErrors
+from evopem.estimation.pem.covariance import density_at_zero
+from evopem.estimation.state_space.errors import EDGE, Projection, StateSpaceErrors
 from evopem.estimation.state_space.point_model import parameter_covariance
-from evopem.estimation.state_space.sections import inside, normalised
+from evopem.estimation.state_space.sections import (
+    inside,
+    largest_radius,
+    moved,
+    normalised,
+    scale_of,
+)
 from evopem.estimation.state_space.starting_points import from_poles, random_poles
+from evopem.estimation.vector_autoregression import limited
 from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
 
-
-# Steps and tolerance of a descent of a search.
+# Steps and tolerance of a descent of a search, and of its last one.
 STEPS, TOLERANCE = 100, 1e-7
-# Multiplications of one set of normal equations from which on descents race each other, and steps
-# of a lap of such a race.
-COSTLY, LAP = 2e7, 10
-# Gain of twice the log likelihood that no choice depends on.
-NEGLIGIBLE = 0.1
-# Damping relative to the diagonal of the Hessian: at the start, and where a descent gives up.
-FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e12
-
-
-class HasCovariance(Protocol):
-    """Errors of a point."""
-
-    @property
-    def covariance(self) -> Array:
-        """Of the outputs, (l, l)."""
-
-
-Errors = TypeVar("Errors", bound=HasCovariance)
-
-
-class Squares(Protocol[Errors]):
-    """What :func:`descend` needs to know of a problem."""
-
-    def begun(self, start: Array) -> Array:
-        """A start within its bounds."""
-
-    def moved(self, point: Array, step: Array) -> Array:
-        """A point after a step, within its bounds."""
-
-    def projection(self, point: Array) -> Errors:
-        """Errors of a point."""
-
-    def criterion(self, covariance: Array) -> float:
-        """Criterion of errors."""
-
-    def stable(self, projection: Errors) -> bool:
-        """Whether a descent may end there."""
-
-    def normal_equations(self, projection: Errors) -> NormalEquations:
-        """Gradient and Hessian of the last point."""
-
-
-def descend(
-    errors: Squares[Errors], start: Array, max_iterations: int, tolerance: float
-) -> Optimum:
-    """Minimise the criterion from a point.
-
-    Parameters
-    ----------
-    errors : Squares
-    start : (n,) array
-    max_iterations : int
-        Accepted steps.
-    tolerance : float
-        The descent has converged when a Gauss-Newton step promises less than this decrease of the
-        criterion, or twice in a row gains less.
-    """
-    point = errors.begun(start)
-    if not np.isfinite(point).all():
-        return Optimum(point, np.inf, False, 0)
-    projection = errors.projection(point)
-    criterion, stable = errors.criterion(projection.covariance), errors.stable(projection)
-    evaluations = 1
-    if not np.isfinite(criterion):
-        return Optimum(point, np.inf, False, evaluations)
-
-    def ended(converged: bool) -> Optimum:
-        return Optimum(point, criterion if stable else np.inf, converged, evaluations)
-
-    damping, growth, small_gains = FIRST_DAMPING, 2.0, 0
-    for _ in range(max_iterations):
-        equations = errors.normal_equations(projection)
-        evaluations += 1
-        scale = np.sqrt(np.maximum(np.diag(equations.hessian), 0.0))
-        scale = np.where(scale > 1e-12 * scale.max(initial=1e-300), scale, 1.0)
-        gradient = equations.gradient / scale
-        hessian = equations.hessian / np.outer(scale, scale)
-        while True:
-            step = damped_step(hessian, gradient, damping)
-            if step is None:
-                damping, growth = damping * growth, growth * 2.0
-                if damping > LARGEST_DAMPING:
-                    return ended(True)
-                continue
-            promised = -(gradient @ step) - 0.5 * step @ hessian @ step
-            if promised < 0.1 * tolerance and damping <= FIRST_DAMPING:
-                return ended(True)
-            trial = errors.moved(point, step / scale)
-            tried = errors.projection(trial) if np.isfinite(trial).all() else None
-            evaluations += 1
-            new, new_stable = np.inf, False
-            if tried is not None:
-                new_stable = errors.stable(tried)
-                # A descent may begin with an unstable A, but never goes back to one.
-                if new_stable or not stable:
-                    new = errors.criterion(tried.covariance)
-            if new < criterion and tried is not None:
-                break
-            damping, growth = damping * growth, growth * 2.0
-            if damping > LARGEST_DAMPING:
-                return ended(True)
-        gain = criterion - new
-        ratio = gain / promised if promised > 0.0 else 0.0
-        damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-15)
-        growth = 2.0
-        point, projection, criterion, stable = trial, tried, new, new_stable
-        small_gains = small_gains + 1 if gain < tolerance else 0
-        if small_gains >= 2:
-            return ended(True)
-    return ended(False)
-
-
-def descended(
-    errors: StateSpaceErrors,
-    starts: list[Array],
-    count: int,
-    steps: int = STEPS,
-    tolerance: float = TOLERANCE,
-) -> list[Optimum]:
-    """Optima from the best starts, the lowest first; infeasible ones are left out."""
-    optima = [descend(errors, start, steps, tolerance) for start in lowest(errors, starts, count)]
-    optima = [optimum for optimum in optima if np.isfinite(optimum.value)]
-    return sorted(optima, key=lambda optimum: optimum.value)
-
-
-def lowest(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Array]:
-    """The starts of lowest criterion, in this order; A may be unstable there."""
-    criteria = []
-    for start in starts:
-        finite = bool(np.isfinite(start).all())
-        criteria.append(errors.criterion(errors.projection(start).covariance) if finite else np.inf)
-    order = np.argsort(criteria, kind="stable")[:count]
-    return [starts[k] for k in order]
-
-
-def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Optimum]:
-    """Optima from starts, the lowest first, which alone is descended to the last digits.
-
-    The others end where no choice depends on what is left, and where each step takes long as soon
-    as they fall behind.
-    """
-    tolerance = rough_tolerance(errors)
-    optima = []
-    if errors.cost > COSTLY:
-        optima = _in_laps(errors, starts, steps, tolerance)
-    optima = optima or descended(errors, starts, len(starts), steps, tolerance)
-    return [continued(errors, optima[0], steps, TOLERANCE), *optima[1:]] if optima else []
-
-
-def _in_laps(
-    errors: StateSpaceErrors, starts: list[Array], steps: int, tolerance: float
-) -> list[Optimum]:
-    """Optima of descents of which only the better half goes on after each lap."""
-    running = descended(errors, starts, len(starts), min(LAP, steps), tolerance)
-    behind: list[Optimum] = []
-    for _ in range(LAP, steps, LAP):
-        if len(running) < 2:
-            break
-        half = -(-len(running) // 2)
-        behind = running[half:] + behind
-        further = [
-            each if each.converged else continued(errors, each, LAP, tolerance)
-            for each in running[:half]
-        ]
-        running = sorted(further, key=lambda optimum: optimum.value)
-    return running + behind
-
-
-def rough_tolerance(errors: StateSpaceErrors) -> float:
-    """Tolerance of a descent whose last digits no choice depends on."""
-    return max(NEGLIGIBLE / errors.data.samples if errors.logarithmic else 0.0, TOLERANCE)
-
-
-def continued(errors: StateSpaceErrors, optimum: Optimum, steps: int, tolerance: float) -> Optimum:
-    """The optimum that a descent goes on to, with the evaluations of both."""
-    ended = descend(errors, optimum.point, steps, tolerance)
-    return replace(ended, evaluations=optimum.evaluations + ended.evaluations)
-
-
-# Steps and tolerance of the last descent of a search.
 POLISH_STEPS, POLISH_TOLERANCE = 1000, 1e-11
-# Random points of the first batch of a multistart check suffice.
-MIN_MULTISTART = 1
+# Quadratic optima of an order that are descended from in the search over orders.
+DESCENDED = 3
 
 
 class StateSpaceProblem:
-    """Search problem of one recording, order and form; see :class:`.Problem`.
-
-    Parameters
-    ----------
-    errors : StateSpaceErrors
-    """
+    """Search problem of one recording, order and form; see :class:`.Problem`."""
 
     objective: Objective = "quadratic"
-    grams = 1
-    """Gram matrices of one set of normal equations."""
+    min_multistart = 1
 
     def __init__(self, errors: StateSpaceErrors) -> None:
         self.errors = errors
+        self.grams = 1  # Gram matrices of one set of normal equations
         self._starts: Array | None = None
 
     def start_from(self, coordinates: list[Array]) -> int:
@@ -258,11 +81,6 @@ class StateSpaceProblem:
         return parameter_covariance(
             self.errors, projection, self.errors.weights(projection.covariance)
         )
-
-    @property
-    def min_multistart(self) -> int:
-        """Random points that a multistart check takes at least."""
-        return MIN_MULTISTART
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A population, and the evaluations that it took; the first one holds the estimates."""
@@ -322,10 +140,217 @@ class StateSpaceProblem:
     def descents(self, points: Array, steps: int, tolerance: float) -> Descent:
         """Descents of at most some steps from each row."""
         optima = [descend(self.errors, point, steps, tolerance) for point in points]
-        return descent_of(optima, points, self.errors.percent)
+        return _descent_of(optima, points, self.errors.percent)
 
 
-def descent_of(
+class AbsoluteStateSpaceErrors:
+    """Errors, Jacobians and feasibility of models whose C, D and levels are part of a point.
+
+    Absolute errors of several outputs have no common least-squares solution, so that nothing is
+    eliminated.  A point is that of ``quadratic``, followed by C, D and the constants of each
+    output.  ``power`` weighs the outputs by their power, any other weighting by their noise.
+    """
+
+    def __init__(self, quadratic: StateSpaceErrors) -> None:
+        self.quadratic = quadratic
+        self.weighing: Weighing = "power" if quadratic.weighting == "power" else "noise"
+        self.sizes = quadratic.data.absolute_sizes
+        self._regressors = quadratic.order + sum(each.shape[1] for each in quadratic.direct)
+        self._latest: tuple[Array, Projection] | None = None
+
+    @property
+    def dimension(self) -> int:
+        """Length of a point."""
+        return self.quadratic.dimension + self._regressors * len(self.sizes)
+
+    def projection(self, point: Array) -> Projection:
+        """States and errors of a point; the errors in the units of the scaled recording."""
+        if self._latest is None or not np.array_equal(self._latest[0], point):
+            count = self.quadratic.dimension
+            linear = point[count:].reshape(len(self.sizes), self._regressors).T
+            projection = self.quadratic.with_linear(point[:count], linear)
+            self._latest = (point.copy(), projection)
+        return self._latest[1]
+
+    def errors(self, point: Array) -> Array:
+        """Errors over the mean absolute values of their outputs, (N, l)."""
+        if not np.isfinite(point).all():
+            return np.full(self.quadratic.data.outputs.shape, np.nan)
+        return np.asarray(self.projection(point).errors / self.sizes)
+
+    def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
+        """Derivatives of the errors of each output by its part of a point."""
+        problem, projection = self.quadratic, self.projection(point)
+        signals = problem.signals.derivatives(projection.sections, projection.states)
+        own = np.arange(self._regressors)
+        shared = np.arange(problem.dimension)
+        for k, size in enumerate(self.sizes):
+            by_coordinates = problem.derivatives.of_output(
+                projection.sections, signals, projection.linear[: problem.order, k]
+            )
+            columns = np.column_stack([by_coordinates, projection.regressors]) / -size
+            yield columns, np.concatenate([shared, problem.dimension + k * len(own) + own])
+
+    def moved(self, point: Array, step: Array) -> Array:
+        """A point after a step, with poles beyond the radius drawn in to it.
+
+        The second state of a section follows its scale, and C follows that state.
+        """
+        problem, count = self.quadratic, self.quadratic.dimension
+        after = point + step
+        limit = problem.radius * (1.0 - EDGE)
+        coordinates = moved(problem.layout, point[:count], step[:count])
+        after[:count] = inside(problem.layout, coordinates, limit)
+        pairs = problem.layout.pairs
+        if pairs:
+            deltas = [problem.layout.pair_rows(each[:count])[:, 1] for each in (point, after)]
+            ratio = scale_of(deltas[1]) / scale_of(deltas[0])
+            of_outputs = after[count:].reshape(len(self.sizes), self._regressors)
+            of_outputs[:, 1 : 2 * pairs : 2] *= ratio
+        return after
+
+    def is_stable(self, point: Array) -> bool:
+        """Whether A is stable as well."""
+        return self.quadratic.stable(self.projection(point))
+
+    def completed(self, coordinates: Array) -> Array:
+        """A point with C, D and constants of nearly the least absolute errors."""
+        if not np.isfinite(coordinates).all():
+            return np.full(self.dimension, np.nan)
+        projection = self.quadratic.projection(coordinates)
+        along = absolute_descent.linear_coefficients(projection.basis, self.quadratic.data.outputs)
+        triangle = projection.basis.T @ projection.regressors
+        linear = np.linalg.lstsq(triangle, along, rcond=None)[0]
+        return np.concatenate([coordinates, linear.T.ravel()])
+
+    def value(self, point: Array) -> float:
+        """Percent of the mean absolute outputs; infinite where a point is not feasible."""
+        if not np.isfinite(point).all():
+            return float("inf")
+        layout = self.quadratic.layout
+        if largest_radius(layout, point[: self.quadratic.dimension]) > self.quadratic.radius:
+            return float("inf")
+        if not self.is_stable(point):
+            return float("inf")
+        return self.percent(absolute_descent.criterion(self.errors(point), self.weighing))
+
+    def percent(self, criterion: float) -> float:
+        """A criterion in percent of the mean absolute outputs, y less its mean with a level."""
+        return 100.0 * (
+            float(np.exp(criterion))
+            - (absolute_descent.ROUNDING if np.isfinite(criterion) else 0.0)
+        )
+
+    def descents(self, points: Array, last_width: float | None = None) -> Descent:
+        """Descents from each row of (m, n) points; without a last width to the last digits."""
+        optima = [
+            absolute_descent.polish(self, point)
+            if last_width is None
+            else absolute_descent.descend(self, point, last_width)
+            for point in points
+        ]
+        return _descent_of(optima, points, self.percent)
+
+
+def absolute_scores(
+    errors: StateSpaceErrors, one_step: Array, weighing: Weighing
+) -> tuple[Array, Array] | None:
+    """What takes the place of the errors, (N, l), and of their weights, (l, l), in a covariance.
+
+    Of least absolute deviations (Bassett & Koenker 1978): signs over twice the density at zero;
+    None where that is not known.
+    """
+    vanishing = -(-errors.estimated // one_step.shape[1])
+    density = np.array([density_at_zero(each, vanishing) for each in one_step.T])
+    if not np.all(density > 0.0):
+        return None
+    sizes = errors.data.absolute_sizes
+    relative = absolute_descent.output_weights(one_step / sizes, weighing) / sizes
+    return np.sign(one_step) / (2.0 * density), np.diag(2.0 * density * relative)
+
+
+class AbsoluteStateSpaceProblem(StateSpaceProblem):
+    """As :class:`.StateSpaceProblem`; C, D and levels are part of a point."""
+
+    objective: Objective = "absolute"
+
+    def __init__(self, errors: StateSpaceErrors) -> None:
+        super().__init__(errors)
+        self.grams = errors.data.outputs.shape[1]
+        self._absolute = AbsoluteStateSpaceErrors(errors)
+
+    def nearest(self, coordinates: list[Array]) -> tuple[Array, int]:
+        """Optima next to those of the quadratic objective, (m, n), and the evaluations."""
+        points = [self.completed(each) for each in coordinates]
+        starts = np.array(points).reshape(-1, self._absolute.dimension)
+        reached = self._absolute.descents(starts, absolute_descent.SEARCH_WIDTH)
+        return reached.points, reached.evaluations + len(points)
+
+    def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
+        """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
+        points = np.array([self.completed(each.point) for each in optima[:DESCENDED]])
+        reached = self._absolute.descents(points, absolute_descent.SWEEP_WIDTH)
+        lowest = int(np.argmin(reached.values))
+        return reached.points[lowest], float(reached.values[lowest]), reached.evaluations
+
+    def completed(self, coordinates: Array) -> Array:
+        """The point of some coordinates, with nearly the best C, D and levels."""
+        return self._absolute.completed(coordinates)
+
+    def coordinates(self, point: Array) -> Array:
+        """The coordinates of a point."""
+        return point[: self.errors.dimension]
+
+    def projection(self, point: Array) -> Projection:
+        """States, linear coefficients and errors of a point."""
+        return self._absolute.projection(point)
+
+    def random(self, count: int, generator: np.random.Generator) -> Array:
+        """Independent points with random poles, whose inputs fit the recording."""
+        return self._all_completed(super().random(count, generator))
+
+    def repair(self, points: Array) -> Array:
+        """Move poles beyond the radius to it."""
+        return np.array([self._absolute.moved(each, np.zeros_like(each)) for each in points])
+
+    def values(self, points: Array) -> Array:
+        """Objective of each row in percent, (M,)."""
+        return np.array([self._absolute.value(point) for point in points])
+
+    def recombine(
+        self, parents: Array, count: int, generator: np.random.Generator
+    ) -> tuple[Array, int]:
+        """Offspring with each section from one of two parents, and C, D and levels anew."""
+        coordinates = parents[:, : self.errors.dimension]
+        offspring, used = super().recombine(coordinates, count, generator)
+        return self._all_completed(offspring), used + count
+
+    def descents(self, points: Array, steps: int, tolerance: float) -> Descent:  # noqa: ARG002
+        """Descents from each row, to the last digits where the tolerance asks for them."""
+        return self._absolute.descents(
+            points, absolute_descent.SEARCH_WIDTH if tolerance >= TOLERANCE else None
+        )
+
+    def limited(self, errors: Array) -> Array:
+        """Errors, (N, l), with those that stand out drawn in."""
+        return limited(errors)
+
+    def covariance(self, projection: Projection) -> ParameterCovariance | None:
+        """Covariance of the entries; None where no density of the errors at zero is known."""
+        problem = self.errors
+        found = absolute_scores(problem, projection.errors, self._absolute.weighing)
+        if found is None:
+            return None
+        scores, weights = found
+        covariance = scores.T @ scores / len(scores)
+        own = replace(projection, errors=scores, covariance=covariance)
+        return parameter_covariance(problem, own, weights)
+
+    def _all_completed(self, coordinates: Array) -> Array:
+        return np.array([self.completed(each) for each in coordinates])
+
+
+def _descent_of(
     optima: Sequence[Optimum], points: Array, percent: Callable[[float], float]
 ) -> Descent:
     """Descents from each row of points, their values in percent."""

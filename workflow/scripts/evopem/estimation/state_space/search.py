@@ -9,21 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
-from evopem.estimation.damped_descent import Optimum
+from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
-from evopem.estimation.state_space.absolute import AbsoluteStateSpaceProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.problem import (
     STEPS,
     TOLERANCE,
+    AbsoluteStateSpaceProblem,
     StateSpaceProblem,
-    continued,
-    descended,
-    lowest,
-    raced,
-    rough_tolerance,
 )
 from evopem.estimation.state_space.starting_models import USUAL_ORDER, StartingModels
 from evopem.estimation.state_space.starting_points import (
@@ -41,6 +36,78 @@ Log = Callable[[str], None]
 PAIRS, DESCENDED = 32, 3
 # Random starts of an order that nothing else leads to.
 RANDOM_STARTS = 20
+# Multiplications of one set of normal equations from which on descents race each other, and steps
+# of a lap of such a race.
+COSTLY, LAP = 2e7, 10
+# Gain of twice the log likelihood that no choice depends on.
+NEGLIGIBLE = 0.1
+
+
+def descended(
+    errors: StateSpaceErrors,
+    starts: list[Array],
+    count: int,
+    steps: int = STEPS,
+    tolerance: float = TOLERANCE,
+) -> list[Optimum]:
+    """Optima from the best starts, the lowest first; infeasible ones are left out."""
+    optima = [descend(errors, start, steps, tolerance) for start in lowest(errors, starts, count)]
+    optima = [optimum for optimum in optima if np.isfinite(optimum.value)]
+    return sorted(optima, key=lambda optimum: optimum.value)
+
+
+def lowest(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Array]:
+    """The starts of lowest criterion, in this order; A may be unstable there."""
+    criteria = []
+    for start in starts:
+        finite = bool(np.isfinite(start).all())
+        criteria.append(errors.criterion(errors.projection(start).covariance) if finite else np.inf)
+    order = np.argsort(criteria, kind="stable")[:count]
+    return [starts[k] for k in order]
+
+
+def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Optimum]:
+    """Optima from starts, the lowest first, which alone is descended to the last digits.
+
+    The others end where no choice depends on what is left, and where each step takes long as soon
+    as they fall behind.
+    """
+    tolerance = rough_tolerance(errors)
+    optima = []
+    if errors.cost > COSTLY:
+        optima = _in_laps(errors, starts, steps, tolerance)
+    optima = optima or descended(errors, starts, len(starts), steps, tolerance)
+    return [continued(errors, optima[0], steps, TOLERANCE), *optima[1:]] if optima else []
+
+
+def _in_laps(
+    errors: StateSpaceErrors, starts: list[Array], steps: int, tolerance: float
+) -> list[Optimum]:
+    """Optima of descents of which only the better half goes on after each lap."""
+    running = descended(errors, starts, len(starts), min(LAP, steps), tolerance)
+    behind: list[Optimum] = []
+    for _ in range(LAP, steps, LAP):
+        if len(running) < 2:
+            break
+        half = -(-len(running) // 2)
+        behind = running[half:] + behind
+        further = [
+            each if each.converged else continued(errors, each, LAP, tolerance)
+            for each in running[:half]
+        ]
+        running = sorted(further, key=lambda optimum: optimum.value)
+    return running + behind
+
+
+def rough_tolerance(errors: StateSpaceErrors) -> float:
+    """Tolerance of a descent whose last digits no choice depends on."""
+    return max(NEGLIGIBLE / errors.data.samples if errors.logarithmic else 0.0, TOLERANCE)
+
+
+def continued(errors: StateSpaceErrors, optimum: Optimum, steps: int, tolerance: float) -> Optimum:
+    """The optimum that a descent goes on to, with the evaluations of both."""
+    ended = descend(errors, optimum.point, steps, tolerance)
+    return replace(ended, evaluations=optimum.evaluations + ended.evaluations)
 
 
 def converted(errors: StateSpaceErrors, other: StateSpaceErrors, point: Array) -> Array:
@@ -115,27 +182,10 @@ def rungs(
     steps: int = STEPS,
     log: Log | None = None,
 ) -> Iterator[Rung]:
-    """Optima of several orders, each from estimates and from the optima of its neighbours.
+    """Optima of ascending orders, in steps of one or two, from estimates and their neighbours.
 
-    Parameters
-    ----------
-    errors : StateSpaceErrors
-        Of any order.
-    models : StartingModels
-    generator : numpy.random.Generator
-    width : int
-        Estimates of each order that are descended from.
-    orders : range
-        Ascending, in steps of one or two.
-    steps : int
-        Of each descent at most.
-    log : callable, optional
-        Receives one line as each order begins.
-
-    Yields
-    ------
-    The problem of each order, and its optima; an order after the one that has two states more,
-    whose optimum is a start for it as well.
+    Of each order at most ``width`` estimates are descended from.  An order follows the one that has
+    two states more, whose optimum is a start for it as well.
     """
     reached: list[Rung] = []
     yielded = 0
@@ -209,15 +259,9 @@ def searched(
     settings: SearchSettings,
     log: Log | None,
 ) -> tuple[StateSpaceProblem, SearchResult]:
-    """Descents from estimates and from smaller orders, then the memetic search among them.
+    """Descents from estimates and smaller orders, then the memetic search among the optima.
 
-    Parameters
-    ----------
-    errors : StateSpaceErrors
-    starts : list of (n,) arrays
-        Coordinates that are descended from as well.
-    settings : SearchSettings
-    log : callable, optional
+    ``starts``, (n,) each, are coordinates that are descended from as well.
     """
     problem, generator = problem_for(errors, settings), generator_of(settings, errors, errors.order)
     budget = _evaluations(problem, settings)

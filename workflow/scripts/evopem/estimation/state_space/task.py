@@ -87,7 +87,7 @@ class StateSpaceTask:
             )
         radius = self.settings.max_root_radius
         errors = StateSpaceErrors(data, order, self.structure, self.weighting, radius)
-        needed = errors.parameters + order * data.segments
+        needed = errors.estimated
         available = data.outputs.size
         if available <= needed or data.samples <= 2 * (order + data.inputs.shape[1]) + 2:
             raise ValueError(
