@@ -311,7 +311,7 @@ def test_descents_of_long_records_race_to_the_same_optimum(monkeypatch):
     u, y, _ = recorded(truth, 300, 0.1, 3)
     full = list(estimates_of_orders(record_of(u, y), (2, 4), structure="ss_oe"))
     monkeypatch.setattr("evopem.estimation.state_space.search.COSTLY", 0)
-    monkeypatch.setattr("evopem.estimation.state_space.problem.LAP", 5)
+    monkeypatch.setattr("evopem.estimation.state_space.search.LAP", 5)
     raced = list(estimates_of_orders(record_of(u, y), (2, 4), structure="ss_oe"))
     spent = [
         sum(each.search.diagnostics.evaluations for each in estimates)
