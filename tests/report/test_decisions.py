@@ -1,0 +1,34 @@
+"""The decisions of the automatic recipe on the page."""
+
+import math
+from dataclasses import replace
+
+from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.record import DecisionRecord, OtherModel
+from evopem.report.sections.selection import MOST_RIVALS, rivals
+
+
+def decision(choice, **scores):
+    alternatives = tuple(Alternative(name, score) for name, score in scores.items())
+    return Decision("structure for simulation", choice, alternatives, "error, %", "So.")
+
+
+def test_the_best_alternatives_and_the_choice_are_listed():
+    assert rivals(decision("oe", armax=7.0, oe=5.0, fir=math.nan)) == "oe: 5; armax: 7"
+    many = {f"arx{k}": float(k) for k in range(20)}
+    shown = rivals(decision("arx19", **many)).split("; ")
+    assert len(shown) == MOST_RIVALS + 1
+    assert shown[-1] == "arx19: 19"
+
+
+def test_the_page_tells_the_decisions_and_the_other_model(results, build):
+    other = OtherModel("prediction", "ARX(1,1,1)", 5.0, 9.0)
+    chosen = decision("armax", armax=7.0, oe=5.0)
+    record = DecisionRecord("simulation", (chosen,), (), (), ("It drifts.",), other)
+    *_, last = results.phases.values()
+    phases = {**results.phases, "structures": results.phases["joint"], "chosen": last}
+    page = build(replace(results, decisions=record, phases=phases))
+    assert "The model is for simulation. It drifts." in page
+    assert "oe: 5; armax: 7" in page
+    assert "model.prediction.json" in page
+    assert "Choice of structure and orders" in page
