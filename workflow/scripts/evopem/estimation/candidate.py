@@ -27,29 +27,14 @@ Array = NDArray[np.float64]
 class Candidate:
     """The estimate of one order, as it passes between the jobs of an order search.
 
-    Attributes
-    ----------
-    phase : str
-        Phase of the order search.
-    orders : Orders
-    model : PolynomialModel
-        Without the covariance of its parameters.
-    criteria : Criteria
-    with_level : bool
-        Whether a constant was estimated along.
-    plant_state : (nf,) array
-        Contribution of the past to the first equations of ``F x = -B u``.
-    noise_state : (max(nc, nd),) array
-        Contribution of the past to the first equations of ``C e = D v``.
-    minimum : float
-        What the search minimised, at its best point.
-    at_stability_bound : bool
-        Whether a root of A, C, D or F lies at the largest radius allowed.
-    diagnostics : SearchDiagnostics
-    pruned : str
-        Why it was left before the end of its search; empty where it was not.
-    further_levels : tuple of float
-        Of the second and later recordings, where there are several with a level.
+    ``phase``: phase of the order search.  ``model``: without the covariance of its parameters.
+    ``with_level``: whether a constant was estimated along.  ``plant_state`` (nf,): contribution of
+    the past to the first equations of ``F x = -B u``.  ``noise_state`` (max(nc, nd),): contribution
+    of the past to the first equations of ``C e = D v``.  ``minimum``: what the search minimised, at
+    its best point.  ``at_stability_bound``: whether a root of A, C, D or F lies at the largest
+    radius allowed.  ``pruned``: why it was left before the end of its search; empty where it was
+    not.  ``further_levels``: of the second and later recordings, where there are several with a
+    level.
     """
 
     phase: str
@@ -106,14 +91,7 @@ class Candidate:
 class PhaseSelection:
     """The outcome of one phase of the order search.
 
-    Attributes
-    ----------
-    phase : str
-    orders : Orders
-        Of the selected candidate.
-    reason : str
-        Why it was selected, in a sentence.
-    candidates : tuple of Candidate
+    ``orders``: of the selected candidate.  ``reason``: why it was selected, in a sentence.
     """
 
     phase: str
@@ -129,10 +107,7 @@ class PhaseSelection:
     def over_orders(self, structure: str) -> tuple[Candidate, ...]:
         """The models of every plant order; of several structures, the best of each order by BIC.
 
-        Parameters
-        ----------
-        structure : str
-            The structure that is looked at, where the phase has several of them.
+        ``structure``: the structure that is looked at, where the phase has several of them.
         """
         structures = {each.orders.structure for each in self.candidates}
         if len(structures) == 1:

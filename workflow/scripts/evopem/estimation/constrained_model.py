@@ -32,27 +32,11 @@ def constrained_parameters(
 ) -> ConstrainedParameters:
     """Coordinates of the points that meet checked constraints.
 
-    Parameters
-    ----------
-    constraints : Constraints
-    orders : Orders
-    sampling_rate : float
-        Hz.
-    radius : float
-        Largest radius of poles where stability is required.
-    names : sequence of str
-        Of the inputs.
-    b_scales : (m,) sequence
-        What B_i of a point are to be multiplied by, for the units of the constraints; 1 by default.
-    rest : int
-        Levels and states of a point.
-    levels : sequence of float
-        Those of them that are fixed, in the units of a point.
-
-    Raises
-    ------
-    InputError
-        When no polynomial has the fixed poles and coefficients, or no pole the frequencies.
+    ``sampling_rate``: Hz.  ``radius``: largest radius of poles where stability is required.
+    ``names``: of the inputs.  ``b_scales``: what B_i of a point are to be multiplied by, for the
+    units of the constraints; 1 by default.  ``rest``: levels and states of a point.  ``levels``:
+    those of them that are fixed, in the units of a point.  InputError when no polynomial has the
+    fixed poles and coefficients, or no pole the frequencies.
     """
     o = orders
     names = tuple(names) or ("",) * o.inputs

@@ -18,17 +18,10 @@ BOUND_WIDTH = 0.05
 class Criteria:
     """Criteria of an estimate over the samples of its loss.
 
-    Attributes
-    ----------
-    objective : float
-        Percent (chapter eq. 20 or 22).
-    fit_percent : float
-        One-step NRMSE fit ``100 (1 - ||e|| / ||y - mean(y)||)``, as MATLAB's ``compare`` has it.
-        The chapter's fit (eq. 21) is 100 minus the absolute objective.
-    rss : float
-        ``100 ||e||^2 / ||y||^2`` in percent (chapter eq. 22).
-    bic : float
-        ``ln(||e||^2 / N) + n ln(N) / N`` (chapter eq. 23).
+    ``objective``: percent (chapter eq. 20 or 22).  ``fit_percent``: one-step NRMSE fit
+    ``100 (1 - ||e|| / ||y - mean(y)||)``, as MATLAB's ``compare`` has it. The chapter's fit (eq.
+    21) is 100 minus the absolute objective.  ``rss``: ``100 ||e||^2 / ||y||^2`` in percent (chapter
+    eq. 22).  ``bic``: ``ln(||e||^2 / N) + n ln(N) / N`` (chapter eq. 23).
     """
 
     objective: float
@@ -40,13 +33,8 @@ class Criteria:
 def criteria_of(residuals: Array, output: Array, objective: str, parameters: int) -> Criteria:
     """Criteria of residuals, (N,), and of the output of the same samples.
 
-    Parameters
-    ----------
-    residuals, output : (N,) arrays
-        The samples of the loss.
-    objective : {"absolute", "quadratic"}
-    parameters : int
-        Number of estimated parameters n.
+    ``residuals``, ``output`` (N,): the samples of the loss.  ``objective`` {"absolute",
+    "quadratic"}.  ``parameters``: number of estimated parameters n.
     """
     square_sum, count = float(residuals @ residuals), len(residuals)
     rss = 100.0 * square_sum / float(output @ output)

@@ -33,12 +33,7 @@ class Fit(NamedTuple):
 class DelayRefinement:
     """The model chosen in the end, and what it was compared with.
 
-    Attributes
-    ----------
-    fit : Fit
-        The chosen model.
-    tried : tuple of (Orders, float)
-        Orders estimated on the way and their BIC, in this order.
+    ``fit``: the chosen model.  ``tried``: orders estimated on the way and their BIC, in this order.
     """
 
     fit: Fit
@@ -50,17 +45,10 @@ def refine_delay(
 ) -> DelayRefinement:
     """Follow the smallest BIC from a model to its neighbours, as long as it falls.
 
-    Parameters
-    ----------
-    start : Fit
-        The model of the last phase.
-    samples : int
-        N, the number of scored samples.
-    shortest_delay : int
-        Lower end of the range of delays.  A longer delay with the same last lag is a special case
-        of the model and is compared whatever the range.
-    estimate : callable
-        Estimates a model of given orders on the same scored samples.
+    ``start``: the model of the last phase.  ``samples``: N, the number of scored samples.
+    ``shortest_delay``: lower end of the range of delays.  A longer delay with the same last lag is
+    a special case of the model and is compared whatever the range.  ``estimate``: estimates a model
+    of given orders on the same scored samples.
     """
     best = start
     tried: dict[Orders, float] = {}
@@ -81,12 +69,7 @@ def delay_alternatives(model: PolynomialModel, samples: int, shortest_delay: int
 
     A lag is kept without comparison where its coefficient is clearly significant.
 
-    Parameters
-    ----------
-    model : PolynomialModel
-    samples : int
-        N, the number of scored samples.
-    shortest_delay : int
+    ``samples``: N, the number of scored samples.
     """
     orders, nb, nk = model.orders, model.orders.single.nb, model.orders.single.nk
     limit = math.sqrt(SCREENING * math.log(samples))

@@ -73,16 +73,8 @@ def delays_by_criterion(
     the logarithm of their number, so that much is added to all but short delays.  Too few samples
     for models of order 1 give the smallest delays, whose criterion is NaN.
 
-    Parameters
-    ----------
-    segments : sequence of Segment
-    limits : sequence of (smallest, largest)
-        Delays tried of each input, in samples.
-
-    Returns
-    -------
-    list of (int, (M,) array)
-        Delay of each input, and the lowest BIC of a sample at each of its M delays.
+    ``limits``: delays tried of each input, in samples.  Returns list of (int, (M,) array): delay of
+    each input, and the lowest BIC of a sample at each of its M delays.
     """
     lags = max((high for _, high in limits), default=0) + max(ORDERS)
     # As many rows as lags are left, whatever delays are asked for.
@@ -109,14 +101,9 @@ def delays_by_criterion(
 class _Regression:
     """All columns of the ARX models, reduced to a triangle.
 
-    Attributes
-    ----------
-    triangle : (P, P) array
-        R of past outputs by lag, lags of each input, constants of the recordings, and outputs.
-    count : int
-        Number of rows.
-    fewest : int
-        Coefficients of each output in a model of order 1.
+    ``triangle`` (P, P): R of past outputs by lag, lags of each input, constants of the recordings,
+    and outputs.  ``count``: number of rows.  ``fewest``: coefficients of each output in a model of
+    order 1.
     """
 
     def __init__(self, segments: Sequence[Segment], lags: int) -> None:

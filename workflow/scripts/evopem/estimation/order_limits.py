@@ -23,11 +23,7 @@ SHARED_POLES = 1
 class OrderLimits:
     """Smallest and largest orders; None where an order is free.
 
-    Attributes
-    ----------
-    na, nc, nd : (lower, upper), optional
-    nb, nf, nk : tuple of (lower, upper) or None
-        One for each input.
+    ``nb``, ``nf``, ``nk``: one for each input.
     """
 
     na: Range | None
@@ -41,16 +37,7 @@ class OrderLimits:
     def of(cls, ranges: OrderRanges, names: Sequence[str]) -> OrderLimits:
         """The limits that a configuration gives.
 
-        Parameters
-        ----------
-        ranges : OrderRanges
-        names : sequence of str
-            Of the inputs.
-
-        Raises
-        ------
-        InputError
-            When it names other inputs.
+        ``names``: of the inputs.  InputError when it names other inputs.
         """
         groups = {"nb": "orders", "nf": "orders", "nk": "delay"}
         return cls(
@@ -115,13 +102,7 @@ def joint_orders(
     na = nb = nc = k; of structures with F_i, nb = nf = k.  Where D stands beside C or A, their
     orders are at most :data:`MOST_NOISE`.  What has limits follows k within them.
 
-    Parameters
-    ----------
-    structure : str
-    order : int
-    delays : sequence of int
-        One for each input.
-    limits : OrderLimits, optional
+    ``delays``: one for each input.
 
     Examples
     --------

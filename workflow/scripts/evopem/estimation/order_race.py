@@ -42,19 +42,10 @@ def race(
 ) -> list[Candidate]:
     """Search on those candidates that may be selected, and say of the others why not.
 
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        All of the phase, after their first pass at least.
-    phase : str
-    samples : int
-        N, the scored samples.
-    settings : SearchSettings
-        Of the full search.
-    search_on : callable
-        Takes a candidate and what its search is made for, and returns it after its search.
-    settle : callable
-        Returns the candidates, none higher than a nested one.
+    ``candidates``: all of the phase, after their first pass at least.  ``samples``: N, the scored
+    samples.  ``settings``: of the full search.  ``search_on``: takes a candidate and what its
+    search is made for, and returns it after its search.  ``settle``: returns the candidates, none
+    higher than a nested one.
     """
     settled = list(candidates)
     finished = [_finished(each, settings) for each in settled]

@@ -95,10 +95,7 @@ def refitted(
 ) -> PolynomialModel:
     """The optimum of another recording that a descent from a model ends at.
 
-    Raises
-    ------
-    ValueError
-        When the recording is too short, or no errors are finite.
+    ValueError when the recording is too short, or no errors are finite.
     """
     with one_blas_thread():
         errors = _errors_of(recording, model.orders, settings, model.orders.first_residual)

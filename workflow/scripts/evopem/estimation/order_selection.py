@@ -43,25 +43,10 @@ def estimate_candidates(
 ) -> list[Candidate]:
     """Estimate every order of a phase, or of a part of it, on the same samples.
 
-    Parameters
-    ----------
-    data : Recording
-        The prepared estimation samples.
-    orders : sequence of Orders
-    phase : str
-        Name of the phase, carried into the candidates.
-    settings : SearchSettings
-    window : ScoringWindow
-        The same for all phases of a data set.
-    log : callable, optional
-        Receives a line at the start and the end of each estimate and one a generation.
-    level : bool
-        Whether a constant is estimated along.
-
-    Raises
-    ------
-    InputError
-        When the record is too short for an order.
+    ``data``: the prepared estimation samples.  ``phase``: name of the phase, carried into the
+    candidates.  ``window``: the same for all phases of a data set.  ``log``: receives a line at the
+    start and the end of each estimate and one a generation.  ``level``: whether a constant is
+    estimated along.  InputError when the record is too short for an order.
     """
     candidates = []
     for position, order in enumerate(orders):
@@ -156,10 +141,7 @@ def complete_estimate(
 
     With a focus or constraints, descents for these start from the candidate.
 
-    Raises
-    ------
-    InputError
-        When no model of the candidate's orders meets the constraints.
+    InputError when no model of the candidate's orders meets the constraints.
     """
     orders, level = candidate.orders, candidate.with_level
     if fit is not None and fit.changes_model:
@@ -191,16 +173,10 @@ def select_candidate(
     candidate that would be selected although no restart confirmed its optimum is searched once
     more before the selection stands.
 
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        All of the phase, in any order.
-    phase : str
-    data, settings, window, log
-        As for :func:`estimate_candidates`.
-    min_delay : int, optional
-        Given in the last phase: its selection is compared with models of one coefficient of B less
-        at either end, and with earlier delays down to this one.
+    ``candidates``: all of the phase, in any order.  ``data``, ``settings``, ``window``, ``log``: as
+    for :func:`estimate_candidates`.  ``min_delay``: given in the last phase: its selection is
+    compared with models of one coefficient of B less at either end, and with earlier delays down to
+    this one.
     """
 
     def repeat(candidate: Candidate) -> Candidate:
@@ -277,17 +253,10 @@ def settle(
 ) -> PhaseSelection:
     """Select a candidate, given how a search is repeated and how one is re-optimised.
 
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-    phase : str
-    repeat : callable
-        Returns a candidate after a further search; see :func:`repeat_search`.
-    reoptimize : callable
-        Takes a nested smaller candidate and the larger one, and returns the latter after a
-        descent from the former; see :func:`reoptimize_from`.
-    last : bool
-        Whether this is the last phase, whose selection has to be certified.
+    ``repeat``: returns a candidate after a further search; see :func:`repeat_search`.
+    ``reoptimize``: takes a nested smaller candidate and the larger one, and returns the latter
+    after a descent from the former; see :func:`reoptimize_from`.  ``last``: whether this is the
+    last phase, whose selection has to be certified.
     """
     select = select_delay if phase == "delay" else select_order
     settled = list(candidates)

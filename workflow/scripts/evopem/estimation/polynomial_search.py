@@ -56,51 +56,26 @@ def estimate_polynomial(
 ) -> PolynomialEstimate:
     """Find the polynomial model of given orders with the smallest errors in focus, globally.
 
-    Parameters
-    ----------
-    data : Recording
-        With one output.  One objective over all segments; each has an initial state of the plant
-        and of the noise filter, and each recording a level where one is estimated.
-    orders : Orders
-    settings : SearchSettings, optional
-        Objective, seed, bounds and size of the search.  Its draws come from
-        ``SeedSequence(seed, spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``, without nd, nf and
-        level for ARMAX models of one input and segment, with the number of its restarts appended to
-        the key when the search continues an earlier one.  Only the latter use ``initialization``
-        and ``n_initial_discard``: the first population of the others holds estimates of several
-        kinds.
-    window : ScoringWindow, optional
-        By default that of :func:`.default_window`, of each segment.
-    level : bool
-        Whether a constant is estimated: ``A y = (B/F) u + (C/D) e + level``.
-    focus : {"prediction", "simulation"} or int
-        Errors of one step, of simulation, or of predictions that many samples ahead.
-    constraints : Constraints, optional
-    earlier : SearchResult, optional
-        Result of an earlier search of the same problem, to be combined with this one.
-    optimum : SearchResult, optional
-        Of one-step prediction without constraints, where these or a focus are given: to start from
-        instead of searching it.
-    log : callable, optional
-        Receives one line a generation.
-    aim : Aim, optional
-        What the search is made for: it ends once it is unlikely to get so low.
-
-    Returns
-    -------
-    PolynomialEstimate
-        ``criteria`` and ``residuals`` are those of one step; ``focus_objective`` is that of the
-        errors in focus.  The covariance is zero across active constraints, counts priors as
-        observations, and allows for the colour of k-step and simulation errors by the noise model.
-        It is None for these errors under the absolute objective.  Intervals near a bound that is
-        not active do not know of it.
-
-    Raises
-    ------
-    InputError
-        When constraints contradict each other, the structure or the focus.
-    ValueError
-        When the record is too short for the orders, or a setting is outside its range.
+    ``data``: with one output.  One objective over all segments; each has an initial state of the
+    plant and of the noise filter, and each recording a level where one is estimated.  ``settings``:
+    objective, seed, bounds and size of the search.  Its draws come from
+    ``SeedSequence(seed, spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``, without nd, nf and level
+    for ARMAX models of one input and segment, with the number of its restarts appended to the key
+    when the search continues an earlier one.  Only the latter use ``initialization`` and
+    ``n_initial_discard``: the first population of the others holds estimates of several kinds.
+    ``window``: by default that of :func:`.default_window`, of each segment.  ``level``: whether a
+    constant is estimated: ``A y = (B/F) u + (C/D) e + level``.  ``focus`` {"prediction",
+    "simulation"}: errors of one step, of simulation, or of predictions that many samples ahead.
+    ``earlier``: result of an earlier search of the same problem, to be combined with this one.
+    ``optimum``: of one-step prediction without constraints, where these or a focus are given: to
+    start from instead of searching it.  ``log``: receives one line a generation.  ``aim``: what the
+    search is made for: it ends once it is unlikely to get so low.  ``criteria`` and
+    ``residuals`` are those of one step; ``focus_objective`` is that of the errors in focus.  The
+    covariance is zero across active constraints, counts priors as observations, and allows for the
+    colour of k-step and simulation errors by the noise model. It is None for these errors under the
+    absolute objective.  Intervals near a bound that is not active do not know of it.  InputError
+    when constraints contradict each other, the structure or the focus.  ValueError when the record
+    is too short for the orders, or a setting is outside its range.
     """
     settings = settings or SearchSettings()
     rate, names = data.sampling_rate, data.input_names
@@ -187,13 +162,9 @@ def descended_from(
 ) -> PolynomialEstimate:
     """The estimate after one descent, pooled with an earlier search of the problem.
 
-    Parameters
-    ----------
-    start : (n,) array_like or PolynomialModel
-        A point in the problem's own units, or of several segments a model of smaller orders.
-    earlier : SearchResult
-    data, orders, settings, window, level
-        As for :func:`prediction_errors`.
+    ``start`` (n,): A point in the problem's own units, or of several segments a model of smaller
+    orders.  ``data``, ``orders``, ``settings``, ``window``, ``level``: as for
+    :func:`prediction_errors`.
     """
     with one_blas_thread():
         errors = prediction_errors(data, orders, settings, window, level)

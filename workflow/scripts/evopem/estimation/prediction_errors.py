@@ -52,10 +52,7 @@ def prediction_errors(
 ) -> Errors:
     """The prediction-error problem of a recording, orders and settings.
 
-    Raises
-    ------
-    ValueError
-        When none of several segments is long enough for the orders.
+    ValueError when none of several segments is long enough for the orders.
     """
     radius = settings.max_root_radius
     if data.is_joined:
@@ -77,10 +74,7 @@ def checked_errors(
 ) -> Errors:
     """The prediction-error problem of a recording as a user gives it.
 
-    Raises
-    ------
-    ValueError
-        When the record is too short for the orders, or a setting is outside its range.
+    ValueError when the record is too short for the orders, or a setting is outside its range.
     """
     check_search_settings(settings)
     if orders.inputs and data.inputs.shape[1] != orders.inputs:
@@ -134,9 +128,7 @@ def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states
 def check_search_settings(settings: SearchSettings) -> None:
     """Refuse words that no search knows, and a radius outside the unit circle.
 
-    Raises
-    ------
-    ValueError
+    Raises ValueError.
     """
     for name, known in (
         ("objective", OBJECTIVES),

@@ -21,12 +21,8 @@ def check_fit(
 ) -> int | None:
     """Samples ahead; None for simulation where that differs from prediction.
 
-    Raises
-    ------
-    InputError
-        When focus and constraints contradict each other or the orders.
-    ValueError
-        When the focus is none of those known.
+    InputError when focus and constraints contradict each other or the orders.  ValueError when the
+    focus is none of those known.
     """
     horizon = _horizon(focus, orders)
     if constraints is not None:
@@ -43,10 +39,7 @@ def check_constraints(
 
     ``names`` are those of the inputs, by default 1, 2, ... of several.
 
-    Raises
-    ------
-    InputError
-        Naming the key of the constraints.
+    InputError naming the key of the constraints.
     """
     names = tuple(names) or tuple(str(place + 1) for place in range(orders.inputs))
     check_named_inputs(constraints, names)

@@ -36,16 +36,8 @@ def estimate_simulation_state(
 
     Least squares over the whole stretch, with singular values that it does not determine left out.
 
-    Parameters
-    ----------
-    model : PolynomialModel
-        With a stable plant.
-    input, output : (N,) arrays
-
-    Returns
-    -------
-    (model.state_dimension,) array
-        For :meth:`PolynomialModel.simulate`.
+    ``model``: with a stable plant.  ``input``, ``output`` (N,).  Returns (model.state_dimension,):
+    for :meth:`PolynomialModel.simulate`.
     """
     remainder = np.asarray(output, dtype=float) - model.simulate(input)
     columns = _delayed(model.plant_denominator, [1.0], model.state_dimension, len(remainder))
@@ -61,11 +53,7 @@ def simulate_with_fitted_level(
 
     Least squares over the whole stretch.  The level takes the place of the model's own.
 
-    Parameters
-    ----------
-    model : PolynomialModel
-        With a stable plant.
-    input, output : (N,) arrays
+    ``model``: with a stable plant.  ``input``, ``output`` (N,).
     """
     response = replace(model, level=0.0).simulate(input)
     remainder = np.asarray(output, dtype=float) - response
@@ -88,16 +76,9 @@ def simulate_from_first(
     the least-squares state leaves over the first outputs: a state that they hardly determine, as of
     poles that zeros nearly cancel, stays small instead of growing over the samples behind them.
 
-    Parameters
-    ----------
-    model : PolynomialModel
-    input, output : (N,) arrays
-    known : int
-        Samples whose outputs count, at least 1.
-    free_level : bool
-        Whether a constant is fitted to the first outputs as well.
-    robust : bool
-        Whether the state has the least absolute instead of the least squared errors.
+    ``input``, ``output`` (N,).  ``known``: samples whose outputs count, at least 1.
+    ``free_level``: whether a constant is fitted to the first outputs as well.  ``robust``: whether
+    the state has the least absolute instead of the least squared errors.
     """
     from scipy.signal import lfilter
 
@@ -129,12 +110,8 @@ def fitted_state(
 ) -> Array:
     """Least squares, or by reweighting nearly least absolute errors, (K,).
 
-    Parameters
-    ----------
-    columns, target : (N, K) and (N,) arrays
-    robust : bool
-    prior : (M, K) array, optional
-        Further rows, of target 0, that are not reweighted.
+    ``columns``, ``target`` (N, K), ``prior`` (M, K): further rows, of target 0, that are not
+    reweighted.
     """
     further = np.zeros((0, columns.shape[1])) if prior is None else prior
     weights = np.ones(len(target))
@@ -166,11 +143,7 @@ def estimate_prediction_states(
     Least squares over the whole stretch, for :meth:`PolynomialModel.residuals` and
     :meth:`PolynomialModel.predict`; never worse than states at rest.
 
-    Parameters
-    ----------
-    model : PolynomialModel
-        Invertible.
-    input, output : (N,) arrays
+    ``model``: invertible.  ``input``, ``output`` (N,).
     """
     orders = model.orders
     residuals = model.residuals(input, output)[orders.first_residual :]
@@ -200,11 +173,7 @@ def estimate_level(
 
     Least squares over the whole stretch; the level takes the place of the model's own.
 
-    Parameters
-    ----------
-    model : PolynomialModel
-        Invertible.
-    input, output : (N,) arrays
+    ``model``: invertible.  ``input``, ``output`` (N,).
     """
     from scipy.signal import lfilter
 

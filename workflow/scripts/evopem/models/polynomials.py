@@ -41,10 +41,7 @@ def powers_of_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
 
     The delay is then the difference of the degrees.
 
-    Parameters
-    ----------
-    numerator, denominator : (m,) and (n,) arrays
-        Coefficients from lag 0 on; the denominator begins with 1.
+    ``numerator``, ``denominator`` (m,): coefficients from lag 0 on; the denominator begins with 1.
 
     Examples
     --------
@@ -67,14 +64,7 @@ def reflect_into_disc(coefficients: Array, radius: float) -> Array:
     magnitude of the frequency response as it was but for a constant (Söderström & Stoica 1989);
     roots that still lie beyond ``radius`` are drawn in to it along their ray.
 
-    Parameters
-    ----------
-    coefficients : (M, m) array
-    radius : float
-
-    Returns
-    -------
-    (M, m) array
+    ``coefficients`` (M, m).  Returns (M, m).
 
     Examples
     --------

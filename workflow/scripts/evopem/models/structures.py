@@ -195,20 +195,10 @@ def orders_of(
 ) -> Orders:
     """Orders of a structure from a mapping of names, or from MATLAB's tuple for that structure.
 
-    Parameters
-    ----------
-    structure : str
-        A key of :data:`STRUCTURES`.
-    orders : Orders, mapping or sequence
-        Of nb, nf and nk one number for all inputs, or a sequence with one for each.  A mapping may
-        leave out orders that are 0.
-    inputs : int
-
-    Raises
-    ------
-    ValueError
-        When the structure is not known, does not have an order that is given, or a sequence is not
-        as long as there are inputs.
+    ``structure``: A key of :data:`STRUCTURES`.  ``orders``: of nb, nf and nk one number for all
+    inputs, or a sequence with one for each.  A mapping may leave out orders that are 0.  ValueError
+    when the structure is not known, does not have an order that is given, or a sequence is not as
+    long as there are inputs.
 
     Examples
     --------
@@ -253,16 +243,8 @@ def orders_of(
 def named_orders(structure: str, orders: Mapping[str, Any] | Sequence[Any]) -> dict[str, Any]:
     """Orders by name, from a mapping or from a sequence in the order of the structure.
 
-    Parameters
-    ----------
-    structure : str
-        One of ``STRUCTURES``.
-    orders : mapping or sequence
-
-    Raises
-    ------
-    ValueError
-        When there are too few or too many, or names that the structure does not have.
+    ``structure``: one of ``STRUCTURES``.  ValueError when there are too few or too many, or names
+    that the structure does not have.
     """
     names = STRUCTURES[structure]
     if not isinstance(orders, Mapping):

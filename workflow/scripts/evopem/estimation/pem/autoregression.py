@@ -15,12 +15,7 @@ def autoregression(signal: ArrayLike, most: int) -> Array:
 
     Ordinary least squares on one set of samples for all orders.
 
-    Parameters
-    ----------
-    signal : (N,) array_like
-        With zero mean.
-    most : int
-        Largest order; cut to a tenth of the samples.
+    ``signal`` (N,): with zero mean.  ``most``: largest order; cut to a tenth of the samples.
     """
     x = np.asarray(signal, dtype=float)
     most = min(most, x.size // 10)

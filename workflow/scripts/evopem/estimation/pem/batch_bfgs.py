@@ -48,24 +48,14 @@ def descend(
     so it serves the absolute objective as well as the quadratic one; points of infinite value
     (outside the stability region) only shorten the step.
 
-    Parameters
-    ----------
-    evaluate : callable
-        ``evaluate(points, rows)``: values (m,) and gradients (m, n) at the (m, n) points, which
-        belong to the starts ``rows``; infinite values allowed.
-    starts : (M, n) array
-    inverse_hessians : callable
-        ``inverse_hessians(points, rows)``: first approximations of the inverse Hessian, (m, n, n).
-    max_iterations : int
-        Accepted steps a start may take.
-    tolerance : float
-        A start has converged once the decrease its quadratic model promises, and the decrease it
-        last made, are below this fraction of its value.
-    refresh : bool
-        Whether ``inverse_hessians`` knows more on the way than at the start, and is asked again.
-    wait : float, optional
-        How much longer the rest may take once half of the starts have ended, in what those took;
-        by default all go on to their ends.
+    ``evaluate``: ``evaluate(points, rows)``: values (m,) and gradients (m, n) at the (m, n) points,
+    which belong to the starts ``rows``; infinite values allowed.  ``starts`` (M, n).
+    ``inverse_hessians``: ``inverse_hessians(points, rows)``: first approximations of the inverse
+    Hessian, (m, n, n).  ``max_iterations``: accepted steps a start may take.  ``tolerance``: A
+    start has converged once the decrease its quadratic model promises, and the decrease it last
+    made, are below this fraction of its value.  ``refresh``: whether ``inverse_hessians`` knows
+    more on the way than at the start, and is asked again.  ``wait``: how much longer the rest may
+    take once half of the starts have ended, in what those took; by default all go on to their ends.
     """
 
     def tried(state: State, trials: int, few: int) -> tuple[int, int]:
@@ -97,14 +87,10 @@ def descend_by(
 ) -> Descent:
     """Minimise as :func:`descend` does an objective that comes with the loop over its trials.
 
-    Parameters
-    ----------
-    advance : callable
-        ``advance(state, trials, few)`` lets the active descents of a :class:`State` try points,
-        until they have made so many trials or no more than ``few`` are active.  No trials are the
-        values and gradients of the starts.  Returns the trials and the evaluations that were made.
-    starts, inverse_hessians, refresh, wait
-        As for :func:`descend`.
+    ``advance``: ``advance(state, trials, few)`` lets the active descents of a :class:`State` try
+    points, until they have made so many trials or no more than ``few`` are active.  No trials are
+    the values and gradients of the starts.  Returns the trials and the evaluations that were made.
+    ``starts``, ``inverse_hessians``, ``refresh``, ``wait``: as for :func:`descend`.
     """
     state, count = state_at(starts.copy()), len(starts)
     advance(state, 0, 0)

@@ -74,13 +74,8 @@ class GivenGain(NamedTuple):
 
     B is the offset and basis of coefficients that sum to zero; its free ones share the rest.
 
-    Attributes
-    ----------
-    gain : Gain
-    shared : (nb,) array
-        1 / count at the free coefficients of B, and zero elsewhere.
-    f : str
-        Name of the F of this B.
+    ``shared`` (nb,): 1 / count at the free coefficients of B, and zero elsewhere.  ``f``: name of
+    the F of this B.
     """
 
     gain: Gain
@@ -91,13 +86,9 @@ class GivenGain(NamedTuple):
 class ConstrainedParameters:
     """Coordinates of the points of a model that meet hard constraints.
 
-    Parameters
-    ----------
-    polynomials : mapping of str to Sections or Linear
-        In the order of a point.  Those of the plant have names that begin with ``a`` or ``f``,
-        those of the numerators with ``b``; ``rest`` are levels and states.
-    gains : mapping of str to GivenGain
-        By the names of numerators.
+    ``polynomials``: in the order of a point.  Those of the plant have names that begin with ``a``
+    or ``f``, those of the numerators with ``b``; ``rest`` are levels and states.  ``gains``: by the
+    names of numerators.
     """
 
     def __init__(

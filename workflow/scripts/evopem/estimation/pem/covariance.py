@@ -43,18 +43,10 @@ def estimate_covariance(
     s as of :func:`loss_deviation` (Ljung 1999, eq. 9.17); None where that is not known.  Null
     vectors of J are unidentifiable directions.
 
-    Parameters
-    ----------
-    triangle : (m, m) array
-        R of the QR decomposition of J.
-    residuals, output : (N,) arrays
-        The scored ones.
-    parameters : int
-        Coefficients, the first of the estimates.
-    of_noise : (k,) array of int
-        Places of the coefficients of C and D.  Where the residuals are rounding errors of the
-        output, these are not identifiable.
-    objective : {"absolute", "quadratic"}
+    ``triangle`` (m, m): R of the QR decomposition of J.  ``residuals``, ``output`` (N,): the scored
+    ones.  ``parameters``: coefficients, the first of the estimates.  ``of_noise`` (k,): places of
+    the coefficients of C and D.  Where the residuals are rounding errors of the output, these are
+    not identifiable.  ``objective`` {"absolute", "quadratic"}.
     """
     estimated = triangle.shape[1]
     inverse, null_space = pseudo_inverse_factor(triangle)
@@ -83,19 +75,10 @@ def coloured_covariance(
     order, chosen by BIC, is 0 for white residuals.  Where psi depends on past outputs as well, it
     is the sum of sample autocovariances with the weights of Newey and West (1987).
 
-    Parameters
-    ----------
-    jacobian : (N, n) array
-        Of the residuals that count, (N,), by everything estimated.
-    parameters : int
-        Coefficients, the first of the estimates.
-    counts : sequence of int
-        Residuals of each of several stretches, between which there is no correlation.
-
-    Returns
-    -------
-    ParameterCovariance or None
-        None where the density at zero cannot be estimated.
+    ``jacobian`` (N, n): of the residuals that count, (N,), by everything estimated.
+    ``parameters``: coefficients, the first of the estimates.  ``counts``: residuals of each of
+    several stretches, between which there is no correlation.  None where the density at zero cannot
+    be estimated.
     """
     from scipy.signal import lfilter
 
@@ -210,23 +193,11 @@ def two_stage_covariance(
     To first order the estimates of the second stage are in error by their own response to the
     innovations, and by that to what the errors of the first stage add to the residuals.
 
-    Parameters
-    ----------
-    first, second : Fitted
-    noise_filter : (numerator, denominator)
-        From the innovations to the errors of the first stage.
-    to_second : (m, n) array
-        Derivatives of the m parameters of the plant, as the second stage holds them, by the n of
-        the first.
-    crossed : (N, m) array
-        Derivatives of the errors of the second stage by those m parameters.
-    deviation : float
-        Of the innovations.
-
-    Returns
-    -------
-    ParameterCovariance
-        Of the m parameters of the plant, then of those of the second stage.
+    ``noise_filter``: from the innovations to the errors of the first stage.  ``to_second`` (m, n):
+    derivatives of the m parameters of the plant, as the second stage holds them, by the n of the
+    first.  ``crossed`` (N, m): derivatives of the errors of the second stage by those m parameters.
+    ``deviation``: of the innovations.  The covariance is that of the m parameters
+    of the plant, then of those of the second stage.
     """
     plant, plant_priors, plant_null = (
         to_second @ part for part in first.response(noise_filter, deviation)

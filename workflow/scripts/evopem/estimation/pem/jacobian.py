@@ -43,21 +43,9 @@ def jacobian_blocks(
     10.3).  A copy that is delayed by one sample more differs by the sample before the first
     residual that enters it, times the response to an impulse.
 
-    Parameters
-    ----------
-    orders : Orders
-    point : (n,) array
-    level : bool
-        Whether the point has one.
-    output : (N,) array
-    inputs : (N, m) array
-    signals : (x_i, v, e)
-        From the first residual on, of the filters in :mod:`.kernels.record`.
-
-    Yields
-    ------
-    (M, n) arrays
-        Consecutive rows, as many as e has samples in all.
+    ``point`` (n,).  ``level``: whether the point has one.  ``output`` (N,), ``inputs`` (N, m).
+    ``signals``: from the first residual on, of the filters in :mod:`.kernels.record`.  Yields
+    (M, n): consecutive rows, as many as e has samples in all.
     """
     parts = _copied_signals(orders, point, level, output, inputs, signals)
     last = [np.zeros(part.copies) for part in parts]

@@ -35,14 +35,8 @@ def descend(errors: LeastSquares, start: Array, max_iterations: int, tolerance: 
 
     A step beyond the radius of the roots is drawn in to it, so that a descent goes on along it.
 
-    Parameters
-    ----------
-    errors : LeastSquares
-    start : (n,) array
-    max_iterations : int
-    tolerance : float
-        A descent ends when a step promises less than a tenth of this relative decrease, or twice
-        in a row gains less.
+    ``start`` (n,).  ``tolerance``: A descent ends when a step promises less than a tenth of this
+    relative decrease, or twice in a row gains less.
     """
     point = errors.repaired(start)
     residuals = errors.residuals(point)

@@ -16,15 +16,8 @@ def total_loss(signal: Array, objective: str) -> float:
 def mean_residuals(values: Array, total: float, samples: int, objective: str) -> Array:
     """Mean, or of the quadratic objective root mean square, residual of values in percent, (M,).
 
-    Parameters
-    ----------
-    values : (M,) array
-        ``100 sum loss(e) / total``.
-    total : float
-        Of the outputs, as :func:`total_loss` gives it.
-    samples : int
-        Residuals that count.
-    objective : {"absolute", "quadratic"}
+    ``values`` (M,): ``100 sum loss(e) / total``.  ``total``: of the outputs, as :func:`total_loss`
+    gives it.  ``samples``: residuals that count.  ``objective`` {"absolute", "quadratic"}.
     """
     mean = values / 100.0 * total / samples
     return mean if objective == "absolute" else np.sqrt(mean)

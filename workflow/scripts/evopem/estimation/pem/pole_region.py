@@ -28,22 +28,12 @@ LEAST = 1e-9
 class PoleRegion:
     """Region of the poles of a plant polynomial.
 
-    Attributes
-    ----------
-    radius : float
-        Largest radius of a real pole.
-    mode_radius : float
-        Largest radius of a complex pole.
-    decay_per_radian : float
-        ``zeta / sqrt(1 - zeta^2)`` for the least damping ratio zeta.
-    bands : tuple of (lower, upper)
-        Allowed natural frequencies of complex poles, radians a sample; the upper end may be inf.
-    real : (lower, upper), optional
-        Bounds of real poles; None where there may be none.
-    radius_name : str
-        The constraint that the largest radius stands for.
-    whole_band : (lower, upper)
-        The band of which forbidden ones leave ``bands``.
+    ``radius``: largest radius of a real pole.  ``mode_radius``: largest radius of a complex pole.
+    ``decay_per_radian``: ``zeta / sqrt(1 - zeta^2)`` for the least damping ratio zeta.  ``bands``:
+    allowed natural frequencies of complex poles, radians a sample; the upper end may be inf.
+    ``real``: bounds of real poles; None where there may be none.  ``radius_name``: the constraint
+    that the largest radius stands for.  ``whole_band``: the band of which forbidden ones leave
+    ``bands``.
     """
 
     radius: float

@@ -32,24 +32,14 @@ PLANT_STATE_WEIGHT = 1e-6
 class PolynomialErrors(PolynomialPoints):
     """Objective, gradient, curvature and feasibility of polynomial models on one stretch.
 
-    Parameters
-    ----------
-    input : (N,) or (N, m) array
-        Not modified, like the output.
-    output : (N,) array
-    orders : Orders
-    objective : {"absolute", "quadratic"}
-        ``absolute``: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``);
-        ``quadratic``: ``100 sum e**2 / sum y**2`` (eq. 22).
-    residual_start : int
-        First residual, at least ``orders.first_residual``.  One number for all orders that are
-        compared, so that a smaller model is a special case of a larger one.
-    loss_start : int
-        First residual that counts.
-    plant_radius, noise_radius : float
-        Largest allowed radius of the roots of A and F, and of those of C and D.
-    level : bool
-        Whether a constant is estimated: ``A y = (B/F) u + (C/D) e + level``.
+    ``input`` (N,): not modified, like the output.  ``output`` (N,).  ``objective`` {"absolute",
+    "quadratic"}: ``absolute``: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``);
+    ``quadratic``: ``100 sum e**2 / sum y**2`` (eq. 22).  ``residual_start``: first residual, at
+    least ``orders.first_residual``.  One number for all orders that are compared, so that a smaller
+    model is a special case of a larger one.  ``loss_start``: first residual that counts.
+    ``plant_radius``, ``noise_radius``: largest allowed radius of the roots of A and F, and of
+    those of C and D.  ``level``: whether a constant is estimated:
+    ``A y = (B/F) u + (C/D) e + level``.
     """
 
     def __init__(

@@ -24,22 +24,12 @@ class StretchErrors(PolynomialPoints):
     It answers what :class:`.polynomial_objective.PolynomialErrors` answers, so that the same
     descents and the same search serve both.
 
-    Parameters
-    ----------
-    stretches : sequence of Segment
-        With one output; those too short for the orders are left out.
-    orders, objective, plant_radius, noise_radius
-        As of :class:`.polynomial_objective.PolynomialErrors`.
-    level : bool
-        Whether a constant is estimated for each recording.
-    window : ScoringWindow, optional
-        First residual of each stretch and first one that counts; by default the first whose past is
-        measured.
-
-    Raises
-    ------
-    ValueError
-        When no stretch is long enough for the orders.
+    ``stretches``: with one output; those too short for the orders are left out.  ``orders``,
+    ``objective``, ``plant_radius``, ``noise_radius``: as of
+    :class:`.polynomial_objective.PolynomialErrors`.  ``level``: whether a constant is estimated for
+    each recording.  ``window``: first residual of each stretch and first one that counts; by
+    default the first whose past is measured.  ValueError when no stretch is long enough for the
+    orders.
     """
 
     loss_start = 0

@@ -50,13 +50,9 @@ DESCENDED_PAIRS = 2
 class ArmaxProblem:
     """Search problem of one record and order; see :class:`.memetic.Problem`.
 
-    Parameters
-    ----------
-    errors : PolynomialErrors
-    initialization : {"arx", "incremental_order"}
-        ``arx``: A and B of stage one, C at random.  ``incremental_order``: each individual extended
-        from the smallest orders by pairs of roots
-        (:mod:`evopem.estimation.search.incremental_order`).
+    ``initialization`` {"arx", "incremental_order"}: ``arx``: A and B of stage one, C at random.
+    ``incremental_order``: each individual extended from the smallest orders by pairs of roots
+    (:mod:`evopem.estimation.search.incremental_order`).
     """
 
     def __init__(self, errors: PolynomialErrors, initialization: str = "arx") -> None:

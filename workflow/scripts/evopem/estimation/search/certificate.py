@@ -19,14 +19,8 @@ AGREEING = 5
 class Agreement(NamedTuple):
     """Agreement that is evidence enough where random points find no more optima than so many.
 
-    Attributes
-    ----------
-    undiscovered : float
-        Largest undiscovered probability.
-    agreeing : int
-        Independent restarts at the lowest value.
-    share : float
-        Of all restarts.
+    ``undiscovered``: largest undiscovered probability.  ``agreeing``: independent restarts at the
+    lowest value.  ``share``: of all restarts.
     """
 
     undiscovered: float
@@ -47,15 +41,9 @@ ONE_OPTIMUM = 0.0075
 class Calibration:
     """What was measured of certified searches of test problems.
 
-    Attributes
-    ----------
-    certified : int
-        Problems whose search was certified.
-    wrong : int
-        Those of them with a lower value elsewhere.
-    lower_elsewhere : float
-        Percent by which the objective of 95 % of the searches without a certificate was at most
-        above the best known value.
+    ``certified``: problems whose search was certified.  ``wrong``: those of them with a lower value
+    elsewhere.  ``lower_elsewhere``: percent by which the objective of 95 % of the searches without
+    a certificate was at most above the best known value.
     """
 
     certified: int
@@ -82,11 +70,8 @@ STATE_SPACE = Calibration(certified=32, wrong=0, lower_elsewhere=1.4)
 def enough_agree(agreeing: int, restarts: int, undiscovered: float) -> bool:
     """Whether so many of some independent restarts at the lowest value are evidence enough.
 
-    Parameters
-    ----------
-    agreeing, restarts : int
-    undiscovered : float
-        Probability that a descent from a random point leads to an undiscovered optimum.
+    ``undiscovered``: probability that a descent from a random point leads to an undiscovered
+    optimum.
     """
     return any(
         undiscovered <= each.undiscovered

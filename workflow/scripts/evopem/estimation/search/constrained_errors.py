@@ -23,13 +23,8 @@ class PointErrors(PredictionErrors, Protocol):
 class ConstrainedErrors:
     """An objective as a function of the coordinates of :class:`ConstrainedParameters`.
 
-    Parameters
-    ----------
-    errors : PointErrors
-    parameters : ConstrainedParameters
-    priors : Priors
-    prior_weight : float
-        What a squared deviation from a prior, in standard deviations, adds to the objective.
+    ``prior_weight``: what a squared deviation from a prior, in standard deviations, adds to the
+    objective.
     """
 
     def __init__(

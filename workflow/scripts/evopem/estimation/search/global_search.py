@@ -116,28 +116,12 @@ def continued_search(
 ) -> SearchResult:
     """Search a scaled problem globally, combined with an earlier search of the same problem.
 
-    Parameters
-    ----------
-    problem : HoppingProblem
-        In scaled units.
-    scales : (n,) array
-        Of its parameters; points of results have the units of the signals.
-    key : tuple of int
-        What is searched. The draws come from ``SeedSequence(seed, spawn_key=key)``, with the number
-        of restarts of the earlier search appended.
-    settings : SearchSettings
-    earlier : SearchResult, optional
-    log : callable, optional
-        Receives one line a restart.
-    recombine : callable, optional
-        See :func:`.memetic.memetic_search`.
-    aim : Aim, optional
-        The search ends once it is unlikely to get so low.
-
-    Raises
-    ------
-    InputError
-        When no value was finite.
+    ``problem``: in scaled units.  ``scales`` (n,): of its parameters; points of results have the
+    units of the signals.  ``key``: what is searched. The draws come from
+    ``SeedSequence(seed, spawn_key=key)``, with the number of restarts of the earlier search
+    appended.  ``log``: receives one line a restart.  ``recombine``: see
+    :func:`.memetic.memetic_search`.  ``aim``: the search ends once it is unlikely to get so low.
+    InputError when no value was finite.
     """
     sequence = np.random.SeedSequence(settings.seed, spawn_key=(*key, *continuing(earlier)))
     known = np.inf if earlier is None else earlier.value
@@ -158,26 +142,10 @@ def global_search(
 ) -> SearchResult:
     """Minimise the objective of an identification globally.
 
-    Parameters
-    ----------
-    problem : HoppingProblem
-    settings : SearchSettings
-    generator : numpy.random.Generator
-        Source of every random draw of the search.
-    log : callable, optional
-        Receives one line a restart.
-    known_minimum : float
-        A value that an earlier search reached.  Restarts that agree on a higher one do not end the
-        search.
-    recombine : callable, optional
-        See :func:`.memetic.memetic_search`.
-    aim : Aim, optional
-        The search ends once it is unlikely to get so low.
-
-    Raises
-    ------
-    InputError
-        When no value was finite.
+    ``generator``: source of every random draw of the search.  ``log``: receives one line a restart.
+    ``known_minimum``: A value that an earlier search reached.  Restarts that agree on a higher one
+    do not end the search.  ``recombine``: see :func:`.memetic.memetic_search`.  ``aim``: the search
+    ends once it is unlikely to get so low.  InputError when no value was finite.
     """
     found, exchange = _Record(log), _exchange_of(problem)
     if settings.evaluations == FIRST_PASS:

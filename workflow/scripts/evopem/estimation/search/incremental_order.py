@@ -43,18 +43,8 @@ def random_pairs(count: int, generator: np.random.Generator) -> NDArray[np.compl
 def with_factor(errors: PolynomialErrors, point: Array, roots: NDArray[np.complex128]) -> Array:
     """A point times quadratic factors in A, B, C and the noise state: equal residuals.
 
-    Parameters
-    ----------
-    errors : PolynomialErrors
-        Of the point's orders.
-    point : (n,) array
-    roots : (M,) complex array
-        The upper root of each factor.
-
-    Returns
-    -------
-    (M, n + 8) array
-        Points of the orders two higher in na, nb and nc.
+    ``errors``: of the point's orders.  ``point`` (n,), ``roots`` (M,): the upper root of each
+    factor.  Returns (M, n + 8): points of the orders two higher in na, nb and nc.
     """
     o, start = errors.orders, errors.residual_start
     a = np.concatenate([[1.0], point[: o.na]])
@@ -87,14 +77,9 @@ def with_factor(errors: PolynomialErrors, point: Array, roots: NDArray[np.comple
 def padded(point: Array, smaller: Orders, larger: Orders, level: bool = False) -> Array:
     """A point as one of larger orders that contain its own: zeros added, equal residuals.
 
-    Parameters
-    ----------
-    point : (n,) array
-        Coefficients of A, B, C, D and F, the level where there is one, plant and noise state.
-    smaller, larger : Orders
-        ``larger.contains(smaller)``, with recursions that start at the same sample.
-    level : bool
-        Whether the points have a level.
+    ``point`` (n,): coefficients of A, B, C, D and F, the level where there is one, plant and noise
+    state.  ``smaller``, ``larger``: ``larger.contains(smaller)``, with recursions that start at the
+    same sample.  ``level``: whether the points have a level.
     """
 
     def lengths(o: Orders) -> list[int]:

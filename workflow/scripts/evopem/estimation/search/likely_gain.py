@@ -21,12 +21,8 @@ FEW_OPTIMA = 0.22
 class Aim(NamedTuple):
     """What a search has to reach to be worth its evaluations.
 
-    Attributes
-    ----------
-    value : float
-        Of the objective.
-    unit : float
-        Decrease of the logarithm of the objective that a likely gain of 1 is.
+    ``value``: of the objective.  ``unit``: decrease of the logarithm of the objective that a likely
+    gain of 1 is.
     """
 
     value: float

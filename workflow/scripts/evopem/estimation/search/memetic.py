@@ -58,12 +58,8 @@ def multistart_check(
 
     The probability is :func:`.problem.undiscovered`.
 
-    Parameters
-    ----------
-    problem : Problem
-    max_evaluations : int
-        Evaluations after which no further batch starts, beyond ``problem.min_multistart`` points.
-    generator : numpy.random.Generator
+    ``max_evaluations``: evaluations after which no further batch starts, beyond
+    ``problem.min_multistart`` points.
     """
     optima: list[float] = []
     best_point, best_value = np.empty(0), np.inf
@@ -118,31 +114,15 @@ def memetic_search(
 ) -> SearchResult:
     """Minimise an objective globally.
 
-    Parameters
-    ----------
-    problem : Problem
-    settings : SearchSettings
-        Of these ``mu``, ``lambda_``, ``nu``, ``refine`` and ``evaluations`` are used.
-    generator : numpy.random.Generator
-        Source of every random draw of the search.
-    log : callable, optional
-        Receives one line a generation.
-    known_minimum : float
-        A value that an earlier search reached. Restarts that agree on a higher one do not end the
-        search.
-    agreeing_restarts : int
-        Restarts that must end at the lowest value before the search stops early.
-    recombine : callable, optional
-        ``recombine(parents, count, generator)``: offspring, (count, n), of parents, (mu, n), and
-        the evaluations that they took.  :func:`discrete_recombination` by default.
-    until_certified : bool
-        Whether restarts go on after the check until they are what a certificate asks for; where
-        all agree so far, with up to twice the evaluations.
-
-    Raises
-    ------
-    InputError
-        When no value was finite.
+    ``settings``: of these ``mu``, ``lambda_``, ``nu``, ``refine`` and ``evaluations`` are used.
+    ``generator``: source of every random draw of the search.  ``log``: receives one line a
+    generation.  ``known_minimum``: A value that an earlier search reached. Restarts that agree on a
+    higher one do not end the search.  ``agreeing_restarts``: restarts that must end at the lowest
+    value before the search stops early.  ``recombine``: ``recombine(parents, count, generator)``:
+    offspring, (count, n), of parents, (mu, n), and the evaluations that they took.
+    :func:`discrete_recombination` by default.  ``until_certified``: whether restarts go on after
+    the check until they are what a certificate asks for; where all agree so far, with up to twice
+    the evaluations.  InputError when no value was finite.
     """
     found = _Found()
     check: MultistartCheck | None = None
@@ -202,10 +182,7 @@ class _Found:
     def result(self, check: MultistartCheck | None) -> SearchResult:
         """The best point of all, with diagnostics.
 
-        Raises
-        ------
-        InputError
-            When no value was finite.
+        InputError when no value was finite.
         """
         if self.point is None:
             raise InputError(

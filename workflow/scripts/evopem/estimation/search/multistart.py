@@ -30,23 +30,9 @@ NEAR, REFINED = 1e-3, 8
 def multistart(errors: PredictionErrors, starts: Array, largest_value: float) -> SearchResult:
     """Descend from every start, refine the lowest, and count how many agree.
 
-    Parameters
-    ----------
-    errors : PredictionErrors
-    starts : (M, n) array
-        Those without a finite value are left out.
-    largest_value : float
-        See :func:`.staged_descent.staged_descent`.
-
-    Returns
-    -------
-    SearchResult
-        ``restart_minima`` has one value for each start; descents count as restarts.
-
-    Raises
-    ------
-    InputError
-        When no start has a finite value.
+    ``starts`` (M, n): those without a finite value are left out.  ``largest_value``: see
+    :func:`.staged_descent.staged_descent`.  ``restart_minima`` has one value for each
+    start; descents count as restarts.  InputError when no start has a finite value.
     """
     values = errors.values(starts)
     evaluations = len(starts)

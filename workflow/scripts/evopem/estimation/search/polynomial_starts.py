@@ -49,13 +49,8 @@ SWEEP_STAGES = (Stage(0.1, 1e-7, 1e-7),)
 class PolynomialStarts:
     """Starting points of one problem, and descents from them.
 
-    Parameters
-    ----------
-    errors : PolynomialErrors or StretchErrors
-    models : sequence of PolynomialModel
-        Models of other orders that :meth:`starts` begin from.
-    own_starts : bool
-        Whether estimates by linear algebra are among the starts.
+    ``models``: models of other orders that :meth:`starts` begin from.  ``own_starts``: whether
+    estimates by linear algebra are among the starts.
     """
 
     def __init__(

@@ -69,24 +69,14 @@ class Problem(Protocol):
 class SearchDiagnostics:
     """How a search arrived at its optimum, and how far the optimum was confirmed.
 
-    Attributes
-    ----------
-    evaluations : int
-        Evaluations of the objective; a gradient counts as one more.
-    generations : int
-    restart_minima : tuple of float
-        Lowest value of each independent restart; a batch of random points counts as one.
-    n_confirming : int
-        Restarts, other than the one that found it, that ended at the lowest value.
-    n_local_optima : int
-        Distinct values among all descents that converged.
-    n_multistart : int
-        Independent random points that descents started from.
-    undiscovered_probability : float
-        Estimated probability that a descent from a random point leads to an optimum that has not
-        been found; 1 where no descents from random points were made.
-    convergence : tuple of (evaluations, lowest value)
-        One entry a generation, and one after each polish.
+    ``evaluations``: evaluations of the objective; a gradient counts as one more.
+    ``restart_minima``: lowest value of each independent restart; a batch of random points counts
+    as one.  ``n_confirming``: restarts, other than the one that found it, that ended at the lowest
+    value.  ``n_local_optima``: distinct values among all descents that converged.
+    ``n_multistart``: independent random points that descents started from.
+    ``undiscovered_probability``: estimated probability that a descent from a random point leads to
+    an optimum that has not been found; 1 where no descents from random points were made.
+    ``convergence``: one entry a generation, and one after each polish.
     """
 
     evaluations: int
@@ -127,11 +117,7 @@ class SearchDiagnostics:
 class SearchResult:
     """Best point of a search, its value, and the diagnostics of the search.
 
-    Attributes
-    ----------
-    point : (n,) array
-    value : float
-    diagnostics : SearchDiagnostics
+    ``point`` (n,).
     """
 
     point: Array

@@ -60,17 +60,8 @@ def recombined_polynomials(
 ) -> Array:
     """Polynomials whose sections each come from one of two parents, in the order of frequency.
 
-    Parameters
-    ----------
-    polynomials : (M, m) array
-        Coefficients without the leading 1.
-    pairs : (2, count) int array
-        The parents of each.
-    generator : numpy.random.Generator
-
-    Returns
-    -------
-    (count, m) array
+    ``polynomials`` (M, m): coefficients without the leading 1.  ``pairs`` (2, count): the parents
+    of each.  Returns (count, m).
     """
     parents = [sections_of(coefficients) for coefficients in polynomials]
     count, order = pairs.shape[1], polynomials.shape[1]

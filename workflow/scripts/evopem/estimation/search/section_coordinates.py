@@ -49,12 +49,7 @@ class BoundedErrors(PredictionErrors, Protocol):
 
 
 class SectionCoordinates:
-    """Prediction errors as functions of the sections of A, C, D and F.
-
-    Parameters
-    ----------
-    errors : BoundedErrors
-    """
+    """Prediction errors as functions of the sections of A, C, D and F."""
 
     def __init__(self, errors: BoundedErrors) -> None:
         self._errors = errors.within_radius(ASKED_WITHIN)
@@ -140,10 +135,7 @@ class SectionCoordinates:
 def descend_in_sections(errors: BoundedErrors, points: Array, largest_value: float) -> Descent:
     """Descents to the last digits along the edge; never worse than where they began.
 
-    Parameters
-    ----------
-    errors, points, largest_value
-        As for :func:`.staged_descent.staged_descent`.
+    ``errors``, ``points``, ``largest_value``: as for :func:`.staged_descent.staged_descent`.
     """
     sections = SectionCoordinates(errors)
     found = staged_descent(

@@ -75,12 +75,7 @@ class Optimum(NamedTuple):
 
 
 class SectionExchange:
-    """Searches of a problem by growth and exchange, each independent of the others.
-
-    Parameters
-    ----------
-    problem : ExchangeProblem
-    """
+    """Searches of a problem by growth and exchange, each independent of the others."""
 
     def __init__(self, problem: ExchangeProblem) -> None:
         self.problem = problem

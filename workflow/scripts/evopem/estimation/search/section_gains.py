@@ -84,15 +84,8 @@ def _responses(bins: int) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
 def gains(errors: ScoredErrors, point: Array, shared: str, places: NDArray[np.intp]) -> Array:
     """Part of the objective that a shared section explains at each of some places, (M,).
 
-    Parameters
-    ----------
-    errors : ScoredErrors
-    point : (n,) array
-        An optimum.
-    shared : str
-        The polynomials that share the section.
-    places : (M,) int array
-        Rows of :func:`grid`.
+    ``point`` (n,): an optimum.  ``shared``: the polynomials that share the section.  ``places``
+    (M,): rows of :func:`grid`.
     """
     stretches = list(errors.of_stretches(point))
     samples = max(each.samples for each, _ in stretches)

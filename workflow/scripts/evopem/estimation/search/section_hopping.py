@@ -69,16 +69,8 @@ def hop(
 ) -> Hops:
     """Move from optimum to lower neighbouring optimum until none is found for some time.
 
-    Parameters
-    ----------
-    problem : HoppingProblem
-    point : (n,) array
-        An optimum.
-    value : float
-        Its objective.
-    max_evaluations : float
-        Evaluations after which no further hop starts.
-    generator : numpy.random.Generator
+    ``point`` (n,): an optimum.  ``value``: its objective.  ``max_evaluations``: evaluations after
+    which no further hop starts.
     """
     evaluations = failed = 0
     optima: list[float] = []
@@ -116,16 +108,8 @@ def random_sections(count: int, generator: np.random.Generator) -> Array:
 def without_nearest_section(coefficients: Array, roots: NDArray[np.complex128]) -> Array | None:
     """A monic polynomial without the section that lies nearest to some roots.
 
-    Parameters
-    ----------
-    coefficients : (m,) array
-        Without the leading 1.
-    roots : (2,) complex array
-
-    Returns
-    -------
-    (m - 1,) array or None
-        With the leading 1; None where the polynomial has no section.
+    ``coefficients`` (m,): without the leading 1.  ``roots`` (2,).  Returns (m - 1,) array or None:
+    with the leading 1; None where the polynomial has no section.
     """
     found = sections_of(coefficients)
     if not len(found.quadratic):

@@ -76,18 +76,9 @@ def staged_descent(
 ) -> Descent:
     """BFGS from each point, preconditioned by its Gauss-Newton matrix, stage after stage.
 
-    Parameters
-    ----------
-    errors : PredictionErrors
-    points : (M, n) array
-        Feasible.
-    stages : tuple of Stage
-    largest_value : float
-        Values of the objective that weigh the barrier are cut off here.
-    first_damping : float
-        Damping of the Gauss-Newton matrix in the first stage.
-    wait : float, optional
-        See :func:`.batch_bfgs.descend`.
+    ``points`` (M, n): feasible.  ``largest_value``: values of the objective that weigh the barrier
+    are cut off here.  ``first_damping``: damping of the Gauss-Newton matrix in the first stage.
+    ``wait``: see :func:`.batch_bfgs.descend`.
     """
     values = errors.values(points)
     evaluations = len(points)
@@ -105,10 +96,7 @@ def staged_descent(
 def coarse_descent(errors: PredictionErrors, points: Array, largest_value: float) -> Descent:
     """Descents to 1e-4 of the value; the lowest goes a little further.
 
-    Parameters
-    ----------
-    errors, points, largest_value
-        As for :func:`staged_descent`.
+    ``errors``, ``points``, ``largest_value``: as for :func:`staged_descent`.
     """
     found = staged_descent(errors, points, COARSE_STAGES, largest_value)
     lowest = [int(np.argmin(found.values))]
@@ -126,10 +114,7 @@ def polish(
 ) -> Descent:
     """Descents with ever less smoothing; never worse than where they began.
 
-    Parameters
-    ----------
-    errors, points, largest_value, stages, wait
-        As for :func:`staged_descent`.
+    ``errors``, ``points``, ``largest_value``, ``stages``, ``wait``: as for :func:`staged_descent`.
     """
     polished = staged_descent(errors, points, stages, largest_value, wait=wait)
     before = errors.values(points)
@@ -180,16 +165,8 @@ def promised_values(
 ) -> Array:
     """Objective that one Gauss-Newton step from each feasible point predicts, (M,).
 
-    Parameters
-    ----------
-    errors : PredictionErrors
-    points : (M, n) array
-    value : float
-        The size of the values, which smoothing and barrier depend on.
-    largest_value : float
-        See :func:`staged_descent`.
-    damping : float
-        Of the Gauss-Newton matrix.
+    ``points`` (M, n).  ``value``: the size of the values, which smoothing and barrier depend on.
+    ``largest_value``: see :func:`staged_descent`.  ``damping``: of the Gauss-Newton matrix.
     """
     smoothing, barriers = stage_weights(
         errors, DESCENT_STAGES[0], np.full(len(points), value), largest_value

@@ -118,14 +118,7 @@ def noise_model(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
 
     A long autoregression gives e, then v is regressed on past v and past e.
 
-    Parameters
-    ----------
-    v : (N,) array
-    nc, nd : int
-
-    Returns
-    -------
-    (nc,) and (nd,) arrays
+    ``v`` (N,).  Returns (nc,) and (nd,).
     """
     long_order = min(max(20, 2 * (nc + nd)), max(len(v) // 10, 1))
     rows = _lagged(v, long_order, 1)

@@ -40,11 +40,8 @@ def inlined(function: Callable[..., Any]) -> Any:
 def cached_njit(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, on first use, and keep the result on disk.
 
-    Parameters
-    ----------
-    function : callable
-        A function at the top level of a module.  What it calls must be defined in the same
-        folder, or be compiled by numba itself.
+    ``function``: A function at the top level of a module.  What it calls must be defined in the
+    same folder, or be compiled by numba itself.
     """
     dispatcher: Any = numba.njit(**_OPTIONS)(function)
     dispatcher._cache = _FolderCache(function)
@@ -54,14 +51,7 @@ def cached_njit(function: Callable[..., Any]) -> Any:
 def folder_digest(folder: Path) -> str:
     """Digest of the names and contents of the Python files of a folder.
 
-    Parameters
-    ----------
-    folder : Path
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
+    Returns 64 hexadecimal digits.
     """
     digest = hashlib.sha256()
     for file in sorted(folder.glob("*.py")):

@@ -37,11 +37,7 @@ def _run(
 
     No trials are a pass over the points of the state.  One function for both, compiled and loaded
     once with all that it calls: the objective is that of :func:`.gradient.pass_over`, the step
-    that of :func:`.bfgs.advance`.
-
-    Returns
-    -------
-    trials and evaluations that were made, and what the last pass gave
+    that of :func:`.bfgs.advance`.  Returns trials, evaluations and what the last pass gave.
     """
     made = evaluations = 0
     while True:

@@ -14,11 +14,7 @@ def filter_rows(signals, denominator, states):
     The transposed direct form, operation by operation that of ``scipy.signal.lfilter``, whose
     import takes longer than a small estimate.
 
-    Parameters
-    ----------
-    signals : (rows, samples) float array, C-contiguous
-    denominator : (m + 1,) float array, leading 1 included
-    states : (rows, m) float array, C-contiguous
+    ``signals`` (rows, samples), ``denominator`` (m + 1,), ``states`` (rows, m).
     """
     m = states.shape[1]
     z = np.zeros(m + 1)

@@ -133,18 +133,9 @@ def record_of(
 ) -> Record:
     """A record as the kernels read it.
 
-    Parameters
-    ----------
-    output : (N,) array
-    inputs : (N, m) array
-    orders : (na, nb, nc, nd, nf, nk)
-        nb, nf and nk with one number for each input.
-    level : bool
-        Whether a constant is estimated.
-    residual_start : int
-        First residual, at least na and all ``nk + nb - 1``.
-    loss_start : int
-        First residual that counts.
+    ``output`` (N,), ``inputs`` (N, m).  ``orders``: nb, nf and nk with one number for each input.
+    ``level``: whether a constant is estimated.  ``residual_start``: first residual, at least na
+    and all ``nk + nb - 1``.  ``loss_start``: first residual that counts.
     """
     na, nb, nc, nd, nf, nk = orders
     rows_c = max(nc, MIN_NC) if nc else 0

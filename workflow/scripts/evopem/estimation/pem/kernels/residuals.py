@@ -227,16 +227,7 @@ def sum_of_losses(e, absolute, begin, end, s):
 def feasible_rows(record, objective, points):
     """Whether all roots of each row lie where the objective allows them, and all is finite.
 
-    Parameters
-    ----------
-    record : Record
-        Of the points' orders.
-    objective : Objective
-    points : (models, n) float array, C-contiguous
-
-    Returns
-    -------
-    (models,) bool array
+    ``record``: of the points' orders.  ``points`` (models, n).  Returns (models,) bool.
     """
     parts, radii = monic_parts(record, objective)
     order = np.max(parts[:, 1] - parts[:, 0])
