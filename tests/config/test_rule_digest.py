@@ -93,20 +93,13 @@ def test_stages_reach_their_part_of_the_package_and_no_more():
         for stage in STAGES
     }
     assert "evopem/signals/readers/matlab.py" in reached["read_recording"]
-    assert "evopem/signals/readers/matlab.py" not in reached["prepare_signals"]
+    assert "evopem/signals/readers/matlab.py" not in reached["prepare_samples"]
     assert "evopem/estimation/order_selection.py" in reached["estimate_candidates"]
     assert "evopem/signals/spectral/multitaper.py" in reached["estimate_spectrum"]
-    single_channel = (
-        "read_recording",
-        "prepare_signals",
-        "estimate_spectrum",
-        "estimate_candidates",
-    )
-    several = ("prepare_channels", "search_state_space", "choose_state_space")
-    for early in single_channel + several:
-        later = [name for name in reached[early] if "/figures/" in name or "/report/" in name]
-        assert later == [], early
-    assert not [name for name in reached["prepare_signals"] if "/estimation/" in name]
+    early = ("read_recording", "prepare_samples", "estimate_spectrum", "estimate_candidates")
+    for name in (*early, "search_structure", "choose"):
+        later = [each for each in reached[name] if "/figures/" in each or "/report/" in each]
+        assert later == [], name
     for module in ("multitaper", "peaks"):
         assert f"evopem/signals/spectral/{module}.py" not in reached["estimate_candidates"]
     assert "evopem/config/defaults.py" not in reached["estimate_candidates"]
@@ -118,17 +111,18 @@ def test_stages_reach_their_part_of_the_package_and_no_more():
         (
             "signals/spectral/multitaper.py",
             {"estimate_spectrum"},
-            {"prepare_signals", "estimate_candidates"},
+            {"prepare_samples", "estimate_candidates"},
         ),
         ("figures/style.py", {"draw_figures"}, {"estimate_spectrum", "validate_model"}),
         ("validation/scores.py", {"validate_model"}, {"estimate_candidates", "complete_model"}),
         (
             "estimation/pem/kernels/gradient.py",
-            {"estimate_candidates", "select_candidate"},
-            {"prepare_signals", "estimate_spectrum"},
+            # Preparation is decided by models as well.
+            {"estimate_candidates", "select_candidate", "prepare_samples"},
+            {"read_recording", "estimate_spectrum"},
         ),
         ("config/order_grid.py", {"estimate_candidates"}, {"estimate_spectrum", "read_recording"}),
-        ("signals/readers/matlab.py", {"read_recording"}, {"prepare_signals", "validate_model"}),
+        ("signals/readers/matlab.py", {"read_recording"}, {"prepare_samples", "validate_model"}),
     ],
 )
 def test_changed_code_changes_the_digests_of_the_stages_that_use_it(

@@ -31,7 +31,7 @@ from evopem.pipeline.planned_fits import check_planned_fits
 from evopem.pipeline.provider import IDENTIFY, LIST, Provider
 from evopem.pipeline.stage_rules import FILES as files
 from evopem.pipeline.stage_rules import modules_of
-from evopem.pipeline.stages import module_of
+from evopem.pipeline.stage import module_of
 from evopem.results.layout import BATCH, BATCH_CHECKSUMS, OVERVIEW
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.results.made_from import forget_incomplete_batches

@@ -180,6 +180,8 @@ def decide_preparation(
         )
         decisions += [about_differences, about_objective]
         plan = replace(plan, objective=objective)
+    elif given.objective is not None:
+        plan = replace(plan, objective=given.objective)
     return replace(plan, decisions=tuple(decisions))
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from evopem.automatic.preparation import (
     GivenPreparation,
     PreparationPlan,
-    PreparedRecord,
     decide_preparation,
     stretches_as_recorded,
 )
@@ -28,11 +27,11 @@ from evopem.config.settings import (
     SampleRequirements,
 )
 from evopem.errors import InputError
-from evopem.files.json_form import load, save
+from evopem.files.json_form import save
 from evopem.pipeline.constraint_plan import check_fit
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import prepare
-from evopem.signals.prepared_data import PreparedData, load_prepared, save_prepared
+from evopem.signals.prepared_data import PreparedData, save_prepared
 from evopem.signals.recording import Recording, load_recording
 
 
@@ -71,12 +70,6 @@ def prepare_samples(
     if fit is not None:
         check_fit(*fit, prepared.estimation.sampling_rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)
-
-
-def load_record(files: DatasetFiles) -> PreparedRecord:
-    """All stretches of the estimation samples, with the plan behind them."""
-    plan = load(PreparationPlan, files.decision("preparation"))
-    return PreparedRecord.of(load_prepared(files.prepared, files.transforms), plan)
 
 
 def _decided(

@@ -6,15 +6,12 @@ import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 
-from evopem.config.settings import DatasetSettings
-from evopem.config.yaml_form import read_settings
 from evopem.figures.view import Results
 from evopem.files.atomic import write_text
+from evopem.pipeline.figures import read_results
 from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import template_folder
-from evopem.results.dataset import read_dataset_results
 from evopem.results.layout import FIGURES, DatasetFiles
-from evopem.results.multichannel import read_multichannel_results
 
 
 def commit_of(workflow: Path) -> str:
@@ -47,16 +44,7 @@ def write_report(files: DatasetFiles) -> None:
 
     It names the commit of the workflow that it belongs to.
     """
-    results = read_dataset_results(files, read_settings(files.config))
-    write_text(files.report, report_page(files, results, _figures(files)))
-
-
-def write_channel_report(
-    files: DatasetFiles, settings: DatasetSettings, structures: tuple[str, ...]
-) -> None:
-    """The same of a data set with several channels."""
-    results = read_multichannel_results(files, settings, structures)
-    write_text(files.report, report_page(files, results, _figures(files)))
+    write_text(files.report, report_page(files, read_results(files), _figures(files)))
 
 
 def _figures(files: DatasetFiles) -> dict[str, str]:

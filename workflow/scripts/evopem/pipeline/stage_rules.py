@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from evopem.config.settings import DatasetSettings
 from evopem.files.json_form import to_json
-from evopem.pipeline.stages import PREPARING, STAGES, Stage, Task, stages_of
+from evopem.pipeline.stage import Stage
+from evopem.pipeline.stages import PREPARING, STAGES, stages_of
+from evopem.pipeline.task import Task
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.stabilization import OrderModel, OrderModels
-from evopem.pipeline.multichannel.prepared import load_prepared_channels
 from evopem.results.layout import DatasetFiles
+from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import Recording
 from evopem.validation.mode_table import table_of_models
 from evopem.validation.modes_record import ModesRecord
@@ -19,7 +19,7 @@ from evopem.validation.multichannel import validate_multichannel
 def validate_state_space(files: DatasetFiles) -> None:
     """Validate the model and its modes on samples that no choice has seen."""
     record = load(ModelRecord, files.model)
-    data = load_prepared_channels(files)
+    data = load_prepared(files.prepared, files.transforms)
     prepared = data.validation
     with one_blas_thread():
         free_level = record.level_of_simulation == "state"

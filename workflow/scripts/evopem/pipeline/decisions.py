@@ -1,92 +1,35 @@
-"""The model that the automatic recipe chose, and the record of its decisions."""
+"""The record of all decisions about a data set."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import cast
-
 import numpy as np
 
-from evopem.automatic.chosen import estimate_choice, window_of
-from evopem.automatic.chosen import estimate_chosen as search_chosen
+from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.delays import DelayChoice
 from evopem.automatic.folds import FoldPlan
-from evopem.automatic.orders import StructureSearch
 from evopem.automatic.preparation import PreparationPlan
 from evopem.automatic.record import DecisionRecord, OtherModel
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.structures import Comparison, Purpose
+from evopem.automatic.structures import Comparison
 from evopem.automatic.subspace_comparison import SUBJECT
-from evopem.blas_threads import one_blas_thread
-from evopem.config.settings import Objective, SearchSettings
-from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.order_selection import complete_estimate
 from evopem.files.json_form import load, save
-from evopem.pipeline.preparation import load_record
+from evopem.pipeline.estimation_samples import load_record
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import total_samples
 from evopem.signals.recording_info import RecordingInfo
-from evopem.validation.responses import held_out_samples, responses_of
-from evopem.validation.scores import error_percent
-
-Log = Callable[[str], None]
 
 
-def estimate_chosen(files: DatasetFiles, search: SearchSettings, log: Log | None = None) -> None:
-    """Search the chosen structure and orders once more, globally."""
-    record = load_record(files)
-    data = load_prepared(files.prepared, files.transforms).estimation
-    remedied = load(Remedied, files.decision("remedies"))
-    settings = replace(search, objective=cast("Objective", record.plan.objective))
-    with one_blas_thread():
-        selection = search_chosen(remedied, record, data, settings, log)
-    save(selection, files.phase(selection.phase))
-
-
-def complete_other_model(files: DatasetFiles, purpose: Purpose, search: SearchSettings) -> None:
-    """Keep the model for another purpose, with its errors on the validation samples.
-
-    It is the one of the comparison of structures, without remedies and without a global search.
-    """
-    record = load_record(files)
-    prepared = load_prepared(files.prepared, files.transforms)
-    choice = load(Comparison, files.decision("comparison")).choice(purpose)
-    settings = replace(search, objective=cast("Objective", record.plan.objective))
-    with one_blas_thread():
-        selected = estimate_choice(choice, record, prepared.estimation, settings)
-        estimate = complete_estimate(
-            selected, prepared.estimation, settings, window_of(selected.orders)
-        )
-        free_level = choice.level == "state"
-        held_out = held_out_samples(estimate.model, prepared, free_level)
-        responses = responses_of(estimate.model, prepared, held_out, free_level)
-    scored = responses.scored
-    measured = responses.output[scored]
-    other = OtherModel(
-        purpose,
-        str(selected.orders),
-        error_percent(measured, responses.predicted[scored]),
-        error_percent(measured, responses.simulated[scored]),
-    )
-    save(
-        ModelRecord.of(estimate, prepared.estimation, settings, prepared.transforms, choice.level),
-        files.other_model(purpose),
-    )
-    save(other, files.other_errors(purpose))
-
-
-def collect_decisions(files: DatasetFiles, structures: tuple[str, ...], other: str) -> None:
+def collect_decisions(
+    files: DatasetFiles, structures: tuple[str, ...], others: tuple[str, ...]
+) -> None:
     """Put all decisions of a data set into one file, in their order."""
-    plan = load(PreparationPlan, files.decision("preparation"))
     folds = load(FoldPlan, files.decision("folds"))
     comparison = load(Comparison, files.decision("comparison"))
     remedied = load(Remedied, files.decision("remedies"))
     decisions: tuple[Decision, ...] = (
         *_about_channels(load(RecordingInfo, files.recording_info)),
-        *plan.decisions,
+        *load(PreparationPlan, files.decision("preparation")).decisions,
         folds.decision,
         folds.repetition.decision,
         load(DelayChoice, files.decision("delay")).decision,
@@ -94,18 +37,19 @@ def collect_decisions(files: DatasetFiles, structures: tuple[str, ...], other: s
         *comparison.decisions,
     )
     choice = remedied.choice
+    remarks = *_remarks(files, choice.level), *_worse_than_estimate(comparison)
+    other = load(OtherModel, files.other_errors(others[0])) if others else None
     record = DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        (*_remarks(files, choice.level), *_worse_than_peer(comparison), *remedied.statements),
-        load(OtherModel, files.other_errors(other)),
+        *((*remarks, *remedied.statements), other),
     )
     save(record, files.decisions)
 
 
-def _worse_than_peer(comparison: Comparison) -> tuple[str, ...]:
+def _worse_than_estimate(comparison: Comparison) -> tuple[str, ...]:
     """What is to be said where a short method simulates clearly better than the chosen model."""
-    about = next(each for each in comparison.decisions if each.subject == SUBJECT)
-    return () if about.choice == about.alternatives[0].name else (about.sentence,)
+    compared = [each for each in comparison.decisions if each.subject == SUBJECT]
+    return tuple(each.sentence for each in compared if each.choice != each.alternatives[0].name)
 
 
 def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:

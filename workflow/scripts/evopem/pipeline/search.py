@@ -1,0 +1,101 @@
+"""Delays, orders, structure and acting on failed checks: one file for each decision."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from evopem.automatic.candidates import StructureSearch, order_models, without_covariances
+from evopem.automatic.delays import decide_delays
+from evopem.automatic.fit import FitSettings
+from evopem.automatic.folds import decide_folds as decide_common_folds
+from evopem.automatic.orders import search_structure as search
+from evopem.automatic.remedies import act_on_checks as act
+from evopem.automatic.structures import Comparison, compare_structures
+from evopem.blas_threads import one_blas_thread
+from evopem.config.settings import AutomaticSettings, InputRanges
+from evopem.files.json_form import load, save
+from evopem.pipeline.estimation_samples import errors_name_dataset, load_record, load_scorer
+from evopem.results.layout import DatasetFiles
+from evopem.signals.prepared_data import load_prepared
+
+Log = Callable[[str], None]
+
+
+def decide_folds(files: DatasetFiles) -> None:
+    """Decide how held-out samples are divided."""
+    with one_blas_thread():
+        save(decide_common_folds(load_record(files).stretches), files.decision("folds"))
+
+
+def decide_delay(files: DatasetFiles, ranges: InputRanges) -> None:
+    """Decide the delay of each input, within the limits of the configuration."""
+    names = load_prepared(files.prepared, files.transforms).estimation.input_names
+    with errors_name_dataset(files):
+        choice = decide_delays(load_record(files).stretches, names, ranges)
+    save(choice, files.decision("delay"))
+
+
+def search_structure(
+    files: DatasetFiles,
+    structure: str,
+    settings: AutomaticSettings,
+    fits: FitSettings,
+    nested: tuple[str, ...],
+    with_models: bool,
+    log: Log | None = None,
+) -> None:
+    """Search the orders of one structure, from the optima of those nested in it.
+
+    Parameters
+    ----------
+    files : DatasetFiles
+    structure : str
+    settings : AutomaticSettings
+    fits : FitSettings
+        Their objective is the one that was decided.
+    nested : tuple of str
+        Structures that were searched before.
+    with_models : bool
+        Whether the models of all orders are kept in state space as well, with their modes.
+    log : callable, optional
+
+    Raises
+    ------
+    InputError
+        When the record is too short.
+    """
+    smaller = {each: load(StructureSearch, files.search(each)) for each in nested}
+    with errors_name_dataset(files), one_blas_thread():
+        found = search(load_scorer(files, settings, fits), structure, smaller, log)
+    save(without_covariances(found), files.search(structure))
+    if with_models:
+        estimation = load_prepared(files.prepared, files.transforms).estimation
+        save(order_models(found, estimation), files.models_of_orders(structure))
+
+
+def choose(
+    files: DatasetFiles,
+    structures: tuple[str, ...],
+    settings: AutomaticSettings,
+    fits: FitSettings,
+) -> None:
+    """Choose a model for each purpose among the candidates of all structures.
+
+    Raises
+    ------
+    InputError
+        When the recording is too short for every structure.
+    """
+    searches = [load(StructureSearch, files.search(each)) for each in structures]
+    with errors_name_dataset(files), one_blas_thread():
+        scorer = load_scorer(files, settings, fits, of_choice=True)
+        save(compare_structures(scorer, searches), files.decision("comparison"))
+
+
+def act_on_checks(files: DatasetFiles, settings: AutomaticSettings, fits: FitSettings) -> None:
+    """Apply remedies to the model for the purpose until its checks hold or nothing helps."""
+    comparison = load(Comparison, files.decision("comparison"))
+    with errors_name_dataset(files), one_blas_thread():
+        scorer = load_scorer(files, settings, fits, of_choice=True)
+        choice = comparison.choice(settings.purpose)
+        save(act(scorer, choice, comparison.candidates), files.decision("remedies"))

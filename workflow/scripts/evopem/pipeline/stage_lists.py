@@ -1,0 +1,220 @@
+"""What stages ask of a data set: which of them it has, lists of files, and arguments.
+
+Nothing here imports numpy, pandas or Snakemake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from evopem.config import order_grid
+from evopem.config.settings import AutomaticSettings, DatasetSettings
+from evopem.config.structures import (
+    AUTOMATIC_STRUCTURES,
+    is_polynomial,
+    searched_structures,
+    searched_variants,
+)
+from evopem.pipeline.constraint_plan import known_rate
+from evopem.pipeline.task import Task
+
+
+def is_recorded(settings: DatasetSettings) -> bool:
+    """Whether there are recorded files."""
+    return bool(settings.source.all_files)
+
+
+def is_synthetic(settings: DatasetSettings) -> bool:
+    """Whether the recording is simulated."""
+    return not settings.source.all_files
+
+
+def is_validated(settings: DatasetSettings) -> bool:
+    """Whether there is an independent recording for validation."""
+    return bool(settings.source.validation_files)
+
+
+def is_any(_: DatasetSettings) -> bool:
+    """Every data set."""
+    return True
+
+
+def is_single(settings: DatasetSettings) -> bool:
+    """Whether the model is one of polynomials with one input and one output."""
+    return settings.is_single_channel
+
+
+def has_several(settings: DatasetSettings) -> bool:
+    """Whether there are several channels, or models in state space."""
+    return not settings.is_single_channel
+
+
+def is_automatic(settings: DatasetSettings) -> bool:
+    """Whether structure and orders are decided."""
+    return settings.automatic is not None
+
+
+def is_single_automatic(settings: DatasetSettings) -> bool:
+    """Whether they are, for a model of one input and one output."""
+    return is_automatic(settings) and is_single(settings)
+
+
+def is_by_chapter(settings: DatasetSettings) -> bool:
+    """Whether orders are searched phase by phase, within given ranges."""
+    return settings.automatic is None
+
+
+def structures(task: Task) -> tuple[str, ...]:
+    """The structures that are searched."""
+    if has_several(task.settings):
+        return tuple(structure for structure, _ in searched_variants(task.settings))
+    return searched_structures(_automatic(task).structure)
+
+
+def wanted(task: Task) -> tuple[str, ...]:
+    """The structures that may be chosen; others are searched for their models as starts."""
+    structure = _automatic(task).structure
+    return (structure,) if structure in structures(task) else structures(task)
+
+
+def nested(task: Task) -> tuple[str, ...]:
+    """The structures whose models are starts of a search."""
+    if has_several(task.settings):
+        return ()
+    return AUTOMATIC_STRUCTURES[task.values["structure"]]
+
+
+def purposes(task: Task) -> tuple[str, ...]:
+    """The purpose whose model is kept beside that of the configuration; none without inputs."""
+    return (_automatic(task).other_purpose,) if task.settings.channels.inputs else ()
+
+
+def phases(task: Task) -> tuple[str, ...]:
+    """The phases of an order search; of one channel also those in their place."""
+    return () if has_several(task.settings) else order_grid.phases_of_dataset(task.settings)
+
+
+def part_count(task: Task) -> int:
+    """How many jobs the candidates of a phase are divided into."""
+    grid = task.settings.order_grid
+    return order_grid.part_count(task.values["phase"], grid, task.candidates_per_job)
+
+
+def is_told(task: Task) -> bool:
+    """Whether input, output and time are told from the first file."""
+    return getattr(task.settings.source, "channels_from_file", False)
+
+
+def _automatic(task: Task) -> AutomaticSettings:
+    return task.settings.automatic or AutomaticSettings()
+
+
+def _parts(task: Task) -> list[str]:
+    return [str(number) for number in range(1, part_count(task) + 1)]
+
+
+def _previous(task: Task) -> list[str]:
+    structure = task.settings.order_grid.structure
+    previous = order_grid.previous_phase(task.values["phase"], structure)
+    return [previous] if previous else []
+
+
+def _resonances(task: Task) -> bool:
+    return order_grid.needs_resonances(task.values["phase"], task.settings.order_grid)
+
+
+def _where(applies: Callable[[Task], bool], *names: str) -> Callable[[Task], list[str]]:
+    """Some files where a condition holds."""
+    return lambda task: list(names) if applies(task) else []
+
+
+def _of(applies: Callable[[DatasetSettings], bool]) -> Callable[[Task], bool]:
+    return lambda task: applies(task.settings)
+
+
+LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
+    "structures": structures,
+    "wanted": wanted,
+    "nested": nested,
+    "purposes": purposes,
+    "phases": phases,
+    "last": lambda task: phases(task)[-1:],
+    "compared": lambda task: [order_grid.phase_of_orders_of(task.settings)],
+    "parts": _parts,
+    "previous": _previous,
+    "resonances": _where(_resonances, "spectrum_summary"),
+    "roles": _where(is_told, "recording_info"),
+    "validation": _where(_of(is_validated), "validation_recording"),
+    "validation_info": _where(_of(is_validated), "validation_recording_info"),
+    "plan": _where(_of(is_automatic), "decision:preparation"),
+    "truth": _where(_of(is_synthetic), "truth"),
+    "decided": _where(_of(is_single_automatic), "decision:preparation", "decision:remedies"),
+    "decisions": _where(_of(is_automatic), "decisions"),
+    "models": _where(_of(has_several), "models_of_orders:{structure}"),
+    "tabulated": _where(
+        *(_of(has_several), "search:{structures}", "decision:comparison", "decision:remedies")
+    ),
+    "shown": lambda task: SHOWN if is_single(task.settings) else SHOWN_OF_SEVERAL,
+}
+"""What words in the inputs and outputs of stages stand for."""
+
+PREPARED = ("prepared", "transforms")
+VALIDATION = (*("validation", "residual_autocorrelation", "cross_correlation", "simulation"),)
+SHOWN: tuple[str, ...] = (
+    *("{truth}", "{decisions}", "config", "recording", "recording_info", *PREPARED, "spectrum"),
+    *("spectrum_summary", "phase:{phases}", "candidates", "model", "frequency_response"),
+    *("time_response", *VALIDATION, "horizons", "{validation_info}"),
+)
+"""What figures and report read."""
+SHOWN_OF_SEVERAL: tuple[str, ...] = (
+    *("search:{structures}", "config", "recording_info", "{validation_info}", *PREPARED),
+    *("decision:comparison", "decision:remedies", "decisions", "model", "modes_json"),
+    *("frequency_response", *VALIDATION),
+)
+
+
+def window(task: Task) -> object:
+    """The samples on which the chapter's recipe compares models."""
+    settings = task.settings
+    return None if settings.automatic else order_grid.scoring_window(settings)
+
+
+def requirements(task: Task) -> object:
+    """What a record must have for the order grid of the chapter's recipe."""
+    by_chapter = is_by_chapter(task.settings)
+    return order_grid.sample_requirements(task.settings) if by_chapter else None
+
+
+def fit_to_check(task: Task) -> object:
+    """Constraints and order grid, where constraints in Hz wait for the sampling rate."""
+    settings = task.settings
+    given = is_by_chapter(settings) and settings.fit.constraints is not None
+    waits = given and known_rate(settings) is None
+    return (settings.fit, settings.order_grid) if waits else None
+
+
+def choices(*names: str) -> Callable[[Task], AutomaticSettings]:
+    """Some settings of the automatic recipe, the others built in."""
+
+    def provide(task: Task) -> AutomaticSettings:
+        given = _automatic(task)
+        return AutomaticSettings(**{name: getattr(given, name) for name in names})
+
+    return provide
+
+
+def orders_of_structure(task: Task) -> AutomaticSettings:
+    """The ranges that the search over the orders of a structure depends on."""
+    orders = _automatic(task).orders
+    polynomial = is_polynomial(task.values["structure"])
+    return AutomaticSettings(orders=orders.of_polynomials if polynomial else orders.of_states)
+
+
+def fits(task: Task) -> dict[str, object]:
+    """What fits of several channels have in common; those of one channel depend on nothing."""
+    common: dict[str, object] = {"objective": "quadratic", "level": True}
+    search, own = task.settings.search, _automatic(task)
+    if is_single(task.settings):
+        return common | {"weighting": None, "max_root_radius": 0.9999, "seed": 1}
+    radius, seed = search.max_root_radius, search.seed
+    return common | {"weighting": own.weighting, "max_root_radius": radius, "seed": seed}
