@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from evopem.config.settings import ChannelSettings
 from evopem.errors import InputError
 from evopem.signals.measured_files import FORMATS
-from evopem.signals.reading import read_recording
+from evopem.signals.reading import read_measured
 
 EXTENSIONS = sorted(FORMATS)
 CHANNELS = ((1, 2, None), (1, 2, 3), ("u", "y", None), ("u", "y", "y_time"))
@@ -31,7 +32,8 @@ def read_bytes(data: bytes, folder: Path) -> bool:
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         try:
-            recording = read_recording(file, input_, output, sampling_rate=rate, time=time)
+            channels = ChannelSettings((input_,), (output,), sampling_rate=rate, time=time)
+            recording = read_measured(file, channels).recording
         except InputError as refusal:
             if "\n" in str(refusal) or not str(refusal).startswith(str(file)):
                 raise ValueError(

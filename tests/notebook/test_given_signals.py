@@ -4,11 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from evopem.config.settings import ChannelSettings
 from evopem.errors import InputError
 from evopem.notebook.signals import Wanted
 from evopem.notebook.signals import given_recordings as recordings_of
 from evopem.notebook.signals import given_signals as signals_of
-from evopem.signals.reading import read_recording
+from evopem.signals.reading import read_measured
 
 U, Y = np.random.default_rng(1).standard_normal((2, 50))
 TIME = np.arange(50) / 20.0
@@ -62,7 +63,8 @@ def test_the_signals_are_a_copy_in_a_file_that_the_readers_take(tmp_path):
     output[0] = 99.0
     assert found.outputs[0, 0] == Y[0]
     found.save(tmp_path / "data.npz")
-    read = read_recording(tmp_path / "data.npz", "input", "output", sampling_rate=20.0)
+    channels = ChannelSettings(("input",), ("output",), sampling_rate=20.0)
+    read = read_measured(tmp_path / "data.npz", channels).recording
     assert np.array_equal(read.input, U)
     assert np.array_equal(read.output, Y)
 

@@ -10,14 +10,34 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
+from evopem.config.settings import ChannelSettings, UnitSettings
 from evopem.errors import InputError
-from evopem.signals.reading import read_recording
+from evopem.signals.reading import read_measured
 
 N = 240
 RATE = 250.0
 T = np.arange(N) / RATE
 U = np.random.default_rng(3).standard_normal(N)
 Y = np.convolve(U, [0.0, 0.5, 0.25])[:N]
+
+
+def read_recording(
+    path,
+    input,
+    output,
+    sampling_rate=None,
+    input_unit="",
+    output_unit="",
+    **settings,  # noqa: A002
+):
+    """The recording of input and output, each a channel, a sequence of them or None."""
+    listed = [
+        () if each is None else (each,) if isinstance(each, int | str) else tuple(each)
+        for each in (input, output)
+    ]
+    units = {"input_units": UnitSettings(input_unit), "output_units": UnitSettings(output_unit)}
+    channels = ChannelSettings(*listed, sampling_rate=sampling_rate, **units, **settings)
+    return read_measured(path, channels).recording
 
 
 def assert_read(recording, rate=RATE):

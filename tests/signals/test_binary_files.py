@@ -15,6 +15,7 @@ from recorded_files import (
     U,
     Y,
     assert_read,
+    read_recording,
     refusal,
     uff_text,
     write_every_format,
@@ -23,7 +24,6 @@ from recorded_files import (
 )
 from scipy.io import savemat
 
-from evopem.signals.reading import read_recording
 from evopem.signals.recording_info import (
     ChannelInfo,
     FileOrigin,

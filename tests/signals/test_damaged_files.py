@@ -7,10 +7,9 @@ import sys
 
 import numpy as np
 import pytest
-from recorded_files import RATE, N, refusal, write_every_format
+from recorded_files import RATE, N, read_recording, refusal, write_every_format
 
 from evopem.errors import InputError
-from evopem.signals.reading import read_recording
 
 FORMATS = ("mat", "7.3 mat", "npz", "npy", "parquet", "h5", "tdms", "uff")
 

@@ -1,9 +1,9 @@
 """Paths that no file system accepts are refused like files that are missing."""
 
 import pytest
+from recorded_files import read_recording
 
 from evopem.errors import InputError
-from evopem.signals.reading import read_recording
 
 
 @pytest.mark.parametrize("path", ["x" * 300 + ".csv", "y/" * 5000 + "x.csv", "none.csv"])

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from program_tables import READ, REFUSED, N, U, Y
+from recorded_files import read_recording
 
 from evopem.errors import InputError
-from evopem.signals.reading import read_recording
 
 
 def write(folder: Path, name: str, content: str | bytes) -> Path:

@@ -8,10 +8,8 @@ import h5py
 import numpy as np
 import pytest
 from nptdms import ChannelObject, TdmsWriter
-from recorded_files import RATE, T, U, Y, assert_read, refusal, uff_text
+from recorded_files import RATE, T, U, Y, assert_read, read_recording, refusal, uff_text
 from scipy.io import savemat
-
-from evopem.signals.reading import read_recording
 
 UNKNOWN = {"sampling_rate": None}
 

@@ -12,12 +12,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from recorded_files import RATE, N, T, U, Y, assert_read, refusal, write_matlab_73
+from recorded_files import RATE, N, T, U, Y, assert_read, read_recording, refusal, write_matlab_73
 from scipy import sparse
 from scipy.io import savemat
 
 from evopem.errors import InputError
-from evopem.signals.reading import read_recording
 
 # HDF5: values that are not all in the file
 

@@ -14,10 +14,9 @@ import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recorded_files import write_every_format
+from recorded_files import read_recording, write_every_format
 
 from evopem.errors import InputError
-from evopem.signals.reading import read_recording
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 N = 50
@@ -265,11 +264,15 @@ def test_a_name_beyond_ascii_in_the_c_locale(tmp_path, form):
     named = files[form].rename(tmp_path / f"Größe {form.replace(' ', '')}{files[form].suffix}")
     program = (
         "from evopem.signals.measured_files import sha256\n"
-        "from evopem.signals.reading import read_recording\n"
+        "from evopem.config.settings import ChannelSettings\n"
+        "from evopem.signals.reading import read_measured\n"
         f"path = {str(named)!r}\n"
-        "assert read_recording(path, 1, 2, 1.0).samples > 8\n"
+        "def read(output):\n"
+        "    channels = ChannelSettings((1,), (output,), sampling_rate=1.0)\n"
+        "    return read_measured(path, channels).recording\n"
+        "assert read(2).samples > 8\n"
         "assert len(sha256(path)) == 64\n"
-        "try:\n    read_recording(path, 1, 9, 1.0)\n"
+        "try:\n    read(9)\n"
         "except ValueError as error:\n    assert error.source == path, ascii(error.source)\n"
     )
     environment = dict(os.environ, LC_ALL="C", PYTHONUTF8="0", PYTHONPATH=str(SCRIPTS))

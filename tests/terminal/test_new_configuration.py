@@ -15,7 +15,7 @@ from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
-from evopem.signals.reading import read_recording
+from evopem.signals.reading import read_measured
 from evopem.terminal.new_configuration import configuration_text, write_configuration
 
 RNG = np.random.default_rng(1)
@@ -38,10 +38,8 @@ def test_what_was_found_is_what_the_readers_read(tmp_path):
     assert set(datasets) == {"bench", "arm", "log_1"}
     rates = {}
     for name, settings in datasets.items():
-        one = settings.source.channels
-        recording = read_recording(
-            tmp_path / settings.source.files[0], one.input, one.output, time=one.time
-        )
+        file = tmp_path / settings.source.files[0]
+        recording = read_measured(file, settings.channels).recording
         np.testing.assert_allclose(recording.input, U)
         np.testing.assert_allclose(recording.output, Y)
         rates[name] = recording.sampling_rate
@@ -71,8 +69,8 @@ def test_a_named_time_that_is_not_even_is_no_signal(tmp_path):
     assert "# the time does not increase: it is that of sample 200; remove rows" in text
     settings = settings_of(text)
     for name, channel in (("again", "t"), ("coarse", "time")):
-        own = settings[name].source.channels
-        assert (own.time, own.input, own.output) == (channel, "a", "b")
+        own = settings[name].channels
+        assert (own.time, own.inputs, own.outputs) == (channel, ("a",), ("b",))
 
 
 def test_other_files_are_left_out_and_named(tmp_path):
@@ -100,7 +98,7 @@ def test_other_files_are_left_out_and_named(tmp_path):
 @pytest.mark.parametrize("name", ["y", "no", "12", "a: b", "#1", "Größe [N]", "'quoted'"])
 def test_a_channel_of_any_name_is_quoted_where_yaml_needs_it(tmp_path, name):
     np.savez(tmp_path / "data.npz", **{"u": U, name: Y})
-    channels = settings_of(configuration_text(tmp_path))["data"].source.channels
+    channels = settings_of(configuration_text(tmp_path))["data"].channels
     assert {*channels.inputs, *channels.outputs} == {"u", name}
 
 

@@ -6,12 +6,12 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import ChannelSettings, UnevenTime, UnitSettings
+from evopem.config.settings import ChannelSettings, UnitSettings
 from evopem.errors import InputError
 from evopem.signals.channel_patterns import expanded
 from evopem.signals.even_grid import Unevenness
@@ -26,50 +26,6 @@ from evopem.signals.timestamps import is_time
 Array = NDArray[np.float64]
 
 
-def read_recording(
-    path: str | Path,
-    input: Reference | Sequence[Reference] | None,  # noqa: A002
-    output: Reference | Sequence[Reference],
-    sampling_rate: float | None = None,
-    time: Reference | None = None,
-    input_unit: str = "",
-    output_unit: str = "",
-    time_unit: str | None = None,
-    header_lines: int | None = None,
-    decimal_mark: Literal[".", ","] | None = None,
-    uneven_time: UnevenTime = "refuse",
-) -> Recording:
-    """Read input and output channels of a measured file.
-
-    `path`: A file of one of `FORMATS`; the extension decides. `input`, `output`: The channels: a
-    number counted from 1, or a column, variable or channel name, in which a ``*`` stands for all
-    that match.  Without an input, None. `sampling_rate`: Hz. Left out, it is taken from `time`,
-    else from the file where its format states one. `time`: Channel of time stamps, which must be
-    uniform (see `sampling_rate_of`). `input_unit`, `output_unit`: Units; left out, those that the
-    file states. `time_unit`: Unit of the time stamps, one of `TIME_UNITS`; left out, the one that
-    the file states. `header_lines`: Of a text table, the number of lines above the first row of
-    numbers. `decimal_mark`: Of a text table, "." or ",". `uneven_time`: What is done with time
-    stamps that are not uniform: signals may be brought to an even grid (:func:`.even_grid`).
-    """
-    lists = ChannelSettings(
-        inputs=() if input is None else _listed(input),
-        outputs=_listed(output),
-        sampling_rate=sampling_rate,
-        time=time,
-        time_unit=time_unit,
-        input_units=UnitSettings(input_unit),
-        output_units=UnitSettings(output_unit),
-        header_lines=header_lines,
-        decimal_mark=decimal_mark,
-        uneven_time=uneven_time,
-    )
-    return read_measured(path, lists).recording
-
-
-def _listed(references: Reference | Sequence[Reference]) -> tuple[Reference, ...]:
-    return (references,) if isinstance(references, int | str) else tuple(references)
-
-
 class MeasuredRecording(NamedTuple):
     """A recording, and how uneven its time stamps were where it was brought to an even grid."""
 
@@ -78,32 +34,68 @@ class MeasuredRecording(NamedTuple):
 
 
 def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecording:
-    """The same by the settings of a data set."""
+    """Read the input and output channels of a measured file, by the settings of a data set.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read as its format; a channel is not there or not a signal
+        of finite numbers; inputs, outputs and time are not different signals; the sampling rate is
+        unknown or contradicted by the time stamps; or units do not fit the channels.
+    """
     source = str(Path(path))
-    _check_rate(channels.sampling_rate, source)
+    rate = channels.sampling_rate
+    if rate is not None and not (np.isfinite(rate) and rate > 0):
+        raise InputError(
+            source, f"{rate} Hz is not a sampling rate", "give a positive number of Hz"
+        )
     inputs, outputs = expanded(path, channels)
-    roles = {_role("input", inputs, number): each for number, each in enumerate(inputs, 1)}
-    roles |= {_role("output", outputs, number): each for number, each in enumerate(outputs, 1)}
-    _refuse_same_reference(roles, source)
-    columns = read_columns(path, roles, channels)
-    found = list(columns.channels.values())
-    parts = found[: len(inputs)], found[len(inputs) :]
-    names = _names(found, list(roles))
-    of_parts = names[: len(inputs)], names[len(inputs) :]
-    no_samples = np.empty((found[0].values.size, 0))
+    references = {
+        kind if len(listed) == 1 else f"{kind} {number}": each
+        for kind, listed in (("input", inputs), ("output", outputs))
+        for number, each in enumerate(listed, 1)
+    }
+    roles = list(references)
+    _refuse_same_reference(references, source)
+    if channels.time is not None:
+        references["time"] = channels.time
+    read = read_channels(
+        path, list(references.values()), channels.header_lines, channels.decimal_mark
+    )
+    found = dict(zip(references, read, strict=True))
+    values = {role: _signal(found[role], role, source) for role in roles}
+    first = roles[0]
+    for role, each in values.items():
+        if each.size != values[first].size:
+            raise InputError(
+                source,
+                f"the {first} has {values[first].size} samples and the {role} {each.size}",
+                f"choose {'two ' * (len(values) == 2)}channels that were sampled together",
+            )
+    _refuse_same(found, references, source)
+    values, rate, unevenness = sampled(values, found, channels, source)
+    for role in roles:
+        _refuse_other_start([found[first], found[role]], rate, source)
+    read = read[: len(roles)]  # without the time
+    names = _names(read, roles)
+    signals = np.column_stack([values[role] for role in roles])
+    count = len(inputs)
     recording = Recording(
-        np.column_stack([no_samples, *(each.values for each in parts[0])]),
-        np.column_stack([each.values for each in parts[1]]),
-        columns.sampling_rate,
-        *of_parts,
-        _units(channels.input_units, parts[0], of_parts[0], source, "input_unit"),
-        _units(channels.output_units, parts[1], of_parts[1], source, "output_unit"),
+        *(signals[:, :count], signals[:, count:], rate, names[:count], names[count:]),
+        _units(channels.input_units, read[:count], names[:count], source, "input_unit"),
+        _units(channels.output_units, read[count:], names[count:], source, "output_unit"),
     )
     check_recording(recording, source)
     check_measured(recording, source)
     for place, signal in recording.signals.items():
-        _refuse_time(signal, columns.sampling_rate, source, place)
-    return MeasuredRecording(recording, columns.unevenness)
+        if is_time(signal, rate):
+            raise InputError(
+                source,
+                "the channel increases by the sampling period in every sample, as a time does",
+                "choose another channel",
+                place,
+            )
+    return MeasuredRecording(recording, unevenness)
 
 
 def with_time_told(path: str | Path, channels: ChannelSettings) -> ChannelSettings:
@@ -112,65 +104,6 @@ def with_time_told(path: str | Path, channels: ChannelSettings) -> ChannelSettin
         return channels
     inputs, outputs = expanded(path, channels)
     return replace(channels, time=time_told(path, [*inputs, *outputs]))
-
-
-class Columns(NamedTuple):
-    """Channels of a file that were sampled together."""
-
-    channels: dict[str, Channel]  # by role, without the time stamps; values are float64
-    sampling_rate: float  # Hz
-    # of the time stamps, where the channels were brought to an even grid
-    unevenness: Unevenness | None
-
-
-def read_columns(
-    path: str | Path, roles: Mapping[str, Reference], stated: ChannelSettings
-) -> Columns:
-    """Read any number of channels that were sampled together, with their sampling rate.
-
-    `roles`: Channels by what an error calls them, such as ``output 2``. `stated`: Of these the
-    rate, the time stamps and the form of a text table.
-    """
-    path = Path(path)
-    source = str(path)
-    references = dict(roles) if stated.time is None else {**roles, "time": stated.time}
-    found = read_channels(path, list(references.values()), stated.header_lines, stated.decimal_mark)
-    channels = dict(zip(references, found, strict=True))
-    values = {role: _signal(channels[role], role, source) for role in roles}
-    first = next(iter(values))
-    for role, each in values.items():
-        if each.size != values[first].size:
-            raise InputError(
-                source,
-                f"the {first} has {values[first].size} samples and the {role} {each.size}",
-                f"choose {'two ' * (len(values) == 2)}channels that were sampled together",
-            )
-    _refuse_same(channels, references, source)
-    signals, rate, unevenness = sampled(
-        *(values, channels, stated.sampling_rate, stated.time_unit, stated.uneven_time, source)
-    )
-    for role in roles:
-        _refuse_other_start([channels[first], channels[role]], rate, source)
-    on_grid = {role: replace(channels[role], values=signals[role]) for role in roles}
-    return Columns(on_grid, rate, unevenness)
-
-
-def _refuse_time(values: Array, rate: float, source: str, place: str) -> None:
-    """Refuse a signal that is a time."""
-    if is_time(values, rate):
-        raise InputError(
-            source,
-            "the channel increases by the sampling period in every sample, as a time does",
-            "choose another channel",
-            place,
-        )
-
-
-def _check_rate(rate: float | None, source: str) -> None:
-    if rate is not None and not (np.isfinite(rate) and rate > 0):
-        raise InputError(
-            source, f"{rate} Hz is not a sampling rate", "give a positive number of Hz"
-        )
 
 
 def _refuse_same_reference(roles: Mapping[str, Reference], source: str) -> None:
@@ -222,11 +155,6 @@ def _refuse_other_start(channels: list[Channel], rate: float, source: str) -> No
             f"the output begins {starts[1] - starts[0]:g} s after the input",
             "choose two channels that were sampled together",
         )
-
-
-def _role(kind: str, references: Sequence[Reference], number: int) -> str:
-    """What an error calls a channel: its role, with a number where there are several."""
-    return kind if len(references) == 1 else f"{kind} {number}"
 
 
 def _names(given: Sequence[Channel], roles: Sequence[str]) -> tuple[str, ...]:

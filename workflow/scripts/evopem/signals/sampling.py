@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import UnevenTime
+from evopem.config.settings import ChannelSettings
 from evopem.errors import InputError
 from evopem.signals.even_grid import Unevenness, coarseness, even_grid
 from evopem.signals.measured_files import channel_names
@@ -27,18 +27,16 @@ class Sampled(NamedTuple):
 def sampled(
     signals: dict[str, NDArray[np.float64]],
     channels: dict[str, Channel],
-    stated_rate: float | None,
-    time_unit: str | None,
-    uneven_time: UnevenTime,
+    stated: ChannelSettings,
     source: str,
 ) -> Sampled:
     """The signals at the rate that is stated, else that of the time stamps, else the file's own.
 
-    `signals`, (N,): By role; without the time stamps. `channels`: What the file holds, the time
-    stamps as ``time``. `stated_rate`: Hz.
+    ``signals`` are (N,) arrays by role, ``channels`` what the file holds, with the time stamps as
+    ``time``.
     """
-    if uneven_time == "refuse":
-        rate = _sampling_rate(channels, stated_rate, time_unit, source)
+    if stated.uneven_time == "refuse":
+        rate = _sampling_rate(channels, stated, source)
         time = channels.get("time")
         found = None if time is None else coarseness(time.values, source, time.name)
         return Sampled(signals, rate, found)
@@ -50,17 +48,13 @@ def sampled(
         )
     time = channels["time"]
     grid = even_grid(time.values, source, time.name)
-    rate = _sampling_rate(channels, stated_rate, time_unit, source, grid.step)
+    rate = _sampling_rate(channels, stated, source, grid.step)
     on_grid = {role: grid.interpolated(each) for role, each in signals.items()}
     return Sampled(on_grid, rate, grid.unevenness)
 
 
 def _sampling_rate(
-    channels: dict[str, Channel],
-    stated: float | None,
-    time_unit: str | None,
-    source: str,
-    step: float | None = None,
+    channels: dict[str, Channel], stated: ChannelSettings, source: str, step: float | None = None
 ) -> float:
     """The rate that is stated, else that of the time stamps, else the file's own.
 
@@ -68,7 +62,7 @@ def _sampling_rate(
     """
     signals = [channel for role, channel in channels.items() if role != "time"]
     in_file = list(dict.fromkeys(channel.sampling_rate for channel in signals))
-    if len(in_file) > 1 and stated is None:
+    if len(in_file) > 1 and stated.sampling_rate is None:
         rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
         raise InputError(
             source,
@@ -85,15 +79,15 @@ def _sampling_rate(
                 "choose the time channel of these signals",
                 f'time "{time.name}"',
             )
-        known = stated if stated is not None else own
+        known = own if stated.sampling_rate is None else stated.sampling_rate
         stamps = time.values, source, time.name, time.unit
-        return sampling_rate_of(*stamps, known, time_unit, step)
-    if time_unit is not None:
+        return sampling_rate_of(*stamps, known, stated.time_unit, step)
+    if stated.time_unit is not None:
         raise InputError(
             source, "time_unit is stated without a time channel", "remove it or state time"
         )
-    if stated is not None:
-        return float(stated)
+    if stated.sampling_rate is not None:
+        return float(stated.sampling_rate)
     if own is not None:
         return own
     problem = next((one.rate_problem for one in signals if one.rate_problem), "")
