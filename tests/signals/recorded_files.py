@@ -23,12 +23,12 @@ Y = np.convolve(U, [0.0, 0.5, 0.25])[:N]
 
 def read_recording(
     path,
-    input,
+    input,  # noqa: A002
     output,
     sampling_rate=None,
     input_unit="",
     output_unit="",
-    **settings,  # noqa: A002
+    **settings,
 ):
     """The recording of input and output, each a channel, a sequence of them or None."""
     listed = [
