@@ -12,7 +12,6 @@ from evopem.errors import InputError
 from evopem.estimation.damped_descent import descend
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.estimate import estimate_state_space
-from evopem.estimation.state_space.pole_coordinates import blocks_of
 from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
@@ -48,7 +47,7 @@ def problem(recording, structure="ss", horizon=1, constraints=None):
     """The problem of all entries at the optimum of one step, and its point."""
     free = estimated(recording, structure=structure)
     errors = StateSpaceTask(structure).errors(recording, 4)
-    found = EntryProblem(errors, blocks_of(4, constraints, RATE, errors.radius, True), horizon)
+    found = EntryProblem(errors, horizon, constraints)
     return found, found.point_of(free.model, free.initial_states, free.segment_levels), free
 
 
@@ -82,7 +81,7 @@ def test_errors_of_a_point_are_those_of_its_model():
     made, point, _ = problem(recorded(2, 2), horizon=4)
     model, found = made.model(point), made.projection(point)
     data = made.plain.data.recording
-    ahead = data.outputs - model.predict(data.inputs, data.outputs, 4, found.entries.initial[:, 0])
+    ahead = data.outputs - model.predict(data.inputs, data.outputs, 4, found.parts["initial"][:, 0])
     np.testing.assert_allclose(ahead / made.plain.data.output_scales, found.errors, atol=1e-9)
 
 

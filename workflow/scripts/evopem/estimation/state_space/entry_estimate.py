@@ -7,7 +7,7 @@ from models of allowed poles whose inputs fit the recording, those of the optimu
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,7 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
-from evopem.estimation import absolute_descent
 from evopem.estimation.criteria import lies_at_bound
-from evopem.estimation.damped_descent import Optimum, descend
-from evopem.estimation.pem.constrained_parameters import Gain
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import (
     SearchDiagnostics,
@@ -35,12 +32,7 @@ from evopem.estimation.state_space.point_model import (
     filtered,
     sandwich,
 )
-from evopem.estimation.state_space.pole_coordinates import Block, blocks_of
 from evopem.estimation.state_space.problem import (
-    POLISH_STEPS,
-    POLISH_TOLERANCE,
-    STEPS,
-    TOLERANCE,
     absolute_scores,
 )
 from evopem.estimation.state_space.starting_points import from_poles
@@ -61,22 +53,7 @@ CONSTRAINED = 1
 SAME = 1e-9
 
 
-@dataclass(frozen=True)
-class Demands:
-    """What a model is to be fitted for, and what it must meet.
-
-    Attributes
-    ----------
-    horizon : int
-        Samples ahead.
-    constraints : Constraints, optional
-    """
-
-    horizon: int = 1
-    constraints: Constraints | None = None
-
-
-def check_demands(demands: Demands, errors: StateSpaceErrors) -> None:
+def check_state_space_constraints(constraints: Constraints, errors: StateSpaceErrors) -> None:
     """Refuse constraints that no state-space model can meet, or whose meaning is not clear.
 
     Raises
@@ -84,11 +61,9 @@ def check_demands(demands: Demands, errors: StateSpaceErrors) -> None:
     InputError
         Naming the key of the constraints.
     """
-    recording, poles = errors.data.recording, demands.constraints
-    if poles is None:
-        return
-    coefficients = [f"fixed_coefficients.{name}" for name in poles.fixed_coefficients]
-    if coefficients or poles.priors:
+    recording = errors.data.recording
+    coefficients = [f"fixed_coefficients.{name}" for name in constraints.fixed_coefficients]
+    if coefficients or constraints.priors:
         raise InputError(
             "constraints",
             "a state-space model has no coefficients of its own, because its matrices depend on"
@@ -97,17 +72,17 @@ def check_demands(demands: Demands, errors: StateSpaceErrors) -> None:
             (*coefficients, "priors")[0],
         )
     names = recording.input_names or ("",)
-    check_named_inputs(poles, names)
+    check_named_inputs(constraints, names)
     inputs, n = recording.inputs.shape[1], errors.order
     na, nf = (n, 0) if errors.innovations else (0, n)
     for name in names:
-        own = poles.of_input(name)
+        own = constraints.of_input(name)
         key = "static_gain" if own.static_gain is not None else "static_gain_bounds"
         if own.static_gain is None and own.static_gain_bounds is None:
             check_constraints(own, Orders(nb=n, na=na, nc=na, nf=nf, nk=1), recording.sampling_rate)
             continue
         if recording.outputs.shape[1] > 1 or (
-            inputs > 1 and not isinstance(getattr(poles, key), dict)
+            inputs > 1 and not isinstance(getattr(constraints, key), dict)
         ):
             raise InputError(
                 "constraints",
@@ -123,53 +98,41 @@ def check_demands(demands: Demands, errors: StateSpaceErrors) -> None:
 def meeting(
     free: StateSpaceEstimate,
     errors: StateSpaceErrors,
-    demands: Demands,
+    horizon: int,
+    constraints: Constraints | None,
     settings: SearchSettings,
 ) -> StateSpaceEstimate:
-    """The estimate for errors in focus that meets constraints.
+    """The estimate for errors so many samples ahead that meets constraints, which are checked.
 
-    Parameters
-    ----------
-    free : StateSpaceEstimate
-        For errors of one step, without constraints.
-    errors : StateSpaceErrors
-        The problem of its model.
-    demands : Demands
-        Checked.
-    settings : SearchSettings
+    ``free`` is the estimate for errors of one step without constraints, of the problem ``errors``.
 
     Raises
     ------
     ValueError
         When no model that meets the constraints has finite errors.
     """
-    absolute = settings.objective == "absolute"
-    optima: list[tuple[EntryProblem, Optimum]] = []
-    without = np.inf
-    for number, start in enumerate(_starts(free, errors, demands, settings)):
-        problem, point = _problem_at(start, errors, demands)
-        if number == 0:
-            without = _value(problem, point, absolute)
-            if demands.horizon == 1 and abs(without - free.objective) <= SAME * free.objective:
-                names, _ = problem.active(point)
-                return replace(free, constraints=_effect(demands, without, free.objective, names))
-        if absolute:
-            optimum = absolute_descent.descend(problem, point, absolute_descent.SEARCH_WIDTH)
-        else:
-            optimum = descend(problem, point, STEPS, TOLERANCE)
-        if np.isfinite(optimum.value):
-            optima.append((problem, optimum))
+
+    def problem_at(start: Start) -> tuple[EntryProblem, Array]:
+        problem = EntryProblem(errors, horizon, constraints, settings.objective == "absolute")
+        return problem, problem.begun(problem.point_of(*start))
+
+    problem, point = problem_at((free.model, free.initial_states, free.segment_levels))
+    begun = problem.percent(problem.projection(point).errors)
+    if horizon == 1 and abs(begun - free.objective) <= SAME * free.objective:
+        names, _ = problem.active(point)
+        return replace(free, constraints=_effect(constraints, begun, free.objective, names))
+    begins = [(problem, point)]
+    if constraints is not None and errors.data.inputs.shape[1]:
+        begins += map(problem_at, _allowed(problem, point, settings))
+    optima = [(each, each.descend(at)) for each, at in begins]
+    optima = [(each, optimum) for each, optimum in optima if np.isfinite(optimum.value)]
     if not optima:
         raise ValueError("no model that meets the constraints has finite errors")
     problem, optimum = min(optima, key=lambda each: each[1].value)
-    best = (
-        absolute_descent.polish(problem, optimum.point)
-        if absolute
-        else descend(problem, optimum.point, POLISH_STEPS, POLISH_TOLERANCE)
-    )
-    values = tuple(_value(each, found.point, absolute) for each, found in optima)
-    value = _value(problem, best.point, absolute)
-    spent = sum(each.evaluations for _, each in optima) + best.evaluations
+    best = problem.polish(optimum.point)
+    values = tuple(each.percent(each.projection(o.point).errors) for each, o in optima)
+    value = problem.percent(problem.projection(best.point).errors)
+    spent = sum(optimum.evaluations for _, optimum in optima) + best.evaluations
     diagnostics = replace(
         SearchDiagnostics.of_descents(
             value, free.search.diagnostics.evaluations + spent, count_distinct(list(values))
@@ -178,103 +141,36 @@ def meeting(
         n_confirming=count_confirming(values, value),
     )
     result = SearchResult(best.point, value, diagnostics)
-    return _described(problem, result, free, demands, settings)
+    return _described(problem, result, free, constraints)
 
 
-def _starts(
-    free: StateSpaceEstimate,
-    errors: StateSpaceErrors,
-    demands: Demands,
-    settings: SearchSettings,
-) -> Iterator[Start]:
-    """Models to descend from: the optimum, and models of allowed poles."""
-    yield free.model, free.initial_states, free.segment_levels
-    if demands.constraints is None or errors.data.inputs.shape[1] == 0:
-        return
+def _allowed(problem: EntryProblem, point: Array, settings: SearchSettings) -> Iterator[Start]:
+    """Models of allowed poles, those of a point and random ones, whose inputs fit."""
+    errors = problem.plain
     plant = errors.of_structure("ss_oe")
     key = (errors.order, int(errors.innovations), CONSTRAINED)
     generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-    problem, point = _problem_at(
-        (free.model, free.initial_states, free.segment_levels), errors, demands
-    )
-    allowed = [
-        np.concatenate(
-            [b.poles(point[own]) for b, own in zip(problem.blocks, problem.own, strict=True)]
-        )
-    ]
-    allowed += [
-        np.concatenate([_random_poles(block, errors.radius, generator) for block in problem.blocks])
-        for _ in range(RANDOM_STARTS)
-    ]
-    for poles in allowed:
-        projection = plant.projection(from_poles(plant, _as_pairs(poles)))
+    own = zip(problem.blocks, problem.own, strict=True)
+    allowed = [[block.poles(point[at]) for block, at in own]]
+    allowed += [[b.random_poles(generator) for b in problem.blocks] for _ in range(RANDOM_STARTS)]
+    for poles in map(np.concatenate, allowed):
+        # Exactly conjugate pairs, and real poles without an imaginary part.
+        upper, real = poles[poles.imag > 0.0], poles[poles.imag == 0.0].real.astype(complex)
+        pairs = np.concatenate([upper, upper.conj(), real])
+        projection = plant.projection(from_poles(plant, pairs))
         if np.isfinite(projection.linear).all():
             made = PointModel(plant, projection)
             model = replace(made.model(), structure=errors.structure)
             yield model, made.initial_states(), made.levels()
 
 
-def _random_poles(
-    block: Block, radius: float, generator: np.random.Generator
-) -> NDArray[np.complex128]:
-    own = block.random(generator)
-    if block.codes and block.region is None and not block.known:
-        r, angle = radius * generator.random() ** 0.5, np.pi * generator.random()
-        pole = r * np.exp(1j * angle)
-        return np.array([pole, pole.conjugate()]) if block.states == 2 else np.array([r + 0j])
-    return block.poles(own)
-
-
-def _as_pairs(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Poles with exactly conjugate pairs, and real ones without an imaginary part."""
-    upper = poles[poles.imag > 0.0]
-    real = poles[poles.imag == 0.0].real.astype(complex)
-    return np.concatenate([upper, upper.conj(), real])
-
-
-def _problem_at(
-    start: Start, errors: StateSpaceErrors, demands: Demands
-) -> tuple[EntryProblem, Array]:
-    """The problem with sections like those of a model, and its point."""
-    data = errors.data
-    rate = data.recording.sampling_rate
-    blocks = blocks_of(errors.order, demands.constraints, rate, errors.radius, errors.innovations)
-    gains = {}
-    names: Sequence[str] = data.recording.input_names or [""] * data.inputs.shape[1]
-    for column, name in enumerate(names):
-        constraints = demands.constraints or Constraints()
-        given, bounds = constraints.gain_of(name), constraints.gain_bounds_of(name)
-        if given is not None or bounds is not None:
-            scale = float(data.input_scales[column] / data.output_scales[0])
-            lower, upper = bounds or (given, given)
-            gains[column] = Gain(
-                None if lower is None else lower * scale, None if upper is None else upper * scale
-            )
-    problem = EntryProblem(errors, blocks, demands.horizon, gains)
-    return problem, problem.begun(problem.point_of(*start))
-
-
-def _value(problem: EntryProblem, point: Array, absolute: bool) -> float:
-    """Errors in focus in percent."""
-    return _value_of(problem, problem.projection(point).errors, absolute)
-
-
-def _value_of(problem: EntryProblem, errors: Array, absolute: bool) -> float:
-    """Errors in percent."""
-    if absolute:
-        value = absolute_descent.criterion(errors / problem.sizes, problem.weighing)
-        return 100.0 * (float(np.exp(value)) - absolute_descent.ROUNDING)
-    plain = problem.plain
-    return plain.percent(plain.criterion(errors.T @ errors / len(errors)))
-
-
 def _effect(
-    demands: Demands, value: float, without: float, active: Sequence[str]
+    constraints: Constraints | None, value: float, without: float, active: Sequence[str]
 ) -> ConstraintEffect | None:
-    if demands.constraints is None:
+    if constraints is None:
         return None
-    names = ["fixed_poles"] if demands.constraints.fixed_poles else []
-    if demands.constraints.static_gain:
+    names = ["fixed_poles"] if constraints.fixed_poles else []
+    if constraints.static_gain:
         names.append("static_gain")
     return ConstraintEffect(value, without, (*names, *active))
 
@@ -283,70 +179,57 @@ def _described(
     problem: EntryProblem,
     result: SearchResult,
     free: StateSpaceEstimate,
-    demands: Demands,
-    settings: SearchSettings,
+    constraints: Constraints | None,
 ) -> StateSpaceEstimate:
     """The estimate at a point."""
-    errors, point, absolute = problem.plain, result.point, settings.objective == "absolute"
-    data, found = errors.data, problem.projection(point)
-    model = problem.model(point)
+    errors, data = problem.plain, problem.plain.data
+    found, model = problem.projection(result.point), problem.model(result.point)
     radius = float(np.abs(np.concatenate([model.poles(), model.predictor_poles()])).max())
-    active = problem.active(point)
+    names, unheld = problem.active(result.point)
     given = sum(len(block.known) for block in problem.blocks)
     given += sum(not gain.codes for gain in problem.gains.values())
-    covariance = _covariance(problem, found, active[1], settings)
     levels = np.zeros((data.segments, data.outputs.shape[1]))
     if data.levels:
-        levels = data.output_offsets + data.output_scales * found.entries.R[:, : data.levels].T
+        levels = data.output_offsets + data.output_scales * found.parts["R"][:, : data.levels].T
         levels = levels[data.level_of]
+    objective = "absolute" if problem.absolute else "quadratic"
     return replace(
         free,
-        model=replace(model, covariance=covariance),
-        objective=_value_of(problem, found.one_step, absolute),
+        model=replace(model, covariance=_covariance(problem, found, unheld)),
+        objective=problem.percent(found.one_step),
         focus_objective=result.value,
-        initial_states=found.entries.initial.T.copy(),
+        initial_states=found.parts["initial"].T.copy(),
         segment_levels=levels,
         search=result,
-        constraints=_effect(demands, result.value, free.objective, active[0]),
+        constraints=_effect(constraints, result.value, free.objective, names),
         at_stability_bound=lies_at_bound(radius, errors.radius),
-        **criteria_of(errors, found.one_step, errors.parameters - given, settings.objective),
+        **criteria_of(errors, found.one_step, errors.parameters - given, objective),
     )
 
 
 def _covariance(
-    problem: EntryProblem,
-    found: EntryErrors,
-    unheld: NDArray[np.bool_],
-    settings: SearchSettings,
+    problem: EntryProblem, found: EntryErrors, unheld: NDArray[np.bool_]
 ) -> ParameterCovariance | None:
     """Covariance of the entries of the model, zero across active constraints.
 
     ``H^-1 S H^-1`` as of :func:`.parameter_covariance`.  Errors of several steps are coloured: S
     takes their autocovariances.  None for these under the absolute objective.
     """
-    plain = problem.plain
-    data = plain.data
-    J, scores, weights = (
-        found.derivatives[:, :, unheld],
-        found.errors,
-        plain.weights(found.covariance),
-    )
-    curvature = weights
-    white = plain.innovations and problem.horizon == 1
-    if settings.objective == "absolute":
-        if problem.horizon > 1 and plain.innovations:
-            return None
-        found_scores = absolute_scores(plain, scores, problem.weighing)
-        if found_scores is None:
-            return None
-        scores, weights = found_scores
-        curvature = weights
-    if white:
+    plain, data = problem.plain, problem.plain.data
+    J, scores, weights = found.derivatives[:, :, unheld], found.errors, None
+    of_one_step = problem.horizon == 1 or not plain.innovations
+    if not problem.absolute:
+        weights = plain.weights(found.covariance)
+    elif of_one_step and (of_signs := absolute_scores(plain, scores, problem.weighing)):
+        scores, weights = of_signs
+    if weights is None:
+        return None
+    if plain.innovations and of_one_step:
         gamma = (scores.T @ scores / len(scores))[None]
     else:
         gamma = coloured_autocovariances(scores, data.bounds)
     between = weights @ gamma @ weights
-    hessian = np.einsum("tip,ij,tjq->pq", J, curvature, J, optimize=True)
+    hessian = np.einsum("tip,ij,tjq->pq", J, weights, J, optimize=True)
     score = np.zeros_like(hessian)
     for i in range(J.shape[1]):
         for j in range(J.shape[1]):
@@ -354,25 +237,5 @@ def _covariance(
             passed = filtered(J[:, j], of_lags, data.bounds)
             score += J[:, i].T @ passed
     score *= data.samples / degrees_of_freedom(plain)
-    mapping = _model_derivatives(problem, found)[:, unheld]
+    mapping = problem.model_derivatives(found)[:, unheld]
     return sandwich(hessian, score, mapping, plain.order + len(problem.gains))
-
-
-def _model_derivatives(problem: EntryProblem, found: EntryErrors) -> Array:
-    """Derivatives of ``[A, B, C, D, K, level]`` by the point, row by row."""
-    data, derivatives = problem.plain.data, found.entries.derivatives
-    u, y = data.input_scales, data.output_scales
-    kinds, rows, columns = problem.places.T
-    parts = []
-    by_entry = ((0, "A", 1.0), (1, "B", 1 / u), (4, "C", y[:, None]), (5, "D", y[:, None] / u))
-    for kind, name, factors in (*by_entry, (2, "K", 1 / y)):
-        part = np.zeros((*problem.shapes[name], problem.dimension))
-        chosen = kinds == kind
-        part[rows[chosen], columns[chosen]] = derivatives[chosen]
-        scaled = part * np.broadcast_to(factors, problem.shapes[name])[:, :, None]
-        parts.append(scaled.reshape(-1, problem.dimension))
-    level = np.zeros((len(y), problem.dimension))
-    for k, share in enumerate(data.level_shares):
-        chosen = (kinds == 6) & (columns == k)
-        level[rows[chosen]] += share * y[rows[chosen], None] * derivatives[chosen]
-    return np.vstack([*parts, level])

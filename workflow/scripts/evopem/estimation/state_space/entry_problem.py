@@ -8,85 +8,67 @@ drift, and those of static gains.  Descents are those of the other problems.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.constraints import Constraints
+from evopem.estimation import absolute_descent
 from evopem.estimation.absolute_descent import Places, Weighing
+from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.pem.constrained_parameters import Gain
-from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.errors import ScaledRecording, StateSpaceErrors
 from evopem.estimation.state_space.kernels import entry_derivatives
-from evopem.estimation.state_space.point_model import degrees_of_freedom
-from evopem.estimation.state_space.pole_coordinates import Block, coupling_of, modal_basis
+from evopem.estimation.state_space.point_model import COMPLEX_STEP, degrees_of_freedom
+from evopem.estimation.state_space.pole_coordinates import blocks_of, coupling_of, modal_basis
+from evopem.estimation.state_space.problem import (
+    POLISH_STEPS,
+    POLISH_TOLERANCE,
+    STEPS,
+    TOLERANCE,
+)
 from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
+# By the kinds of entries of the kernel; R are the coefficients of levels and drift.
 PARTS = ("A", "B", "K", "initial", "C", "D", "R")
 
 
 @dataclass(frozen=True, eq=False)
-class Entries:
-    """Matrices of a point, for scaled signals, and the derivatives of their entries by the point.
-
-    Attributes
-    ----------
-    A, B, K, initial, C, D, R : arrays
-        R are the coefficients of levels and drift, (l, q), initial the states, (n, segments).
-    derivatives : (entries, n) array
-        Of the entries of :attr:`EntryProblem.places`.
-    """
-
-    A: Array
-    B: Array
-    K: Array
-    initial: Array
-    C: Array
-    D: Array
-    R: Array
-    derivatives: Array
-
-
-@dataclass(frozen=True, eq=False)
 class EntryErrors:
-    """Errors in focus of a point, (N, l), their derivatives, (N, l, n), and their covariance."""
+    """Entries and errors of a point, for scaled signals."""
 
-    entries: Entries
-    one_step: Array
-    errors: Array
-    derivatives: Array
+    parts: dict[str, Array]
+    by_point: Array  # (entries, n): derivatives of the entries of EntryProblem.places
+    one_step: Array  # (N, l)
+    errors: Array  # (N, l): in focus
+    derivatives: Array  # (N, l, n)
     covariance: Array
 
 
 class EntryProblem:
-    """Errors of models of one order on a recording, with all entries in the point.
+    """Errors of models of one order on a recording, so many samples ahead, under constraints.
 
-    Parameters
-    ----------
-    plain : StateSpaceErrors
-        Recording, order, structure, weighting and radius.
-    blocks : sequence of Block
-        Of the poles of A.
-    horizon : int
-        Samples ahead.
-    gains : mapping of int to Gain
-        Static gains from inputs to the one output, in the units of the scaled signals.
+    Recording, order, structure, weighting and radius are those of ``plain``.
     """
 
     def __init__(
         self,
         plain: StateSpaceErrors,
-        blocks: Sequence[Block],
         horizon: int = 1,
-        gains: Mapping[int, Gain] | None = None,
+        constraints: Constraints | None = None,
+        absolute: bool = False,
     ) -> None:
-        self.plain, self.blocks, self.horizon = plain, tuple(blocks), horizon
-        self.gains = dict(gains or {})
+        self.plain, self.horizon, self.absolute = plain, horizon, absolute
         data, n = plain.data, plain.order
+        self.blocks = blocks_of(
+            n, constraints, data.recording.sampling_rate, plain.radius, plain.innovations
+        )
+        self.gains = {} if constraints is None else _gains_of(constraints, data)
         m, outputs = data.inputs.shape[1], data.outputs.shape[1]
         self.regressors = np.ascontiguousarray(np.hstack([data.constants, data.drift]))
         self.shapes = {
@@ -98,22 +80,19 @@ class EntryProblem:
             "D": (outputs, m),
             "R": (outputs, self.regressors.shape[1]),
         }
-        places = [place for k in range(0, n, 2) for place in _of_section(k, n)]
-        rows: list[tuple[int, int, int]] = [(0, *place) for place in places]
+        rows = [(0, *place) for k in range(0, n, 2) for place in _of_section(k, n)]
+        self._poles = len(rows)
+        given = {"D": data.feedthrough, "K": np.full(outputs, plain.innovations)}
         for kind, name in enumerate(PARTS[1:], start=1):
-            shape = self.shapes[name]
-            columns: Sequence[int] = range(shape[1])
-            if name == "D":
-                columns = [int(k) for k in np.flatnonzero(data.feedthrough)]
-            if name != "K" or plain.innovations:
-                rows += [(kind, i, j) for i in range(shape[0]) for j in columns]
+            height, width = self.shapes[name]
+            columns = np.flatnonzero(given.get(name, np.ones(width)))
+            rows += [(kind, i, int(j)) for i in range(height) for j in columns]
         self.places = np.array(rows, dtype=np.int64)
         ends = np.cumsum([0, *(len(block.codes) for block in self.blocks)])
         self.own = [slice(*pair) for pair in pairwise(ends)]
-        self.first = int(ends[-1])
-        self.entries_of_poles = len(places)
+        at = int(ends[-1]) + len(rows) - self._poles
+        self._free = slice(int(ends[-1]), at)
         self.gain_at = {}
-        at = self.first + len(rows) - len(places)
         for column, gain in self.gains.items():
             self.gain_at[column] = slice(at, at + len(gain.codes))
             at += len(gain.codes)
@@ -123,92 +102,89 @@ class EntryProblem:
         self._coupling = np.ones(n // 2)
         self._latest: tuple[Array, EntryErrors] | None = None
 
-    def entries(self, point: Array) -> Entries:
-        """Matrices of a point."""
-        parts = {name: np.zeros(shape) for name, shape in self.shapes.items()}
-        count, poles = len(self.places), self.entries_of_poles
-        derivatives = np.zeros((count, self.dimension))
-        derivatives[poles:, self.first : self.first + count - poles] = np.eye(count - poles)
+    def _parts(self, values: NDArray, coupling: Array | None = None) -> dict[str, NDArray]:
+        """Matrices with some entries, (..., entries), at the places, and s of the sections of A."""
+        parts = {}
+        for kind, name in enumerate(PARTS):
+            parts[name] = np.zeros((*values.shape[:-1], *self.shapes[name]), dtype=values.dtype)
+            chosen = self.places[:, 0] == kind
+            rows, columns = self.places[chosen, 1:].T
+            parts[name][..., rows, columns] = values[..., chosen]
+        if coupling is not None:
+            first = 2 * np.arange(len(coupling))
+            parts["A"][..., first, first + 1] = coupling
+        return parts
+
+    def entries(self, point: Array) -> tuple[Array, Array]:
+        """Entries at the places, and their derivatives by the point, (entries, n)."""
+        values, by_point = np.empty(len(self.places)), np.zeros((len(self.places), self.dimension))
+        values[self._poles :] = point[self._free]
+        by_point[self._poles :, self._free] = np.eye(len(values) - self._poles)
         at = 0
         for k, (block, own) in enumerate(zip(self.blocks, self.own, strict=True)):
-            values, by_own = block.values(point[own])
-            i = 2 * k
+            of_block, by_own = block.values(point[own])
             if block.states == 1:
-                parts["A"][i, i] = values[0]
-                derivatives[at, own] = by_own[0]
-                at += 1
+                values[at], by_point[at, own] = of_block[0], by_own[0]
                 continue
-            s = self._coupling[k]
-            parts["A"][i : i + 2, i : i + 2] = [[values[0], s], [values[1] / s, values[0]]]
-            derivatives[at : at + 3, own] = by_own[[0, 0, 1]] / np.array([[1.0], [1.0], [s]])
+            scale = np.array([1.0, 1.0, self._coupling[k]])
+            values[at : at + 3] = of_block[[0, 0, 1]] / scale
+            by_point[at : at + 3, own] = by_own[[0, 0, 1]] / scale[:, None]
             at += 3
-        free = point[self.first : self.first + count - poles]
-        for kind, name in enumerate(PARTS[1:], start=1):
-            chosen = self.places[poles:, 0] == kind
-            _, rows, columns = self.places[poles:][chosen].T
-            parts[name][rows, columns] = free[chosen]
         for column, gain in self.gains.items():
-            self._give(parts, derivatives, column, gain, point[self.gain_at[column]])
-        return Entries(**parts, derivatives=derivatives)
+            self._give(values, by_point, column, *gain.value(point[self.gain_at[column]]))
+        return values, by_point
 
     def _give(
-        self, parts: dict[str, Array], derivatives: Array, column: int, gain: Gain, own: Array
+        self, values: Array, by_point: Array, column: int, gain: float, by_own: float
     ) -> None:
         """Change a column of B so that the static gain from its input is the given one."""
-        value, by_own = gain.value(own)
-        inverse = np.linalg.inv(np.eye(len(parts["A"])) - parts["A"])
-        v = (parts["C"] @ inverse)[0]
-        size = float(v @ v)
-        w, b = v / size, parts["B"][:, column].copy()
-        missing = value - parts["D"][0, column] - float(v @ b)
-        kinds, rows, columns = self.places.T
-        # By each entry: of v, and of what is missing.
-        dv = np.zeros((len(self.places), len(v)))
-        poles, outs = kinds == 0, kinds == 4
-        dv[poles] = v[rows[poles], None] * inverse[columns[poles]]
-        dv[outs] = inverse[columns[outs]]
-        missed = -dv @ b
-        missed[(kinds == 5) & (columns == column)] -= 1.0
-        of_b = (kinds == 1) & (columns == column)
-        missed[of_b] -= v[rows[of_b]]
-        dw = dv / size - np.outer(2.0 * (dv @ v) / size**2, v)
-        change = dw * missing + np.outer(missed, w)
-        change_by_point = change.T @ derivatives
-        if len(own):
-            change_by_point[:, self.gain_at[column]] += by_own * w[:, None]
-        parts["B"][:, column] = b + w * missing
-        derivatives[np.flatnonzero(of_b)[np.argsort(rows[of_b])]] += change_by_point
+        of_b = np.flatnonzero((self.places[:, 0] == 1) & (self.places[:, 2] == column))
+
+        def changed(values: NDArray) -> NDArray:
+            parts, b = self._parts(values[..., :-1], self._coupling), values[..., of_b]
+            transposed = np.swapaxes(np.eye(len(of_b)) - parts["A"], -2, -1)
+            v = np.linalg.solve(transposed, parts["C"][..., :1, :].swapaxes(-2, -1))[..., 0]
+            missing = values[..., -1] - parts["D"][..., 0, column] - np.sum(v * b, axis=-1)
+            return np.asarray(b + v * (missing / np.sum(v * v, axis=-1))[..., None])
+
+        given = np.append(values, gain)
+        steps = 1j * COMPLEX_STEP * np.eye(len(given))
+        by_given = changed(given + steps).imag.T / COMPLEX_STEP
+        by_point[of_b] = by_given[:, :-1] @ by_point
+        by_point[of_b, self.gain_at[column]] += by_own * by_given[:, -1:]
+        values[of_b] = changed(given)
 
     def projection(self, point: Array) -> EntryErrors:
         """Errors of a point and their derivatives."""
         if self._latest is not None and np.array_equal(self._latest[0], point):
             return self._latest[1]
-        data, entries = self.plain.data, self.entries(point)
-        matrices = [getattr(entries, name) for name in ("A", "B", "K", "C", "D", "R", "initial")]
+        data, (values, by_point) = self.plain.data, self.entries(point)
+        parts = self._parts(values, self._coupling)
         with np.errstate(all="ignore"):
             one_step, by_entries = entry_derivatives(
-                *(np.ascontiguousarray(each) for each in matrices),
+                *(parts[name] for name in ("A", "B", "K", "C", "D", "R", "initial")),
                 *(np.ascontiguousarray(column) for column in self.places.T),
                 *(data.inputs, data.outputs, self.regressors, data.bounds),
             )
-            errors, by_entries = self._ahead(entries, one_step, by_entries)
+            errors, by_entries = self._ahead(parts, one_step, by_entries)
             covariance = errors.T @ errors / len(errors)
-            derivatives = by_entries @ entries.derivatives
-        found = EntryErrors(entries, one_step, errors, derivatives, covariance)
+            derivatives = by_entries @ by_point
+        found = EntryErrors(parts, by_point, one_step, errors, derivatives, covariance)
         self._latest = (point.copy(), found)
         return found
 
-    def _ahead(self, entries: Entries, errors: Array, derivatives: Array) -> tuple[Array, Array]:
+    def _ahead(
+        self, parts: dict[str, Array], errors: Array, derivatives: Array
+    ) -> tuple[Array, Array]:
         """Errors of predictions ``horizon`` samples ahead, and their derivatives."""
         if self.horizon == 1 or not self.plain.innovations:
             return errors, derivatives
-        A, K, C = entries.A, entries.K, entries.C
+        A, K, C = parts["A"], parts["K"], parts["C"]
         kinds, rows, columns = self.places.T
         ahead, by_entries = errors.copy(), derivatives.copy()
         G, dG = K, np.zeros((len(kinds), *K.shape))
-        of_k = np.flatnonzero(kinds == 2)
+        of_a, of_k, of_c = (np.flatnonzero(kinds == PARTS.index(name)) for name in "AKC")
         dG[of_k, rows[of_k], columns[of_k]] = 1.0
-        of_a, of_c = np.flatnonzero(kinds == 0), np.flatnonzero(kinds == 4)
         for lag in range(1, self.horizon):
             H, dH = C @ G, C @ dG
             dH[of_c, rows[of_c]] += G[columns[of_c]]
@@ -222,6 +198,25 @@ class EntryProblem:
             dG[of_a, rows[of_a]] += G[columns[of_a]]
             G = A @ G
         return ahead, by_entries
+
+    def descend(self, point: Array) -> Optimum:
+        """The optimum that a descent ends at."""
+        if self.absolute:
+            return absolute_descent.descend(self, point, absolute_descent.SEARCH_WIDTH)
+        return descend(self, point, STEPS, TOLERANCE)
+
+    def polish(self, point: Array) -> Optimum:
+        """The same to the last digits."""
+        if self.absolute:
+            return absolute_descent.polish(self, point)
+        return descend(self, point, POLISH_STEPS, POLISH_TOLERANCE)
+
+    def percent(self, errors: Array) -> float:
+        """Objective of errors, (N, l), in percent."""
+        if self.absolute:
+            value = absolute_descent.criterion(errors / self.sizes, self.weighing)
+            return 100.0 * (float(np.exp(value)) - absolute_descent.ROUNDING)
+        return self.plain.percent(self.plain.criterion(errors.T @ errors / len(errors)))
 
     # What a descent of squares asks for.
 
@@ -246,8 +241,8 @@ class EntryProblem:
 
     def stable(self, projection: EntryErrors) -> bool:
         """Whether the predictor is stable; the poles of A are within their bounds."""
-        entries = projection.entries
-        matrix = entries.A - entries.K @ entries.C
+        parts = projection.parts
+        matrix = parts["A"] - parts["K"] @ parts["C"]
         if not np.isfinite(matrix).all():
             return False
         return bool(np.abs(np.linalg.eigvals(matrix)).max() <= self.plain.radius)
@@ -273,10 +268,8 @@ class EntryProblem:
         after = self.moved(point, -1e-6 * np.sign(gradient))
         shares = np.zeros(self.dimension, dtype=bool)
         for block, own in zip(self.blocks, self.own, strict=True):
-            if block.region is not None or block.known:
-                shares[own] = True
-        for own in self.gain_at.values():
-            shares[own] = True
+            shares[own] = block.region is not None or bool(block.known)
+        shares[self._free.stop :] = True
         return shares & (after == point)
 
     # What a descent of absolute errors asks for.
@@ -304,15 +297,9 @@ class EntryProblem:
     # To and from models.
 
     def point_of(self, model: StateSpaceModel, initial: Array, levels: Array) -> Array:
-        """The point nearest to a model of this order, with the states and levels of segments.
+        """The point nearest to a model, with the states (segments, n) and levels (segments, l).
 
         It fixes s of each section: points of one problem all stem from one model.
-
-        Parameters
-        ----------
-        model : StateSpaceModel
-        initial : (segments, n) array
-        levels : (segments, l) array
         """
         data = self.plain.data
         u, y = data.input_scales, data.output_scales
@@ -339,16 +326,11 @@ class EntryProblem:
         for name in ("B", "K", "initial"):
             parts[name] /= sizes[:, None]
         parts["C"] *= sizes
-        for kind, name in enumerate(PARTS[1:], start=1):
-            chosen = self.places[:, 0] == kind
-            _, rows, columns = self.places[chosen].T
-            at = self.first + np.flatnonzero(chosen) - self.entries_of_poles
-            point[at] = parts[name][rows, columns]
+        free = [parts[PARTS[kind]][i, j] for kind, i, j in self.places[self._poles :]]
+        point[self._free] = free
         for column, gain in self.gains.items():
-            resolvent = np.linalg.solve(
-                np.eye(model.order) - model.A, model.B[:, column] * u[column]
-            )
-            found = float(model.C[0] @ resolvent + model.D[0, column] * u[column]) / float(y[0])
+            at_rest = np.linalg.solve(np.eye(model.order) - model.A, model.B[:, column])
+            found = float(model.C[0] @ at_rest + model.D[0, column]) * u[column] / float(y[0])
             point[self.gain_at[column]] = gain.coordinates(found)
         self._latest = None
         return point
@@ -356,23 +338,30 @@ class EntryProblem:
     def model(self, point: Array) -> StateSpaceModel:
         """The model of a point in the units of the recording, without covariance."""
         data, found = self.plain.data, self.projection(point)
-        u, y, entries = data.input_scales, data.output_scales, found.entries
         noise = found.one_step.T @ found.one_step / degrees_of_freedom(self.plain)
-        level = data.output_offsets + y * (entries.R[:, : data.levels] @ data.level_shares)
+        A, B, C, D, K, level = self._recorded(found.parts)
         return StateSpaceModel(
-            A=entries.A,
-            B=entries.B / u,
-            C=entries.C * y[:, None],
-            D=entries.D * y[:, None] / u,
-            K=entries.K / y,
-            level=level,
-            sampling_rate=data.recording.sampling_rate,
-            noise_covariance=noise * np.outer(y, y),
+            *(A, B, C, D, K, data.recording.sampling_rate, data.output_offsets + level),
+            noise * np.outer(data.output_scales, data.output_scales),
             input_delays=data.shifts if any(data.shifts) else (),
             structure=self.plain.structure,
             input_names=data.recording.input_names,
             output_names=data.recording.output_names,
         )
+
+    def model_derivatives(self, found: EntryErrors) -> Array:
+        """Derivatives of ``[A, B, C, D, K, level]`` by the point."""
+        changes = self._recorded(self._parts(np.eye(len(self.places))))
+        by_entries = np.hstack([part.reshape(len(part), -1) for part in changes])
+        return np.asarray(by_entries.T @ found.by_point)
+
+    def _recorded(self, parts: dict[str, Array]) -> tuple[Array, ...]:
+        """A, B, C, D, K and level, less the offset of the outputs, in the recording's units."""
+        data = self.plain.data
+        u, y = data.input_scales, data.output_scales
+        level = y * (parts["R"][..., : data.levels] @ data.level_shares)
+        C, D = parts["C"] * y[:, None], parts["D"] * y[:, None] / u
+        return parts["A"], parts["B"] / u, C, D, parts["K"] / y, level
 
     def active(self, point: Array) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
         """Active inequalities, and the coordinates that they leave free, (n,) of bool."""
@@ -388,6 +377,18 @@ class EntryProblem:
                 names.add("static_gain_bounds")
                 free[own] = False
         return tuple(sorted(names)), free
+
+
+def _gains_of(constraints: Constraints, data: ScaledRecording) -> dict[int, Gain]:
+    """Static gains from inputs to the one output, in the units of the scaled signals."""
+    gains = {}
+    for column, name in enumerate(data.recording.input_names or [""] * data.inputs.shape[1]):
+        given, bounds = constraints.gain_of(name), constraints.gain_bounds_of(name)
+        if given is not None or bounds is not None:
+            scale = float(data.input_scales[column] / data.output_scales[0])
+            ends = [None if end is None else end * scale for end in bounds or (given, given)]
+            gains[column] = Gain(*ends)
+    return gains
 
 
 def _of_section(k: int, order: int) -> list[tuple[int, int]]:

@@ -12,7 +12,7 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.state_space.entry_estimate import Demands, check_demands, meeting
+from evopem.estimation.state_space.entry_estimate import check_state_space_constraints, meeting
 from evopem.estimation.state_space.local_estimates import (
     StateSpaceEstimate,
     descend_from,
@@ -119,15 +119,15 @@ def estimate_state_space(
     else:
         with one_blas_thread():
             errors = task.errors(recording, order)
-            demands = Demands(horizon or 1, constraints)
-            check_demands(demands, errors)
+            if constraints is not None:
+                check_state_space_constraints(constraints, errors)
             points = [point_of_model(each, errors) for each in starts]
             free = described(*searched(errors, points, task.settings, log))
     if constraints is None and horizon in (1, None):
         return replace(free, focus=focus)
     with one_blas_thread():
         errors = replace(task, structure=free.model.structure).errors(recording, free.model.order)
-        found = meeting(free, errors, Demands(horizon or 1, constraints), task.settings)
+        found = meeting(free, errors, horizon or 1, constraints, task.settings)
     return replace(found, focus=focus)
 
 

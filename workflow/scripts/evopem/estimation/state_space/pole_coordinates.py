@@ -25,21 +25,11 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A section of two states, or of one.
+    """A section of two states, or of one."""
 
-    Attributes
-    ----------
-    known : tuple of complex
-        Poles that are given: none, one real one, or all.
-    states : {1, 2}
-    region : PoleRegion, optional
-        Of the other poles; None where they are free within the radius.
-    radius : float
-    """
-
-    known: tuple[complex, ...]
+    known: tuple[complex, ...]  # poles that are given: none, one real one, or all
     states: int
-    region: PoleRegion | None
+    region: PoleRegion | None  # of the other poles; None where they are free within the radius
     radius: float
 
     @property
@@ -110,14 +100,18 @@ class Block:
         name = self.region.active_real(float(own[0]))
         return ([], []) if name is None else ([name], [0])
 
-    def random(self, generator: np.random.Generator) -> Array:
-        """Random coordinates of a restricted section."""
+    def random_poles(self, generator: np.random.Generator) -> Complex:
+        """Random allowed poles, (states,)."""
         own = generator.random(len(self.codes))
+        if self.codes and self.codes[0] == FREE:
+            r, angle = self.radius * generator.random() ** 0.5, np.pi * generator.random()
+            pole = r * np.exp(1j * angle)
+            return np.array([pole, pole.conjugate()]) if self.states == 2 else np.array([r + 0j])
         if self.region is not None and self.codes and self.codes[0] == KIND:
             own[0] = generator.integers(self.region.kinds)
             # Poles of interest lie near the edge of their region.
             own[2] = 1.0 - generator.random() ** 2
-        return own
+        return self.poles(own)
 
     def poles(self, own: Array) -> Complex:
         """The poles, (states,)."""
