@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem import levenberg_marquardt
 from evopem.estimation.pem.batch_bfgs import Descent, descend
+from fletcher_powell import levenberg_marquardt
 from fletcher_powell.function import wrap
 from fletcher_powell.objective import Objective
 
