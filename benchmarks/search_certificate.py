@@ -35,18 +35,18 @@ from evopem.estimation.polynomial_search import (  # noqa: E402
 )
 from evopem.estimation.polynomial_search import problem_of as problem_of_errors  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
-from evopem.estimation.search.certificate import is_certified  # noqa: E402
-from evopem.estimation.search.global_search import (  # noqa: E402
-    BATCH,
-    FIRST_PASS,
-    global_search,
-)
-from evopem.estimation.search.likely_gain import (  # noqa: E402
+from evopem.estimation.search.certificate import (  # noqa: E402
     AFTER_BATCHES,
     AFTER_FEW_OPTIMA,
     AFTER_FIRST_PASS,
     AFTER_RESTART,
     gain_after_first_pass,
+    is_certified,
+)
+from evopem.estimation.search.global_search import (  # noqa: E402
+    BATCH,
+    FIRST_PASS,
+    global_search,
 )
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.structures import Orders, orders_of  # noqa: E402

@@ -12,8 +12,8 @@ from evopem import (
     SearchSettings,
     estimate,
 )
-from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.covariance import estimate_covariance
+from evopem.estimation.search.armax_problem import fit_arx
 from evopem.models.structures import armax_orders
 from evopem.synthesis.armax import armax
 

@@ -25,7 +25,7 @@ from evopem.estimation.order_selection import (
     settle,
 )
 from evopem.estimation.parallel import estimate_in_parallel
-from evopem.estimation.search.likely_gain import AFTER_FEW_OPTIMA, AFTER_FIRST_PASS, FEW_OPTIMA, Aim
+from evopem.estimation.search.certificate import AFTER_FEW_OPTIMA, AFTER_FIRST_PASS, FEW_OPTIMA, Aim
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import to_json
 from evopem.models.polynomial import PolynomialModel

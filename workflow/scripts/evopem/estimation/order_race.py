@@ -16,9 +16,8 @@ import numpy as np
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.candidate import Candidate
-from evopem.estimation.search.certificate import is_certified
+from evopem.estimation.search.certificate import Aim, gain_after_first_pass, is_certified
 from evopem.estimation.search.global_search import FIRST_PASS
-from evopem.estimation.search.likely_gain import Aim, gain_after_first_pass
 
 # Powers of the residuals that the objectives sum.
 POWERS = {"quadratic": 2, "absolute": 1}

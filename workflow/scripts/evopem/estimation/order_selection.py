@@ -21,9 +21,8 @@ from evopem.estimation.polynomial_search import (
     described,
     estimate_polynomial,
 )
-from evopem.estimation.search.certificate import is_certified
+from evopem.estimation.search.certificate import Aim, is_certified
 from evopem.estimation.search.incremental_order import padded
-from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.problem import same_optimum
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording

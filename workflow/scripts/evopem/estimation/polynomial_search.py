@@ -27,8 +27,8 @@ from evopem.estimation.prediction_estimate import (
     search_key,
 )
 from evopem.estimation.search.armax_problem import ArmaxProblem
+from evopem.estimation.search.certificate import Aim
 from evopem.estimation.search.global_search import continued_search
-from evopem.estimation.search.likely_gain import Aim
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.estimation.simulation_estimate import simulation_estimate

@@ -22,7 +22,9 @@ from evopem.estimation.pem.covariance import (
     Fitted,
     loss_deviation,
     of_coefficients,
+    scores_of,
     tangent_covariance,
+    whitened,
 )
 from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
@@ -341,5 +343,13 @@ def _covariance(
     deviation = loss_deviation(innovations, fitted.tangent.shape[1], errors.objective)
     if not np.isfinite(deviation):
         return None
-    weights = k_errors.weights(point) if isinstance(k_errors, KStepErrors) else np.ones(1)
-    return tangent_covariance(fitted, (weights, np.ones(1)), deviation)
+    o, noise_filter = errors.orders, (np.ones(1), np.ones(1))
+    if isinstance(k_errors, KStepErrors):
+        noise_filter = k_errors.weights(point), np.ones(1)
+    elif o.na + o.noise_states == 0:
+        # Nothing whitens the errors of a model of the plant alone.
+        scores = scores_of(innovations, fitted.tangent.shape[1], errors.objective)
+        whitening, variance = whitened(scores, fitted.tangent.shape[1])
+        if len(whitening) > 1:
+            noise_filter, deviation = (np.ones(1), whitening), float(np.sqrt(variance))
+    return tangent_covariance(fitted, noise_filter, deviation)

@@ -13,7 +13,7 @@ from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.polynomial_search import estimate_polynomial
-from evopem.estimation.search.likely_gain import Aim
+from evopem.estimation.search.certificate import Aim
 from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate

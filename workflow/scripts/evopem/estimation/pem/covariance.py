@@ -84,18 +84,13 @@ def coloured_covariance(
 
     samples, estimated = jacobian.shape
     joints = np.cumsum(np.asarray(counts, dtype=int))[:-1]
-    score = residuals
-    if objective == "absolute":
-        score = np.sign(residuals) * loss_deviation(residuals, estimated, objective)
-        if not np.isfinite(score).all():
-            return None
+    score = scores_of(residuals, estimated, objective)
+    if not np.isfinite(score).all():
+        return None
     triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
     inverse, null_space = pseudo_inverse_factor(triangle)
     if input_alone:
-        whitening = autoregression(score - score.mean(), MOST_COLOURING)
-        innovations = np.convolve(score - score.mean(), whitening, mode="valid")
-        # The innovations of signs are as large as those of residuals: their mean square.
-        variance = float(innovations @ innovations) / max(len(innovations) - estimated, 1)
+        whitening, variance = whitened(score, estimated)
         parts = np.split(jacobian, joints)
         filtered = np.concatenate([lfilter([1.0], whitening, p[::-1], axis=0) for p in parts])
         half = np.sqrt(variance) * np.asarray(np.linalg.qr(filtered, mode="r")).T
@@ -107,6 +102,22 @@ def coloured_covariance(
     eigenvalues, vectors = np.linalg.eigh(bread @ meat @ bread.T)
     factor = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     return of_coefficients(ParameterCovariance(factor, null_space), parameters)
+
+
+def scores_of(residuals: Array, estimated: int, objective: str) -> Array:
+    """The scores of residuals; NaN where their density at zero is not known."""
+    if objective == "quadratic":
+        return residuals
+    return np.asarray(np.sign(residuals) * loss_deviation(residuals, estimated, objective))
+
+
+def whitened(scores: Array, estimated: int) -> tuple[Array, float]:
+    """The autoregression that whitens scores, and the variance of their innovations."""
+    centred = scores - scores.mean()
+    whitening = autoregression(centred, MOST_COLOURING)
+    innovations = np.convolve(centred, whitening, mode="valid")
+    # The innovations of signs are as large as those of residuals: their mean square.
+    return whitening, float(innovations @ innovations) / max(len(innovations) - estimated, 1)
 
 
 def is_coloured(residuals: Array) -> bool:

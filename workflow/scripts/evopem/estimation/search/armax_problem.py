@@ -8,14 +8,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.arx import fit_arx
 from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.search.descent_problem import DescentProblem
 from evopem.estimation.search.incremental_order import random_pairs, smaller_orders, with_factor
 from evopem.estimation.search.root_recombination import Sections, product_of, sections_of
-from evopem.estimation.search.section_coordinates import descend_in_sections
 from evopem.estimation.search.section_hopping import (
-    COMMON_DAMPING,
     FARTHEST_NEIGHBOUR,
     PLACES,
     PREDICTION_DAMPING,
@@ -25,12 +24,7 @@ from evopem.estimation.search.section_hopping import (
 )
 from evopem.estimation.search.staged_descent import (
     DAMPING,
-    DESCENT_STAGES,
-    coarse_descent,
-    polish,
     promised_values,
-    solve_linear,
-    staged_descent,
 )
 from evopem.models.structures import Orders
 
@@ -39,15 +33,13 @@ Array = NDArray[np.float64]
 # How the individuals of a first population are made.
 INITIALIZATIONS = ("arx", "incremental_order")
 
-# Random points of a multistart check times samples, at least.
-MIN_MULTISTART = 2**17
 # Pairs of roots tried for each individual and increment of the order, and those of them that a
 # descent starts from.
 TRIED_PAIRS = 16
 DESCENDED_PAIRS = 2
 
 
-class ArmaxProblem:
+class ArmaxProblem(DescentProblem[PolynomialErrors]):
     """Search problem of one record and order; see :class:`.memetic.Problem`.
 
     ``initialization`` {"arx", "incremental_order"}: ``arx``: A and B of stage one, C at random.
@@ -66,21 +58,9 @@ class ArmaxProblem:
         return fit_arx(errors.input, errors.output, errors.orders, errors.residual_start)
 
     @cached_property
-    def _scale(self) -> float:
+    def _largest_value(self) -> float:
         """The objective of stage one, which bounds the weight of the barrier at poor points."""
         return float(self.values(self.random(1, np.random.default_rng(0)))[0])
-
-    @cached_property
-    def _states(self) -> NDArray[np.bool_]:
-        """Which coordinates of a point are states."""
-        states = np.zeros(self.errors.dimension, dtype=bool)
-        states[self.errors.parts()["noise"]] = True
-        return states
-
-    @property
-    def min_multistart(self) -> int:
-        """Points of a multistart check: shorter records have more optima and cheaper descents."""
-        return MIN_MULTISTART // self.errors.samples
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A first population, and the evaluations that it took."""
@@ -132,21 +112,12 @@ class ArmaxProblem:
 
     def _promise(self, points: Array, value: float, damping: float = DAMPING) -> Array:
         """Objective that one Gauss-Newton step from each point predicts; inf where infeasible."""
-        return promised_values(self.errors, points, value, self._scale, damping)
-
-    def promised(self, points: Array, value: float) -> Array:
-        """Objective that one Gauss-Newton step from each point predicts; inf where meaningless.
-
-        The states are fitted first, in place.
-        """
-        solve_linear(self.errors, points, self._states, 1)
-        promised = self._promise(points, value, COMMON_DAMPING)
-        return np.where(promised > 0.0, promised, np.inf)
+        return promised_values(self.errors, points, value, self._largest_value, damping)
 
     def of_orders(self, orders: Orders) -> ArmaxProblem:
         """The problem of other orders."""
         problem = ArmaxProblem(self.errors.of_orders(orders))
-        problem._scale = self._scale
+        problem._largest_value = self._largest_value
         return problem
 
     def neighbours(
@@ -190,40 +161,44 @@ class ArmaxProblem:
                 moved.append(neighbour)
         return np.array(moved).reshape(len(moved), len(point))
 
-    def repair(self, points: Array) -> Array:
-        """Reflect the roots of A and C of infeasible points inside."""
-        return self.errors.repair(points)
-
-    def values(self, points: Array) -> Array:
-        """Exact objective in percent, (M,)."""
-        return self.errors.values(points)
-
-    def descend(self, points: Array) -> Descent:
-        """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
-        return staged_descent(self.errors, points, DESCENT_STAGES, self._scale)
-
-    def descend_coarsely(self, points: Array) -> Descent:
-        """BFGS from each point to near its end."""
-        return coarse_descent(self.errors, points, self._scale)
-
-    def descend_from_neighbours(self, points: Array) -> Descent:
-        """BFGS from points whose Gauss-Newton matrix may be singular."""
-        return staged_descent(self.errors, points, DESCENT_STAGES, self._scale, PREDICTION_DAMPING)
-
-    def polish(self, points: Array) -> Descent:
-        """BFGS with ever less smoothing; never worse than the starting points.
-
-        Each point ends where it would end alone.
-        """
-        return polish(self.errors, points, self._scale, wait=None)
-
-    def descend_in_sections(self, points: Array) -> Descent:
-        """Descents along the edge of the stability region; never worse than where they began."""
-        return descend_in_sections(self.errors, points, self._scale)
-
 
 def _best_of_each(descents: Descent, count: int) -> tuple[Array, Array]:
     """The best of each of ``count`` equally large groups of neighbouring descents."""
     groups = descents.values.reshape(count, -1)
     best = np.argmin(groups, axis=1) + groups.shape[1] * np.arange(count)
     return descents.points[best], descents.values[best]
+
+
+def _regression_rows(
+    input: Array,  # noqa: A002
+    output: Array,
+    orders: Orders,
+    start: int,
+    stop: int,
+) -> Array:
+    """Rows ``[-y_(t-1).., u_(t-nk).., y_t]`` for start <= t < stop, (stop - start, na + nb + 1)."""
+    past_outputs = [-output[start - i : stop - i] for i in range(1, orders.na + 1)]
+    past_inputs = [
+        input[start - orders.single.nk - j : stop - orders.single.nk - j]
+        for j in range(orders.single.nb)
+    ]
+    return np.column_stack([*past_outputs, *past_inputs, output[start:stop]])
+
+
+def fit_arx(input: Array, output: Array, orders: Orders, start: int) -> Array:  # noqa: A002
+    """Least-squares ``[a_1..a_na, b_0..b_(nb-1)]`` of the equation error from ``start`` on.
+
+    Solved by singular values, so that collinear regressors give the shortest solution instead of
+    noise.  The result may be unstable; it is a start for the search, not a model.
+    """
+    samples = len(output)
+    triangle = triangle_of(
+        _regression_rows(input, output, orders, *chunk) for chunk in chunks(start, samples)
+    )
+    phi, target = triangle[:, :-1], triangle[:, -1]
+    scale = np.linalg.norm(phi, axis=0)
+    scale[scale == 0.0] = 1.0
+    cutoff = np.finfo(float).eps * (samples - start)  # as for the matrix before its reduction
+    solution = np.linalg.lstsq(phi / scale, target, rcond=cutoff)[0]
+    coefficients: Array = solution / scale
+    return coefficients

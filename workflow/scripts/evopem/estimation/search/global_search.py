@@ -20,8 +20,14 @@ from numpy.typing import NDArray
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.search.certificate import MANY_OPTIMA, ONE_OPTIMUM, enough_agree
-from evopem.estimation.search.likely_gain import AFTER_BATCHES, AFTER_RESTART, Aim
+from evopem.estimation.search.certificate import (
+    AFTER_BATCHES,
+    AFTER_RESTART,
+    MANY_OPTIMA,
+    ONE_OPTIMUM,
+    Aim,
+    enough_agree,
+)
 from evopem.estimation.search.memetic import Recombination, memetic_search
 from evopem.estimation.search.problem import (
     SAME_COARSE_DESCENT,

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.search.memetic import discrete_recombination
 from evopem.estimation.search.polynomial_starts import PolynomialStarts
 from evopem.estimation.search.root_recombination import (
@@ -16,29 +13,16 @@ from evopem.estimation.search.root_recombination import (
     recombined_polynomials,
     sections_of,
 )
-from evopem.estimation.search.section_coordinates import descend_in_sections
 from evopem.estimation.search.section_hopping import (
-    COMMON_DAMPING,
     PLACES,
-    PREDICTION_DAMPING,
     random_sections,
     section_roots,
     without_nearest_section,
-)
-from evopem.estimation.search.staged_descent import (
-    DESCENT_STAGES,
-    coarse_descent,
-    polish,
-    promised_values,
-    solve_linear,
-    staged_descent,
 )
 from evopem.estimation.search.starting_polynomials import random_denominators
 
 Array = NDArray[np.float64]
 
-# Random points of a multistart check times samples, at least.
-MIN_MULTISTART = 2**17
 # Share of the generations that recombine roots; the others recombine coefficients.
 BY_ROOTS = 0.75
 
@@ -52,19 +36,9 @@ class PolynomialProblem(PolynomialStarts):
 
     _drawn = False
 
-    @cached_property
-    def _states(self) -> NDArray[np.bool_]:
-        """Which coordinates of a point are states."""
-        return self.errors.linear("plant", "noise")
-
     @property
     def _polynomials(self) -> list[tuple[str, slice]]:
         return self.errors.polynomials()
-
-    @property
-    def min_multistart(self) -> int:
-        """Points of a multistart check: shorter records have more optima and cheaper descents."""
-        return MIN_MULTISTART // self.errors.samples
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A population, and the evaluations that it took; the first one holds the estimates."""
@@ -81,31 +55,6 @@ class PolynomialProblem(PolynomialStarts):
     def random(self, count: int, generator: np.random.Generator) -> Array:
         """Independent points with random A, C, D and F; the rest follows by least squares."""
         return self._drawn_at_random(count, generator)[0]
-
-    def repair(self, points: Array) -> Array:
-        """Move the roots of infeasible points inside."""
-        return self.errors.repair(points)
-
-    def descend_coarsely(self, points: Array) -> Descent:
-        """BFGS from each point to near its end."""
-        return coarse_descent(self.errors, points, self._largest_value)
-
-    def descend_from_neighbours(self, points: Array) -> Descent:
-        """BFGS from points whose Gauss-Newton matrix may be singular."""
-        return staged_descent(
-            self.errors, points, DESCENT_STAGES, self._largest_value, PREDICTION_DAMPING
-        )
-
-    def polish(self, points: Array) -> Descent:
-        """BFGS with ever less smoothing; never worse than where it began.
-
-        Each point ends where it would end alone.
-        """
-        return polish(self.errors, points, self._largest_value, wait=None)
-
-    def descend_in_sections(self, points: Array) -> Descent:
-        """Descents along the edge of the stability region; never worse than where they began."""
-        return descend_in_sections(self.errors, points, self._largest_value)
 
     def _drawn_at_random(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         points = np.zeros((count, self.errors.dimension))
@@ -173,12 +122,3 @@ class PolynomialProblem(PolynomialStarts):
         values = self.values(points)
         best = np.argsort(values, kind="stable")[:count]
         return points[best], used + len(values)
-
-    def promised(self, points: Array, value: float) -> Array:
-        """Objective that one Gauss-Newton step from each point predicts; inf where meaningless.
-
-        The states are fitted first, in place.
-        """
-        solve_linear(self.errors, points, self._states, 1)
-        promised = promised_values(self.errors, points, value, self._largest_value, COMMON_DAMPING)
-        return np.where(promised > 0.0, promised, np.inf)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.search.descent_problem import DescentProblem
 from evopem.estimation.search.staged_descent import (
-    DESCENT_STAGES,
     LINEAR_STEPS,
     Stage,
     solve_linear,
@@ -46,7 +46,7 @@ PAIRS, DESCENDED = 32, 4
 SWEEP_STAGES = (Stage(0.1, 1e-7, 1e-7),)
 
 
-class PolynomialStarts:
+class PolynomialStarts(DescentProblem[Errors]):
     """Starting points of one problem, and descents from them.
 
     ``models``: models of other orders that :meth:`starts` begin from.  ``own_starts``: whether
@@ -65,14 +65,6 @@ class PolynomialStarts:
         problem = type(self)(self.errors.of_orders(orders))
         problem._largest_value = self._largest_value
         return problem
-
-    def values(self, points: Array) -> Array:
-        """Exact objective in percent, (M,)."""
-        return self.errors.values(points)
-
-    def descend(self, points: Array) -> Descent:
-        """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
-        return staged_descent(self.errors, points, DESCENT_STAGES, self._largest_value)
 
     def sweep_descent(self, points: Array, stages: tuple[Stage, ...] = SWEEP_STAGES) -> Descent:
         """One BFGS from each point."""

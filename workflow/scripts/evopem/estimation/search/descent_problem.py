@@ -1,0 +1,93 @@
+"""Descents of one problem of prediction errors, all on one scale of its objective."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.search.section_coordinates import descend_in_sections
+from evopem.estimation.search.section_hopping import COMMON_DAMPING, PREDICTION_DAMPING
+from evopem.estimation.search.staged_descent import (
+    DESCENT_STAGES,
+    coarse_descent,
+    polish,
+    promised_values,
+    solve_linear,
+    staged_descent,
+)
+
+Array = NDArray[np.float64]
+Errors = TypeVar("Errors", bound=PolynomialErrors | StretchErrors)
+
+# Random points of a multistart check times samples, at least.
+MIN_MULTISTART = 2**17
+
+
+class DescentProblem(ABC, Generic[Errors]):
+    """What the search problems of ARMAX models and of all others have in common."""
+
+    errors: Errors
+
+    @property
+    @abstractmethod
+    def _largest_value(self) -> float:
+        """The scale of the objective, however bad a point is."""
+
+    @cached_property
+    def _states(self) -> NDArray[np.bool_]:
+        """Which coordinates of a point are states."""
+        return self.errors.linear("plant", "noise")
+
+    @property
+    def min_multistart(self) -> int:
+        """Points of a multistart check: shorter records have more optima and cheaper descents."""
+        return MIN_MULTISTART // self.errors.samples
+
+    def values(self, points: Array) -> Array:
+        """Exact objective in percent, (M,)."""
+        return self.errors.values(points)
+
+    def repair(self, points: Array) -> Array:
+        """Move the roots of infeasible points inside."""
+        return self.errors.repair(points)
+
+    def descend(self, points: Array) -> Descent:
+        """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
+        return staged_descent(self.errors, points, DESCENT_STAGES, self._largest_value)
+
+    def descend_coarsely(self, points: Array) -> Descent:
+        """BFGS from each point to near its end."""
+        return coarse_descent(self.errors, points, self._largest_value)
+
+    def descend_from_neighbours(self, points: Array) -> Descent:
+        """BFGS from points whose Gauss-Newton matrix may be singular."""
+        return staged_descent(
+            self.errors, points, DESCENT_STAGES, self._largest_value, PREDICTION_DAMPING
+        )
+
+    def polish(self, points: Array) -> Descent:
+        """BFGS with ever less smoothing; never worse than where it began.
+
+        Each point ends where it would end alone.
+        """
+        return polish(self.errors, points, self._largest_value, wait=None)
+
+    def descend_in_sections(self, points: Array) -> Descent:
+        """Descents along the edge of the stability region; never worse than where they began."""
+        return descend_in_sections(self.errors, points, self._largest_value)
+
+    def promised(self, points: Array, value: float) -> Array:
+        """Objective that one Gauss-Newton step from each point predicts; inf where meaningless.
+
+        The states are fitted first, in place.
+        """
+        solve_linear(self.errors, points, self._states, 1)
+        promised = promised_values(self.errors, points, value, self._largest_value, COMMON_DAMPING)
+        return np.where(promised > 0.0, promised, np.inf)
