@@ -9,7 +9,8 @@ from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states
-from evopem.signals.spectral.frequency_response import multitaper_frequency_response
+from evopem.signals.recording import Recording
+from evopem.signals.spectral.frequency_response import frequency_response
 from evopem.validation.mode_evidence import (
     modal_residue,
     modal_response,
@@ -45,7 +46,7 @@ def evidence(seed, order):
     u, y = record(seed)
     cut = 2000
     model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), RATE, settings=SEARCH).model
-    response = multitaper_frequency_response(u[:cut], y[:cut], RATE)
+    response = frequency_response(Recording(u[:cut], y[:cut], RATE))
     states = estimate_prediction_states(model, u[:cut], y[:cut])
     return mode_evidence(model, u, y, cut, states, response)
 

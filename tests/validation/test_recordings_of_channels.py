@@ -1,6 +1,5 @@
 """Validation on several recordings of several channels: nothing reaches from one to the next."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
-from evopem.signals.spectral.multichannel_response import multichannel_response
 from evopem.validation.multichannel import validate_multichannel
 from evopem.validation.residual_tests import cross_correlation, residual_autocorrelation
 
@@ -69,14 +67,3 @@ def test_correlations_have_no_product_of_samples_of_two_recordings():
     for lag in (3, 60):
         products = sum(centred[p][lag:] @ driven[p][: max(len(e[p]) - lag, 0)] for p in parts)
         assert crossed[lag] == pytest.approx(products / size, abs=1e-12)
-
-
-def test_the_measured_response_has_segments_within_the_recordings():
-    parts = records()
-    whole = concatenated(parts)
-    found = multichannel_response(whole, 64)
-    # Recordings in another order have the same segments.
-    other = multichannel_response(concatenated(parts[::-1]), 64)
-    np.testing.assert_allclose(found.response, other.response, rtol=1e-9)
-    short = [replace(each, inputs=each.inputs[:30], outputs=each.outputs[:30]) for each in parts]
-    assert np.isfinite(multichannel_response(concatenated(short), 1024).response).all()

@@ -17,7 +17,7 @@ from evopem.estimation.state_space.held_out import two_fold_simulation_errors
 from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment, total_samples
-from evopem.signals.spectral.frequency_response import multitaper_frequency_response
+from evopem.signals.spectral.frequency_response import frequency_response
 
 Array = NDArray[np.float64]
 
@@ -97,29 +97,21 @@ def _power_edge(y: Array) -> float:
 
 
 def coherence_edge(stretches: Sequence[Segment]) -> float:
-    """Upper end of the highest band where an input and an output are coherent, of the rate.
+    """Upper end of the highest band where an output is coherent with the inputs, of the rate.
 
     A band is coherent where more than half of its lines exceed what independent signals exceed in
     1 %.  An output that drifts has nearly all its power far below the frequencies of
     its modes; coherence does not depend on power.  0 where no band is coherent.
     """
     longest = max(stretches, key=lambda each: each.samples)
-    u = longest.inputs - longest.inputs.mean(axis=0)
-    y = longest.outputs - longest.outputs.mean(axis=0)
-    return max(_coherence_edge(one, other) for one in u.T for other in y.T)
-
-
-def _coherence_edge(u: Array, y: Array) -> float:
-    nfft = max(8192, 1 << (len(y) - 1).bit_length())
+    nfft = max(8192, 1 << (longest.samples - 1).bit_length())
     try:
-        found = multitaper_frequency_response(
-            np.ascontiguousarray(u), np.ascontiguousarray(y), 1.0, nfft=nfft
-        )
+        found = frequency_response(Recording(longest.inputs, longest.outputs, 1.0), nfft=nfft)
     except InputError:
         return 0.0
-    above = found.coherence > found.coherence_limit(COHERENT_BY_CHANCE)
+    above = found.coherence > found.coherence_limit(COHERENT_BY_CHANCE)[:, None]
     bands = np.array_split(above, COHERENCE_BANDS)
-    coherent = [number for number, band in enumerate(bands, 1) if np.mean(band) > 0.5]
+    coherent = [number for number, band in enumerate(bands, 1) if band.mean(axis=0).max() > 0.5]
     return 0.5 * max(coherent, default=0) / COHERENCE_BANDS
 
 

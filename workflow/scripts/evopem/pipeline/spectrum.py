@@ -7,7 +7,7 @@ from evopem.files.atomic import write_table
 from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
-from evopem.signals.spectral.frequency_response import multitaper_frequency_response
+from evopem.signals.spectral.frequency_response import frequency_response
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import summarize_spectrum
 
@@ -28,14 +28,14 @@ def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:
     }
     if samples.has_input:
         input_spectrum = multitaper_spectrum(samples.input, rate, width, nfft)
-        response = multitaper_frequency_response(samples.input, samples.output, rate, width, nfft)
+        response = frequency_response(samples, width, nfft)
         table |= {
             "input_density": input_spectrum.density,
-            "frequency_response_gain": response.gain,
-            "frequency_response_gain_lower": response.gain_lower,
-            "frequency_response_gain_upper": response.gain_upper,
-            "frequency_response_phase_deg": response.phase_deg,
-            "coherence": response.coherence,
+            "frequency_response_gain": response.gain[:, 0, 0],
+            "frequency_response_gain_lower": response.gain_lower[:, 0, 0],
+            "frequency_response_gain_upper": response.gain_upper[:, 0, 0],
+            "frequency_response_phase_deg": response.phase_deg[:, 0, 0],
+            "coherence": response.coherence[:, 0],
         }
     write_table(files.spectrum, table)
     save(summarize_spectrum(spectrum), files.spectrum_summary)

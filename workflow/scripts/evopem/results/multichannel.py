@@ -27,7 +27,7 @@ from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import Recording
 from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording_info import FileOrigin, RecordingInfo
-from evopem.signals.spectral.multichannel_response import multichannel_response
+from evopem.signals.spectral.frequency_response import frequency_response
 from evopem.validation.checks import Check
 from evopem.validation.checks.state_space import state_space_checks
 from evopem.validation.modes_record import ModesRecord
@@ -196,7 +196,9 @@ def frequency_response_rows(
     if not estimation.has_input:
         return rows
     plant = record.plant
-    measured = multichannel_response(estimation, NFFT)
+    # Enough tapers for the spectral matrix of the inputs to be inverted.
+    width = max(4.0, 2.0 * len(record.input_names) + 1.0)
+    measured = frequency_response(estimation, min(width, estimation.longest.samples / 4.0), NFFT)
     response = plant.frequency_response(measured.frequencies)
     lower, upper = gain_intervals(plant, measured.frequencies)
     phase = np.degrees(np.unwrap(np.angle(response), axis=0))

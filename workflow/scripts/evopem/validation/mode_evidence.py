@@ -309,4 +309,4 @@ def _coherence(response: FrequencyResponse | None, frequency: float) -> tuple[fl
         return math.nan, math.nan
     index = int(np.argmin(np.abs(response.frequencies - frequency)))
     limit = float(response.coherence_limit(SIGNIFICANCE)[index])
-    return math.nan if math.isnan(limit) else float(response.coherence[index]), limit
+    return math.nan if math.isnan(limit) else float(response.coherence[index, 0]), limit

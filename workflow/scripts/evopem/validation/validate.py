@@ -19,10 +19,7 @@ from evopem.errors import InputError, check_choice
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
-from evopem.signals.spectral.frequency_response import (
-    FrequencyResponse,
-    multitaper_frequency_response,
-)
+from evopem.signals.spectral.frequency_response import FrequencyResponse, frequency_response
 from evopem.validation.excitation import excitation_order
 from evopem.validation.held_out_tests import HeldOutTest, input_significance
 from evopem.validation.mode_evidence import NO_TEST, ModeEvidence, mode_evidence
@@ -323,12 +320,6 @@ def _whiteness(
 def _coherence(estimation: Recording, settings: SpectrumSettings) -> FrequencyResponse | None:
     """Empirical frequency response with its coherence; None where no spectrum can be estimated."""
     try:
-        return multitaper_frequency_response(
-            estimation.input,
-            estimation.output,
-            estimation.sampling_rate,
-            settings.time_halfbandwidth,
-            settings.nfft,
-        )
+        return frequency_response(estimation, settings.time_halfbandwidth, settings.nfft)
     except InputError:
         return None
