@@ -35,12 +35,10 @@ from covered_intervals import CoveredIntervals  # noqa: E402
 from evopem.config.settings import SearchSettings  # noqa: E402
 from evopem.estimation.delays import estimate_delays  # noqa: E402
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders  # noqa: E402
-from evopem.estimation.state_space.held_out import (  # noqa: E402
-    prediction_errors,
-    simulation_errors,
+from evopem.estimation.state_space.local_estimates import (  # noqa: E402
+    StateSpaceTask,
     two_fold_simulation_errors,
 )
-from evopem.estimation.state_space.task import StateSpaceTask  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 
@@ -367,8 +365,11 @@ def recordings(folder: Path) -> None:
             bic = [each.bic for each in estimates]
             for by, scores in (("bic", bic), ("simulation", by_halves)):
                 model = estimates[int(np.argmin(scores))].model
-                simulated = simulation_errors(model, later, measured)
-                predicted = prediction_errors(model, later, measured)
+                spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0) / 100.0
+                left = measured - model.simulate_from_fitted_state(later, measured)
+                state = model.prediction_state(later, measured)
+                e = model.residuals(later, measured, state)
+                simulated, predicted = (np.linalg.norm(x, axis=0) / spread for x in (left, e))
                 print(
                     f"| {name} | {form} | {by} | {model.order} | {simulated.mean():.2f} "
                     f"({', '.join(f'{s:.2f}' for s in simulated)}) | {predicted.mean():.2f} "

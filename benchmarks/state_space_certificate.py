@@ -38,11 +38,11 @@ from evopem.estimation.search.problem import SearchDiagnostics  # noqa: E402
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders  # noqa: E402
 from evopem.estimation.state_space.local_estimates import (  # noqa: E402
     StateSpaceEstimate,
+    StateSpaceTask,
     descend_from,
 )
 from evopem.estimation.state_space.problem import StateSpaceProblem  # noqa: E402
 from evopem.estimation.state_space.search import MOST_EVALUATIONS  # noqa: E402
-from evopem.estimation.state_space.task import StateSpaceTask  # noqa: E402
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 

@@ -78,7 +78,6 @@ def save_model(file: Path, method: str, model, seconds: float) -> None:  # type:
 
 def scores_of(file: Path, method: str) -> tuple[float, float, float, float]:
     """Errors of simulation, of the noise-free output and one step ahead, percent; seconds."""
-    from evopem.estimation.state_space.held_out import prediction_errors, simulation_errors
     from evopem.models.state_space import StateSpaceModel
 
     found = loadmat(file)
@@ -91,10 +90,15 @@ def scores_of(file: Path, method: str) -> tuple[float, float, float, float]:
         level=np.zeros(ny),
         noise_covariance=np.eye(ny),
     )
+
+    def relative(errors: np.ndarray, outputs: np.ndarray) -> float:
+        sizes = np.linalg.norm(outputs - outputs.mean(axis=0), axis=0)
+        return float(np.mean(100.0 * np.linalg.norm(errors, axis=0) / sizes))
+
     return (
-        float(simulation_errors(model, u, y).mean()),
-        float(simulation_errors(model, u, clean).mean()),
-        float(prediction_errors(model, u, y).mean()),
+        relative(y - model.simulate_from_fitted_state(u, y), y),
+        relative(clean - model.simulate_from_fitted_state(u, clean), clean),
+        relative(model.residuals(u, y, model.prediction_state(u, y)), y),
         float(found["seconds"][0, 0]),
     )
 

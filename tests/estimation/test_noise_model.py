@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 
 from evopem.config.settings import SearchSettings
-from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
-from evopem.estimation.state_space.local_estimates import descend_from
-from evopem.estimation.state_space.noise_model import noise_model, plant_of, side_by_side
-from evopem.estimation.state_space.task import StateSpaceTask
+from evopem.estimation.state_space.estimate import (
+    estimate_state_space,
+    estimates_of_orders,
+    noise_model,
+)
+from evopem.estimation.state_space.local_estimates import StateSpaceTask, descend_from
+from evopem.models.plant_and_noise import plant_of, side_by_side
 from evopem.signals.recording import Recording
 
 N = 700

@@ -12,7 +12,7 @@ from evopem.errors import InputError
 from evopem.estimation.damped_descent import descend
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.estimate import estimate_state_space
-from evopem.estimation.state_space.task import StateSpaceTask
+from evopem.estimation.state_space.local_estimates import StateSpaceTask
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 

@@ -13,8 +13,7 @@ from evopem.automatic.folds import SHORTEST_BLOCK
 from evopem.automatic.simulation import simulated
 from evopem.automatic.stretches import SHORTEST_STRETCH, folds_of
 from evopem.errors import InputError
-from evopem.estimation.state_space.held_out import two_fold_simulation_errors
-from evopem.estimation.state_space.task import StateSpaceTask
+from evopem.estimation.state_space.local_estimates import StateSpaceTask, two_fold_simulation_errors
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 from evopem.signals.spectral.frequency_response import frequency_response

@@ -15,13 +15,15 @@ from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.config.structures import OF_ABSOLUTE_ERRORS, VARIANTS
 from evopem.estimation import order_scan
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
-from evopem.estimation.state_space.estimate import estimates_of_orders
-from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, refitted
-from evopem.estimation.state_space.noise_model import RISES
+from evopem.estimation.state_space.estimate import RISES, estimates_of_orders
+from evopem.estimation.state_space.local_estimates import (
+    StateSpaceEstimate,
+    StateSpaceTask,
+    refitted,
+)
 from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH
 from evopem.estimation.state_space.starting_models import USUAL_ORDER
-from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment

@@ -20,9 +20,8 @@ from evopem.estimation.order_limits import OrderLimits as InputLimits
 from evopem.estimation.order_limits import joint_orders
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.polynomial_search import estimate_polynomial
-from evopem.estimation.state_space.estimate import estimate_state_space
+from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
-from evopem.estimation.state_space.noise_model import with_noise_model
 from evopem.models.constraint_checks import check_constraints
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel

@@ -20,10 +20,10 @@ from evopem.errors import InputError
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
-from evopem.estimation.state_space.noise_model import plant_of
 from evopem.files.json_form import load
 from evopem.files.unfinished import check_result
 from evopem.models.modes import Mode
+from evopem.models.plant_and_noise import plant_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders

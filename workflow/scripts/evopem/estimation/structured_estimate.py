@@ -16,8 +16,7 @@ from evopem.estimation.polynomial_search import estimate_polynomial
 from evopem.estimation.search.certificate import Aim
 from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.state_space.estimate import estimate_state_space
-from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
-from evopem.estimation.state_space.task import STRUCTURES
+from evopem.estimation.state_space.local_estimates import STRUCTURES, StateSpaceEstimate
 from evopem.models.state_space import StateSpaceStructure
 from evopem.models.structures import Orders, orders_of
 from evopem.signals.recording import Recording, recording_of

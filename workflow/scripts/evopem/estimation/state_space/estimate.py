@@ -15,25 +15,32 @@ from evopem.errors import InputError
 from evopem.estimation.state_space.entry_estimate import check_state_space_constraints, meeting
 from evopem.estimation.state_space.local_estimates import (
     StateSpaceEstimate,
+    StateSpaceTask,
     descend_from,
     described,
     plain_estimates,
     point_of_model,
 )
-from evopem.estimation.state_space.noise_model import (
-    PLANT_WEIGHTING,
-    WIDTH,
-    estimate_beside,
-    with_noise_model,
-)
 from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH, searched
-from evopem.estimation.state_space.task import StateSpaceTask
+from evopem.estimation.vector_autoregression import log_loss
+from evopem.models.plant_and_noise import side_by_side
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
-from evopem.signals.recording import Recording
+from evopem.signals.recording import Recording, Segment
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
+
+
+# A search of orders ends after so many of higher BIC; estimates of each order that are descended
+# from.
+RISES, WIDTH = 2, 3
+# Largest order, and output values for each parameter.
+MOST_STATES, VALUES_PER_PARAMETER = 10, 5
+# Values of all channels from which on orders are tried in steps of two.
+LONG = 40_000
+# Weighting of the plants that structure ss_bj begins with.
+PLANT_WEIGHTING: OutputWeighting = "noise"
 
 
 def estimate_state_space(
@@ -225,3 +232,67 @@ def estimates_of_orders(
         except ValueError:
             continue
         yield replace(estimate, order=plant.order)
+
+
+def noise_orders(recording: Recording) -> tuple[int, ...]:
+    """The orders that are tried for the noise model of a recording."""
+    samples, of_order = recording.samples, 1 + len(recording.segment_starts)
+    affordable = min(MOST_STATES, samples // 12, samples // VALUES_PER_PARAMETER // of_order)
+    if recording.inputs.size + recording.outputs.size > LONG:
+        return tuple(range(2, max(affordable, 2) + 1, 2))
+    return tuple(range(1, max(affordable, 1) + 1))
+
+
+def noise_model(
+    plant: StateSpaceModel,
+    recording: Recording,
+    settings: SearchSettings,
+    orders: Sequence[int] | None = None,
+) -> StateSpaceModel | None:
+    """The noise model of lowest BIC for the residuals of a plant; None where they are white.
+
+    The orders ascend in steps of one or two; by default those of :func:`noise_orders`.
+    """
+    lost = max(plant.input_delays, default=0)
+    residuals = []
+    for segment in recording.segments:
+        u, y = segment.inputs, segment.outputs
+        left = (y - plant.simulate(u, plant.simulation_state(u, y)))[lost:]
+        residuals.append(left - left.mean(axis=0))
+    joined = np.vstack(residuals)
+    alone = replace(
+        recording, inputs=recording.inputs[:, :0], input_names=(), input_units=()
+    ).with_segments([Segment(e[:, :0], e, number) for number, e in enumerate(residuals)])
+    lowest, best = log_loss(joined, settings.objective), None
+    rises = 0
+    orders = noise_orders(recording) if orders is None else orders
+    for estimate in plain_estimates(alone, orders, StateSpaceTask(settings=settings), WIDTH):
+        rises += 1
+        if estimate.bic < lowest:
+            lowest, best, rises = estimate.bic, estimate.model, 0
+        if rises >= RISES:
+            break
+    return best
+
+
+def with_noise_model(
+    plant: StateSpaceModel, recording: Recording, settings: SearchSettings
+) -> StateSpaceModel:
+    """An output-error plant with its noise model; alone where its residuals are white."""
+    noise = noise_model(plant, recording, settings)
+    return plant if noise is None else side_by_side(plant, noise)
+
+
+def estimate_beside(
+    plant: StateSpaceModel, recording: Recording, task: StateSpaceTask
+) -> StateSpaceEstimate:
+    """The optimum of innovations form next to an output-error plant with its noise model.
+
+    Raises
+    ------
+    ValueError
+        When the recording is too short, or the descent ends at no stable model.
+    """
+    start = with_noise_model(plant, recording, task.settings)
+    start = replace(start, structure="ss", covariance=None)
+    return descend_from(start, recording, task)

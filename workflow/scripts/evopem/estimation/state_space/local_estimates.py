@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
+from evopem.config.settings import OBJECTIVES, OutputWeighting, SearchSettings
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
-from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.point_model import PointModel, model_of
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
@@ -26,13 +27,98 @@ from evopem.estimation.state_space.problem import (
 from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, swept
 from evopem.estimation.state_space.sections import largest_radius
 from evopem.estimation.state_space.starting_points import from_matrices
-from evopem.estimation.state_space.task import StateSpaceTask
 from evopem.estimation.vector_autoregression import autoregression_of, limited, log_loss
-from evopem.models.state_space import StateSpaceModel
+from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
+
+
+STRUCTURES, WEIGHTINGS = get_args(StateSpaceStructure), get_args(OutputWeighting)
+QUADRATIC = SearchSettings(objective="quadratic")
+# Periods of the drift of structure ss_oe_drift in the longest segment, the shortest one.
+DRIFT_PERIODS = 5
+
+
+@dataclass(frozen=True)
+class StateSpaceTask:
+    """Form, delays, level, weighting of the outputs, and settings of a search.
+
+    ``drift_period`` is the shortest period, in samples, of slow changes of the outputs that are
+    estimated along with the level, and that the model does not have to explain.
+    """
+
+    structure: PlainStructure = "ss"
+    delays: int | tuple[int, ...] = 1
+    level: bool = True
+    weighting: OutputWeighting = "determinant"
+    settings: SearchSettings = QUADRATIC
+    drift_period: float | None = None
+
+    def __post_init__(self) -> None:
+        given = (
+            ("weighting", self.weighting, WEIGHTINGS),
+            ("objective", self.settings.objective, OBJECTIVES),
+        )
+        for name, value, values in given:
+            if value not in values:
+                raise ValueError(f"{name} must be one of {values}, not {value!r}")
+        if not 0.0 < self.settings.max_root_radius < 1.0:
+            radius = self.settings.max_root_radius
+            raise ValueError(f"max_root_radius must lie between 0 and 1, not {radius}")
+
+    @classmethod
+    def of(
+        cls,
+        recording: Recording,
+        structure: StateSpaceStructure = "ss",
+        delays: int | Sequence[int] = 1,
+        level: bool = True,
+        weighting: OutputWeighting = "determinant",
+        settings: SearchSettings | None = None,
+    ) -> StateSpaceTask:
+        """The task of a structure.
+
+        The drift of ``ss_oe_drift`` is what scores on held-out samples do not count either, which
+        fit a level of its own to each held-out part.
+        """
+        if structure not in STRUCTURES:
+            raise ValueError(f"structure must be one of {STRUCTURES}, not {structure!r}")
+        return cls(
+            "ss" if structure in ("ss", "ss_bj") else "ss_oe",
+            delays if isinstance(delays, int) else tuple(delays),
+            level,
+            weighting,
+            settings or QUADRATIC,
+            recording.longest.samples / DRIFT_PERIODS if structure == "ss_oe_drift" else None,
+        )
+
+    def errors(self, recording: Recording, order: int) -> StateSpaceErrors:
+        """The prediction-error problem of an order.
+
+        Raises
+        ------
+        ValueError
+            When the recording is too short for the order, or its signals cannot be used.
+        """
+        data = scaled_recording(recording, self.delays, self.level, self.drift_period)
+        if order < 1:
+            raise ValueError(f"order must be at least 1, not {order}")
+        if self.structure == "ss_oe" and not recording.has_input:
+            raise ValueError(
+                "an output-error model needs an input; without one, use innovations form"
+            )
+        radius = self.settings.max_root_radius
+        errors = StateSpaceErrors(data, order, self.structure, self.weighting, radius)
+        needed = errors.estimated
+        available = data.outputs.size
+        if available <= needed or data.samples <= 2 * (order + data.inputs.shape[1]) + 2:
+            raise ValueError(
+                f"order {order} needs more than {needed} output values for its parameters and"
+                f" initial states; the recording has {available}"
+            )
+        return errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,3 +293,37 @@ def criteria_of(
         "parameters": parameters,
         "residuals": tuple(residuals),
     }
+
+
+def two_fold_simulation_errors(
+    recording: Recording, orders: Sequence[int], task: StateSpaceTask, width: int = FINAL_WIDTH
+) -> Array:
+    """Errors of models of each half on the other half, percent, (orders,).
+
+    ``100 ||y - yhat|| / ||y - mean(y)||``, mean over outputs, of simulations from the initial state
+    that fits; halves of the segments, where there are several.  Infinite where there is no model.
+    """
+    span, segments = span_of(orders), recording.segments
+    middle = len(segments) // 2
+    if middle:
+        halves = [recording.with_segments(part) for part in (segments[:middle], segments[middle:])]
+    else:
+        edges = (0, recording.samples // 2, recording.samples)
+        halves = [recording.between(*edge) for edge in pairwise(edges)]
+    squares = np.zeros((len(span), recording.outputs.shape[1]))
+    reference = np.zeros(recording.outputs.shape[1])
+    seen = np.zeros(len(span), dtype=int)
+    for fold, (train, test) in enumerate((halves, halves[::-1])):
+        for y in test.segment_outputs:
+            reference += np.sum((y - y.mean(axis=0)) ** 2, axis=0)
+        with one_blas_thread():
+            errors = task.errors(train, span[-1])
+            for problem, result in swept(errors, span, task.settings, width, None, 1 + fold):
+                model = model_of(problem.errors, problem.projection(result.point))
+                at = span.index(model.order)
+                seen[at] += 1
+                for each in test.segments:
+                    simulated = model.simulate_from_fitted_state(each.inputs, each.outputs)
+                    squares[at] += np.sum((each.outputs - simulated) ** 2, axis=0)
+    relative = 100.0 * np.sqrt(squares / reference).mean(axis=1)
+    return np.where(seen == 2, relative, np.inf)
