@@ -71,20 +71,7 @@ def check_model(
 ) -> CandidateChecks:
     """Judge a model that is at or near an optimum of the stretches.
 
-    Parameters
-    ----------
-    model : PolynomialModel or StateSpaceModel
-    structure : str
-        What the model is called: some structures claim nothing of the noise.
-    stretches : sequence of Segment
-    settings : FitSettings
-    delays : tuple of int
-        Of the inputs of a state-space model.
-
-    Raises
-    ------
-    ValueError
-        When no stretch is long enough for the orders.
+    Raises ValueError when no stretch is long enough for the orders.
     """
     if isinstance(model, PolynomialModel) and model.inputs <= 1:
         return _of_one_input(model, structure, stretches, settings)

@@ -138,15 +138,8 @@ class Scorer:
     Structures and orders of a long record of one channel are compared on its first ``MOST_SAMPLES``
     samples; :meth:`on_all_samples` fits what was chosen to all.
 
-    Parameters
-    ----------
-    stretches : sequence of Segment
-    plan : FoldPlan
-    settings : FitSettings
-    limits : OrderLimits
-        Other orders have no candidates.
-    delays : tuple of int
-        Of the inputs, for structures whose orders have none.
+    ``limits``: Other orders have no candidates. ``delays``: Of the inputs, for structures whose
+    orders have none.
     """
 
     def __init__(
@@ -224,15 +217,7 @@ class Scorer:
         )
 
     def described(self, structure: str, found: Fit, order: int = 0) -> Candidate:
-        """The candidate of a fit, without scores on held-out samples.
-
-        Parameters
-        ----------
-        structure : str
-        found : Fit
-        order : int
-            Number of states of the plant of a state-space model.
-        """
+        """The candidate of a fit, without scores on held-out samples."""
         penalty, objective = self.penalty(found.parameters), self.settings.objective
         simulation_loss = np.inf
         if self.has_input:

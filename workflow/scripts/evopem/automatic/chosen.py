@@ -54,20 +54,7 @@ def select_structure(
     data: Recording,
     first_scored: int,
 ) -> PhaseSelection:
-    """All candidates of all structures on the same samples, and the one that was chosen.
-
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-    chosen : Candidate
-    reason : str
-        Why it was chosen, in a sentence.
-    record : PreparedRecord
-    data : Recording
-        The prepared estimation samples.
-    first_scored : int
-        First residual of the criteria.
-    """
+    """All candidates of all structures on the same samples, and the one that was chosen."""
     described = [_described(each, record, data, first_scored) for each in candidates]
     orders = _named_orders(chosen)
     return PhaseSelection(STRUCTURES, orders, reason, tuple(described))
@@ -85,22 +72,7 @@ def estimate_chosen(
     Where the noise model was fitted to the errors of simulation of a plant, the plant is searched
     by itself and the noise model stays.
 
-    Parameters
-    ----------
-    remedied : Remedied
-    record : PreparedRecord
-        All stretches.
-    data : Recording
-        The prepared estimation samples.
-    search : SearchSettings
-        With the objective that was decided.
-    log : callable, optional
-        Receives one line a generation.
-
-    Raises
-    ------
-    InputError
-        When no start has finite prediction errors.
+    Raises InputError when no start has finite prediction errors.
     """
     chosen = remedied.choice.candidate
     orders = _named_orders(chosen)
@@ -135,20 +107,7 @@ def estimate_choice(
 ) -> Candidate:
     """The model of a choice on the prepared samples, at the optimum that the comparison found.
 
-    Parameters
-    ----------
-    choice : Choice
-    record : PreparedRecord
-        All stretches.
-    data : Recording
-        The prepared estimation samples.
-    search : SearchSettings
-        With the objective that was decided.
-
-    Raises
-    ------
-    InputError
-        When the model has roots beyond the largest radius.
+    Raises InputError when the model has roots beyond the largest radius.
     """
     orders = _named_orders(choice.candidate)
     errors = _errors_of(record, orders, search)

@@ -10,42 +10,21 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Alternative:
-    """One of the things that could have been chosen.
-
-    Attributes
-    ----------
-    name : str
-    score : float
-        Smaller is better; NaN where it could not be computed.
-    """
+    """One of the things that could have been chosen."""
 
     name: str
-    score: float
+    score: float  # smaller is better; NaN where it could not be computed
 
 
 @dataclass(frozen=True)
 class Decision:
-    """A decision with its alternatives.
+    """A decision with its alternatives."""
 
-    Attributes
-    ----------
-    subject : str
-        What was decided, such as ``decimation``.
-    choice : str
-        The name of the alternative that was taken.
-    alternatives : tuple of Alternative
-        All of them, the chosen one included.
-    criterion : str
-        What the scores are, with their unit.
-    sentence : str
-        The reason, for the report.
-    """
-
-    subject: str
-    choice: str
-    alternatives: tuple[Alternative, ...]
-    criterion: str
-    sentence: str
+    subject: str  # what was decided, such as ``decimation``
+    choice: str  # the name of the alternative that was taken
+    alternatives: tuple[Alternative, ...]  # all of them, the chosen one included
+    criterion: str  # what the scores are, with their unit
+    sentence: str  # the reason, for the report
 
 
 def given_by_configuration(subject: str, choice: str) -> Decision:

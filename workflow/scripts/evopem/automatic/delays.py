@@ -28,18 +28,7 @@ def decide_delays(
 ) -> DelayChoice:
     """Decide the delay of each input.
 
-    Parameters
-    ----------
-    segments : sequence of Segment
-    names : sequence of str
-        Of the inputs.
-    ranges : InputRanges, optional
-        Delays that are tried; by default up to 200 samples, and to an eighth of the segments.
-
-    Raises
-    ------
-    InputError
-        When the ranges are those of other inputs.
+    Raises InputError when the ranges are those of other inputs.
     """
     segments = first_samples(segments, MOST_SAMPLES)
     given = (ranges or InputRanges()).of_inputs(names, "delay.nk") if names else ()

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 # Designs of folds: number of folds, and blocks of each.  Long blocks show errors of the gain and of
 # slow poles, many folds leave more samples to fit, interleaved blocks compare like with like.
 DESIGNS = ((2, 1), (5, 1), (2, 3))
-# Of several channels, whose models take longer to fit, and of large records of these.
+# Of several channels and in state space, where models take longer to fit, and of large records.
 OF_SEVERAL, OF_LARGE = ((5, 1),), ((2, 1),)
 # For records whose excitation moves over the bands, such as a chirp.
 INTERLEAVED = ((2, 3), (2, 6))
@@ -105,12 +105,15 @@ def _values(segments: Sequence[Segment]) -> int:
     return sum(each.inputs.size + each.outputs.size for each in segments)
 
 
-def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
-    """Choose the designs of folds whose parts have common input spectra, and judge repetitions."""
+def decide_folds(stretches: Sequence[Segment], of_polynomials: bool = True) -> FoldPlan:
+    """Choose the designs of folds whose parts have common input spectra, and judge repetitions.
+
+    Polynomials of one input take less time than other models, and have more folds.
+    """
     samples = total_samples(stretches)
     channels = stretches[0].inputs.shape[1], stretches[0].outputs.shape[1]
     designs: tuple[tuple[int, int], ...] = DESIGNS
-    if channels != (1, 1):
+    if channels != (1, 1) or not of_polynomials:
         designs = OF_LARGE if is_large(stretches) else OF_SEVERAL
     possible = [d for d in designs if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
     overlaps = {

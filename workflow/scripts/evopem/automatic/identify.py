@@ -166,14 +166,7 @@ def identify_recordings(
     purpose: Purpose = "auto",
     log: Callable[[str], None] | None = None,
 ) -> Identification:
-    """All stages one after the other; see :func:`identify`.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-    purpose : {"auto", "simulation", "prediction", "modes"}
-    log : callable, optional
-    """
+    """All stages one after the other; see :func:`identify`."""
 
     def tell(decisions: Sequence[Decision]) -> None:
         for each in decisions:

@@ -53,19 +53,8 @@ def search_structure(
 ) -> StructureSearch:
     """Orders of one structure, from small to large as long as they bring something.
 
-    Parameters
-    ----------
-    scorer : Scorer
-    structure : str
-        Of polynomials or in state space.
-    smaller : mapping of str to StructureSearch
-        The searches of ``NESTED[structure]``, whose models are starts.
-    log : callable, optional
-
-    Raises
-    ------
-    InputError
-        When the record is too short for any order of state-space models or of several inputs.
+    Raises InputError when the record is too short for any order of state-space models or of several
+    inputs.
     """
     if is_polynomial(structure) and scorer.is_single:
         candidates = _along_path(scorer, structure, smaller)

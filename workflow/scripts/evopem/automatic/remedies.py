@@ -47,7 +47,7 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
     """
     first = current = choice.candidate
     scorer.remember([current])
-    remedies = Remedies(scorer, searched)
+    remedies = Remedies(scorer, searched, current)
     trials: list[Trial] = []
     tried: list[tuple[str, Candidate]] = []
     for checks in remedies.checks:
@@ -82,7 +82,8 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
 def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
     """What there are remedies for: coloured residuals of a model without a noise model as well."""
     checks = scorer.checks(candidate)
-    late = not scorer.is_single and earlier_delays(scorer, candidate) != candidate.delays
+    asked = checks.earlier_delays and earlier_delays(scorer, candidate)
+    late = bool(asked) and asked != candidate.delays
     failed = {*checks.failed} | ({DELAY} if checks.later or late else set())
     failed |= {LENGTH} if checks.shorter else set()
     return failed | ({WHITE} if _has_coloured_plant(scorer, candidate) else set())

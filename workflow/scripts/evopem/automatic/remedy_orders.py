@@ -117,14 +117,15 @@ class Remedies:
     ``searched`` are the candidates of the searches over orders, which several channels choose from.
     """
 
-    def __init__(self, scorer: Scorer, searched: Sequence[Candidate]) -> None:
+    def __init__(self, scorer: Scorer, searched: Sequence[Candidate], first: Candidate) -> None:
         self.scorer, self.searched = scorer, searched
-        self._left = MOST_TRIALS if scorer.is_single else MOST_OF_SEVERAL
+        self._by_orders = scorer.is_single and first.polynomials is not None
+        self._left = MOST_TRIALS if self._by_orders else MOST_OF_SEVERAL
 
     @property
     def checks(self) -> list[tuple[str, ...]]:
         """Groups of checks that have remedies in common, in the order of trying."""
-        if self.scorer.is_single:
+        if self._by_orders:
             return [checks for checks, _ in OF_ONE_CHANNEL]
         return [(DELAY,), (INSIDE_BOUND,), (WHITE, INDEPENDENT_OF_INPUT)]
 
@@ -137,7 +138,7 @@ class Remedies:
             yield remedy
 
     def _listed(self, checks: tuple[str, ...], current: Candidate) -> Iterator[Remedy]:
-        if current.polynomials is not None and self.scorer.is_single:
+        if self._by_orders:
             remedies = next(each for group, each in OF_ONE_CHANNEL if set(checks) <= set(group))
             for name, structure, orders in remedies(current):
                 yield name, partial(self._of_orders, structure, orders, current)

@@ -28,14 +28,6 @@ def response_parts(inputs: Array, outputs: Array, count: int, shortest: int) -> 
 
     None where each of as many parts of equal length has input or response, there is no input, or
     the response is too short to be divided.
-
-    Parameters
-    ----------
-    inputs : (N, nu) array
-    outputs : (N, ny) array
-    count : int
-        Number of parts; there are fewer where they would be shorter than ``shortest`` samples.
-    shortest : int
     """
     samples = len(outputs)
     if not inputs.size or samples < count * shortest:

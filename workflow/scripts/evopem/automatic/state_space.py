@@ -148,10 +148,7 @@ def refit(
 ) -> Model:
     """The optimum of stretches, parts of whole ones, that a descent from a model ends at.
 
-    Raises
-    ------
-    ValueError
-        When they are too short, or the descent finds no stable model.
+    Raises ValueError when they are too short, or the descent finds no stable model.
     """
     if isinstance(model, PolynomialModel):
         search = polynomial_settings(settings)

@@ -53,25 +53,8 @@ def estimate_candidate(
 ) -> ChosenModel:
     """A candidate with its covariance and noise model, its own model among the starts.
 
-    Parameters
-    ----------
-    candidate : Candidate
-    estimation : Recording
-    settings : FitSettings
-    limits : OrderLimits
-    constraints : Constraints, optional
-        The search over orders does not know of them.  Where orders that were reduced by BIC
-        contradict them, those of before are taken.
-    evaluations : int, optional
-        0 for the optimum next to that of the search over orders, without a global search.
-    log : callable, optional
-
-    Raises
-    ------
-    InputError
-        When no model of the order meets the constraints.
-    ValueError
-        When the record is too short.
+    Raises InputError when no model of the order meets the constraints. Raises ValueError when the
+    record is too short.
     """
     if candidate.polynomials is not None:
         return _polynomials(candidate, estimation, settings, limits, constraints, evaluations, log)

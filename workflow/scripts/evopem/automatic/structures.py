@@ -95,10 +95,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     Prediction: the same with one-step errors on held-out samples.  Modes: the lowest BIC of models
     with poles.  Without an input there is no simulation.
 
-    Raises
-    ------
-    ValueError
-        When no structure has a candidate.
+    Raises ValueError when no structure has a candidate.
     """
     candidates = [each for search in searches for each in search.candidates]
     if not candidates:

@@ -32,18 +32,7 @@ def with_subspace_estimate(
     scores: HeldOutScores,
     fitted_level: bool,
 ) -> Decision:
-    """Score a subspace estimate on the same held-out samples as the chosen model.
-
-    Parameters
-    ----------
-    stretches : sequence of Segment
-    plan : FoldPlan
-    objective : {"absolute", "quadratic"}
-    name, scores : str, HeldOutScores
-        Of the chosen model.
-    fitted_level : bool
-        Whether the level is fitted to held-out samples.
-    """
+    """Score a subspace estimate on the same held-out samples as the chosen model."""
     order = _order(stretches)
     of_estimate = held_out_scores(
         stretches, plan, lambda training: _subspace(training, order)[0], objective == "absolute"
@@ -57,7 +46,12 @@ def with_subspace_estimate(
     sentence = (
         f"Held-out samples are simulated with {chosen:.3g} % by {name} and with {estimated:.3g} %"
         f" by a {estimate}, whose numerator is fitted by least squares"
-        + (": the chosen model simulates clearly worse than this short method." if worse else ".")
+        + (
+            ": the chosen model simulates clearly worse than this short method; structure:"
+            " state_space searches models of its kind."
+            if worse
+            else "."
+        )
     )
     criterion = "simulation error on held-out samples, %"
     return Decision(SUBJECT, estimate if worse else name, alternatives, criterion, sentence)

@@ -38,23 +38,8 @@ def identify_batch(
     Each keeps :attr:`.DatasetFiles.batch_results`, with all that is not among them in an archive.
     One whose process was killed before is tried after all others, because it may be again.
 
-    Parameters
-    ----------
-    folder : path
-        The folder of all results.
-    recordings : mapping of str to DatasetSettings
-        Settings by the names of the data sets.
-    code : str
-        Digest of the code that identifies them.
-    log : callable
-        Receives a line for each recording.
-    cores : int
-
-    Raises
-    ------
-    InputError
-        At the end, when any recording could not be identified; its own message is on standard
-        error and in its log.
+    Raises InputError at the end, when any recording could not be identified; its own message is on
+    standard error and in its log.
     """
     failed = []
     for name in _killed_last(folder, recordings):

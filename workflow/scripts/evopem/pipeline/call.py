@@ -23,23 +23,7 @@ def call(
     cores: int = 1,
     folder: str | Path = "",
 ) -> None:
-    """Call the function of a stage.
-
-    Parameters
-    ----------
-    function : str
-        Module below ``evopem.pipeline`` and name, with a colon between them.
-    files : DatasetFiles
-    arguments : mapping of str to JSON
-        Arguments from the settings, in the JSON form of the function's own types.
-    values : mapping of str to str
-        Values of the stage's wildcards; here and below a function is given what it asks for.
-    log : callable, optional
-        Receives progress in words.
-    cores : int
-    folder : path
-        What relative paths of recorded files are relative to; the working directory by default.
-    """
+    """Call the function of a stage."""
     module, _, name = function.partition(":")
     called = getattr(import_module(f".{module}", __package__), name)
     kinds = get_type_hints(called)

@@ -74,10 +74,7 @@ def complete_channel_model(
 ) -> None:
     """Search the chosen model of several channels globally, and add its noise model.
 
-    Raises
-    ------
-    InputError
-        When the record is too short, or no model of the order meets the constraints.
+    Raises InputError when the record is too short, or no model of the order meets the constraints.
     """
     data = load_prepared(files.prepared, files.transforms)
     choice = load(Remedied, files.decision("remedies")).choice
@@ -103,10 +100,7 @@ def complete_other(
     It is the one of the comparison of structures, without acting on its checks and without a global
     search.  Constraints hold for models of several channels.
 
-    Raises
-    ------
-    InputError
-        When the record is too short.
+    Raises InputError when the record is too short.
     """
     prepared = load_prepared(files.prepared, files.transforms)
     choice = load(Comparison, files.decision("comparison")).choice(purpose)

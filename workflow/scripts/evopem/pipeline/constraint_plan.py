@@ -34,21 +34,7 @@ def check_fit(
 ) -> None:
     """Refuse a focus or constraints that some model of a grid cannot have.
 
-    Parameters
-    ----------
-    fit : FitSettings
-    grid : OrderGrid
-    sampling_rate : float or None
-        Hz; None leaves out what depends on it.
-    source : str
-        What holds the keys, for an error.
-    place : str
-        What leads to the keys, with a dot at its end, or nothing.
-
-    Raises
-    ------
-    InputError
-        Naming the key and the orders.
+    Raises InputError naming the key and the orders.
     """
     constraints = fit.constraints
     if constraints is not None and sampling_rate is None:

@@ -46,11 +46,8 @@ def load_scorer(
 def errors_name_dataset(files: DatasetFiles) -> Iterator[None]:
     """Put the configuration key of a data set before the place that an error names.
 
-    Raises
-    ------
-    InputError
-        In place of one without the key, and where an estimation raises `ValueError`: it has too
-        few samples for its orders.
+    Raises InputError in place of one without the key, and where an estimation raises `ValueError`:
+    it has too few samples for its orders.
     """
     key = f"datasets.{files.name}"
     try:

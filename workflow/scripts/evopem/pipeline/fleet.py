@@ -30,21 +30,7 @@ def collect_fleet(
 ) -> None:
     """List data sets, and follow the modes of those whose results are whole.
 
-    Parameters
-    ----------
-    files : DatasetFiles
-        The folder of all results.
-    names : tuple of str
-        Names of the data sets.
-    page : str
-        The file in the folder of a data set that its row links to.
-    order : dict
-        JSON form of what the recordings are ordered by; empty for their order in ``names``.
-
-    Raises
-    ------
-    InputError
-        When a list cannot be written.
+    Raises InputError when a list cannot be written.
     """
     entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
     lists = [f"{files.folder}/{Path(each).name}" for each in OVERVIEW]
@@ -63,19 +49,6 @@ def collect_unfinished(
 
     Raises no error: it runs when Snakemake has already failed. A list that cannot be written is
     deleted, so that no outdated list remains, and a sentence on standard error says why.
-
-    Parameters
-    ----------
-    required : mapping of str to collection of path
-        The results that each data set must have, by the names of the data sets.
-    templates : Path
-        Folder of ``index.html.j2``.
-    page : str
-        The file in the folder of a data set that its row links to.
-    pending : collection of str
-        Names of the data sets of which the run has left jobs undone.
-    order : Positions, optional
-        What the recordings are ordered by.
     """
     entries = {
         name: read_entry(DatasetFiles.of_dataset(name), files, name in pending)

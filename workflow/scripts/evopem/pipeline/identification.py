@@ -81,22 +81,7 @@ def identify_dataset(
     announce: Announce | None = None,
     folder: str | Path = "",
 ) -> None:
-    """Take one data set from its recording to its results.
-
-    Parameters
-    ----------
-    files : DatasetFiles
-    settings : DatasetSettings
-    with_report : bool
-        Whether figures and report are made.
-    log : callable, optional
-        Receives progress in words.
-    cores : int
-    announce : callable, optional
-        Receives each job before it begins: what it does, its number from 1, and how many there are.
-    folder : path
-        What relative paths of recorded files are relative to; the working directory by default.
-    """
+    """Take one data set from its recording to its results."""
     listed = jobs(settings, files, with_report)
     for number, job in enumerate(listed, start=1):
         if announce is not None:
@@ -116,20 +101,7 @@ def remove_parts(listed: list[StageJob]) -> None:
 def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
     """Run one stage again on the files of a data set's folder, without Snakemake.
 
-    Parameters
-    ----------
-    name : str
-        That of a rule, such as ``"validate"``, with values of its wildcards behind slashes where
-        only these are wanted: ``"search_structure/oe"``.
-    folder : path
-        The data set's folder of results, with its ``config.yaml``.
-    log : callable, optional
-        Receives progress.
-
-    Raises
-    ------
-    InputError
-        When the data set has no such stage.
+    Raises InputError when the data set has no such stage.
     """
     files = DatasetFiles(str(folder))
     listed = jobs(read_settings(files.config), files)

@@ -34,15 +34,6 @@ def complete_model(
     """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets.
 
     With a focus or constraints, the model of its orders is estimated for these.
-
-    Parameters
-    ----------
-    files : DatasetFiles
-    search : SearchSettings
-    window : ScoringWindow, optional
-        None for the automatic recipe, whose decisions hold what is needed instead.
-    phases : sequence of str
-    fit : FitSettings
     """
     selected = load(PhaseSelection, files.phase(phases[-1])).selected
     prepared = load_prepared(files.prepared, files.transforms)

@@ -15,18 +15,7 @@ FOR_REPORT = ("pandas", "matplotlib", "jinja2")
 def check_packages(needed: Sequence[str], source: str, work: str) -> None:
     """Refuse to begin what a missing package would end.
 
-    Parameters
-    ----------
-    needed : sequence of str
-    source : str
-        The command or function that was called.
-    work : str
-        What needs the packages, as the subject of a sentence.
-
-    Raises
-    ------
-    InputError
-        Naming the extra that brings them.
+    Raises InputError naming the extra that brings them.
     """
     missing = [name for name in needed if importlib.util.find_spec(name) is None]
     if missing:

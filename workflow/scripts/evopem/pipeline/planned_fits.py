@@ -13,16 +13,7 @@ from evopem.pipeline.constraint_plan import check_fit, known_rate, naming_key, s
 def check_planned_fits(datasets: Mapping[str, DatasetSettings], source: str) -> None:
     """Check focus and constraints of every data set, as far as the configuration shows it.
 
-    Parameters
-    ----------
-    datasets : mapping of str to DatasetSettings
-    source : str
-        Name of the configuration in an error.
-
-    Raises
-    ------
-    InputError
-        Naming the key.
+    Raises InputError naming the key.
     """
     for name, settings in datasets.items():
         if not settings.fit.changes_model:

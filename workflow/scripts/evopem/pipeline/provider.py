@@ -131,12 +131,6 @@ class Provider:
 
         Snakemake does not make a missing file again that only finished jobs needed. All are asked
         for, so that whatever was deleted is made again.
-
-        Parameters
-        ----------
-        dataset : str
-        files : DatasetFiles, optional
-            The paths, by default with the name of the data set in them.
         """
         own = files or DatasetFiles.of_dataset(dataset)
         if self.config.batches:

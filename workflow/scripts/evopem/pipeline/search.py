@@ -21,10 +21,11 @@ from evopem.signals.prepared_data import load_prepared
 Log = Callable[[str], None]
 
 
-def decide_folds(files: DatasetFiles) -> None:
+def decide_folds(files: DatasetFiles, of_polynomials: bool) -> None:
     """Decide how held-out samples are divided."""
     with one_blas_thread():
-        save(decide_common_folds(load_record(files).stretches), files.decision("folds"))
+        folds = decide_common_folds(load_record(files).stretches, of_polynomials)
+    save(folds, files.decision("folds"))
 
 
 def decide_delay(files: DatasetFiles, ranges: InputRanges) -> None:
@@ -46,23 +47,7 @@ def search_structure(
 ) -> None:
     """Search the orders of one structure, from the optima of those nested in it.
 
-    Parameters
-    ----------
-    files : DatasetFiles
-    structure : str
-    settings : AutomaticSettings
-    fits : FitSettings
-        Their objective is the one that was decided.
-    nested : tuple of str
-        Structures that were searched before.
-    with_models : bool
-        Whether the models of all orders are kept in state space as well, with their modes.
-    log : callable, optional
-
-    Raises
-    ------
-    InputError
-        When the record is too short.
+    Raises InputError when the record is too short.
     """
     smaller = {each: load(StructureSearch, files.search(each)) for each in nested}
     with errors_name_dataset(files), one_blas_thread():
@@ -81,10 +66,7 @@ def choose(
 ) -> None:
     """Choose a model for each purpose among the candidates of all structures.
 
-    Raises
-    ------
-    InputError
-        When the recording is too short for every structure.
+    Raises InputError when the recording is too short for every structure.
     """
     searches = [load(StructureSearch, files.search(each)) for each in structures]
     with errors_name_dataset(files), one_blas_thread():

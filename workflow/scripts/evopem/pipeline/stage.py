@@ -28,47 +28,26 @@ Value = str | Callable[[Task], Any]
 
 @dataclass(frozen=True)
 class Stage:
-    """What one job does: the function it calls, and the files that the function reads and writes.
+    """What one job does: the function that it calls, and the files that this reads and writes."""
 
-    Attributes
-    ----------
-    name : str
-        That of its rule.
-    function : str
-        Module below ``evopem.pipeline`` and name, with a colon between them.
-    title : str
-        What the stage does, in words; it may hold wildcards.
-    applies : callable
-        Whether a data set has the stage.
-    inputs, outputs : tuple of str
-        Attributes of :class:`.DatasetFiles`, with the argument of a method behind a colon. Words in
-        braces are wildcards or keys of :data:`LISTS`, which stand for several files or none.
-    settings : dict of str to Value
-        Arguments of the function by their names: exactly the settings that the results depend on.
-    wildcards : dict of str to str
-        For each wildcard of the outputs, the list of :data:`LISTS` that holds its values.
-    recorded : tuple of str
-        Attributes of the source that hold recorded files which the stage reads.
-    demand : {"small", "reading", "model", "estimation"}
-        How memory and time grow with the recording.
-    is_page : bool
-        Whether it belongs to the report.
-    is_part : bool
-        Whether its outputs are parts of those of another stage.
-    """
-
-    name: str
-    function: str
-    title: str
-    applies: Callable[[DatasetSettings], bool]
+    name: str  # that of its rule
+    function: str  # module below ``evopem.pipeline`` and name, with a colon between them
+    title: str  # what the stage does, in words; it may hold wildcards
+    applies: Callable[[DatasetSettings], bool]  # whether a data set has the stage
+    # inputs, outputs: attributes of :class:`.DatasetFiles`, with the argument of a method behind a
+    # colon. Words in braces are wildcards or keys of :data:`LISTS`, which stand for several files
+    # or none.
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
+    # Arguments of the function by their names: exactly the settings that the results depend on
     settings: Mapping[str, Value] = field(default_factory=dict)
+    # For each wildcard of the outputs, the list of :data:`LISTS` that holds its values
     wildcards: Mapping[str, str] = field(default_factory=dict)
+    # Attributes of the source that hold recorded files which the stage reads
     recorded: tuple[str, ...] = ()
-    demand: Demand = "reading"
-    is_page: bool = False
-    is_part: bool = False
+    demand: Demand = "reading"  # how memory and time grow with the recording
+    is_page: bool = False  # whether it belongs to the report
+    is_part: bool = False  # whether its outputs are parts of those of another stage
 
     @property
     def job(self) -> str:

@@ -33,22 +33,12 @@ class Wildcards(Protocol):
 
 @dataclass(frozen=True)
 class StageRule:
-    """A rule: what runs a stage for each data set that has it.
-
-    Attributes
-    ----------
-    provider : Provider
-    name : str
-    stages : dict of str to Stage
-        By the names of the data sets.
-    outputs : list of str
-        Paths with wildcards.
-    """
+    """A rule: what runs a stage for each data set that has it."""
 
     provider: Provider
     name: str
-    stages: dict[str, Stage]
-    outputs: list[str]
+    stages: dict[str, Stage]  # by the names of the data sets
+    outputs: list[str]  # paths with wildcards
 
     @property
     def any_stage(self) -> Stage:
@@ -127,22 +117,12 @@ class StageRule:
 
 @dataclass(frozen=True)
 class RecordingRule:
-    """A rule: what takes data sets with the same results through all stages.
-
-    Attributes
-    ----------
-    provider : Provider
-    name : str
-    members : frozenset of str
-        Names of the data sets.
-    outputs : list of str
-        Paths with the wildcard of the data set.
-    """
+    """A rule: what takes data sets with the same results through all stages."""
 
     provider: Provider
     name: str
-    members: frozenset[str]
-    outputs: list[str]
+    members: frozenset[str]  # names of the data sets
+    outputs: list[str]  # paths with the wildcard of the data set
 
     @property
     def datasets(self) -> str:

@@ -100,6 +100,7 @@ STAGES = (
         of.is_automatic,
         inputs=_DECIDED,
         outputs=("decision:folds",),
+        settings={"of_polynomials": lambda t: of.is_single(t.settings)},
     ),
     Stage(
         "decide_delay",
