@@ -343,7 +343,7 @@ def automatic(u: Array, y: Array) -> PolynomialModel:
     errors = []
     for peer in PEERS:
         model = peer(u[:half], y[:half])
-        errors.append(_error(held.output, simulated(model, held, free_level=True)))
+        errors.append(_error(held.output, simulated(model, held, fitted_level=True)[:, 0]))
     return PEERS[int(np.argmin(errors))](u, y)
 
 
@@ -395,7 +395,7 @@ def main() -> None:
         held = Segment(validation.input, validation.measured)
         for peer in (*PEERS, automatic):
             model = peer(estimation.input, estimation.measured)
-            by_peer = simulated(model, held, free_level=True)
+            by_peer = simulated(model, held, fitted_level=True)[:, 0]
             errors.append(_error(validation.truth, by_peer))
             measured.append(_error(validation.measured, by_peer))
         ratios.append(

@@ -19,7 +19,6 @@ from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.criteria import criteria_of
 from evopem.estimation.order_selection import REPEAT_FACTOR
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.search.certificate import is_certified
@@ -32,7 +31,6 @@ from evopem.estimation.search.problem import (
     pooled,
 )
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
@@ -162,28 +160,13 @@ def _described_by_search(
     data: Recording,
 ) -> Candidate:
     """A model as the estimate of the prepared samples, from the states that fit them."""
-    window = window_of(orders)
-    radius, noise_radius = search.max_root_radius, min(search.max_root_radius, NOISE_RADIUS)
-    if data.is_joined:
-        joined = StretchErrors(
-            *(data.segments, orders, search.objective, radius, noise_radius, True), window=window
-        )
-        at_states = replace(result, point=joined.completed_by_states(model))
-        return Candidate.of(describe(joined, at_states, data.sampling_rate), CHOSEN)
-    errors = PolynomialErrors(
-        data.input,
-        data.output,
-        orders,
-        search.objective,
-        window.residual_start,
-        window.loss_start,
-        radius,
-        noise_radius,
-        level=True,
+    radius = search.max_root_radius
+    errors = StretchErrors(
+        *(data.segments, orders, search.objective, radius, min(radius, NOISE_RADIUS), True),
+        window=window_of(orders),
     )
-    states = estimate_prediction_states(model, data.input, data.output)
-    point = np.concatenate([model.parameters, [model.level], *states])
-    return Candidate.of(describe(errors, replace(result, point=point), data.sampling_rate), CHOSEN)
+    at_states = replace(result, point=errors.completed_by_states(model))
+    return Candidate.of(describe(errors, at_states, data.sampling_rate), CHOSEN)
 
 
 def _described(
@@ -193,34 +176,26 @@ def _described(
     model = record.in_its_units(_polynomials(scored))
     objective = record.plan.objective
     start = max(first_scored, scored.orders.first_residual)
-    levels: tuple[float, ...] = (model.level,)
-    if data.is_joined:
-        errors = StretchErrors(
-            *(data.segments, scored.orders, objective, 1.0, 1.0, True),
-            window=ScoringWindow(scored.orders.first_residual, start),
-        )
-        point, parts = errors.completed_by_states(model), errors.parts()
-        plant, noise = point[parts["plant"]], point[parts["noise"]]
-        residuals, outputs = errors.residuals(point), errors.scored_outputs()
-        levels = tuple(point[parts["level"]].tolist())
-        model = replace(model, level=levels[0])
-    else:
-        plant, noise = estimate_prediction_states(model, data.input, data.output)
-        residuals = model.residuals(data.input, data.output, plant, noise)[start:]
-        outputs = data.output[start:]
+    errors = StretchErrors(
+        *(data.segments, scored.orders, objective, 1.0, 1.0, True),
+        window=ScoringWindow(scored.orders.first_residual, start),
+    )
+    point, parts = errors.completed_by_states(model), errors.parts()
+    residuals, outputs = errors.residuals(point), errors.scored_outputs()
+    level, *further_levels = point[parts["level"]].tolist()
     criteria = criteria_of(residuals, outputs, objective, scored.parameters)
     return Candidate(
         phase=STRUCTURES,
         orders=_named_orders(scored),
-        model=model,
+        model=replace(model, level=level),
         criteria=criteria,
         with_level=True,
-        plant_state=plant,
-        noise_state=noise,
+        plant_state=point[parts["plant"]],
+        noise_state=point[parts["noise"]],
         minimum=criteria.objective,
         at_stability_bound=False,
         diagnostics=SearchDiagnostics.none(),
-        further_levels=levels[1:],
+        further_levels=tuple(further_levels),
     )
 
 
