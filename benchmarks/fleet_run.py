@@ -24,7 +24,6 @@ import numpy as np
 import yaml
 
 from evopem.config.defaults import complete
-from evopem.config.schema import schema_file
 from evopem.config.settings import DatasetSettings
 from evopem.pipeline.identification import jobs
 from evopem.results.layout import DatasetFiles
@@ -153,7 +152,7 @@ def main() -> None:
         if status != "complete":
             print(f"{name}: {status}, {problem}")
     os.chdir(folder)
-    names = list(complete(config, schema_file()).datasets.values())
+    names = list(complete(config).datasets.values())
     seconds_of_stages(names[0], folder)  # loads what the jobs have loaded
     taken = np.array([seconds_of_stages(each, folder) for each in names[:: count // AGAIN]])
     searching, others = taken.mean(axis=0)

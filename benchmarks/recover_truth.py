@@ -42,8 +42,6 @@ from evopem.synthesis.armax import armax  # noqa: E402
 
 PHASES = phases_of("armax")
 
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
-
 
 # A mode counts as found within this share of the true frequency, and below this damping ratio.
 FOUND_WITHIN, FOUND_DAMPING = 0.05, 0.5
@@ -87,7 +85,7 @@ class RecoveredArmax:
 def built_in_settings(kind: str, objective: str, seed: int, samples: int) -> DatasetSettings:
     source = {"recipe": "chapter", "synthesis": kind, "seed": seed, "samples": samples}
     config = {"datasets": {"x": source | {"search": {"objective": objective}}}}
-    return complete(config, SCHEMA).datasets["x"]
+    return complete(config).datasets["x"]
 
 
 def order_search(data: Recording, settings: DatasetSettings) -> Candidate:

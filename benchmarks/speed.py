@@ -37,13 +37,13 @@ from evopem.config.order_grid import (  # noqa: E402
     phases_of_dataset,
     scoring_window,
 )
+from evopem.config.channels import SyntheticSource  # noqa: E402
 from evopem.config.settings import (  # noqa: E402
     DatasetSettings,
     OrderGrid,
     PreparationSettings,
     SearchSettings,
     SpectrumSettings,
-    SyntheticSource,
 )
 from evopem.estimation.candidate import Candidate  # noqa: E402
 from evopem.estimation.order_race import first_pass  # noqa: E402

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import copytree
 
+from evopem.config.channels import SyntheticSource
 from evopem.config.settings import (
     DatasetSettings,
     DelaySettings,
@@ -21,7 +22,6 @@ from evopem.config.settings import (
     SearchSettings,
     SpectrumSettings,
     SplitSettings,
-    SyntheticSource,
 )
 from evopem.config.structures import phases_of
 from evopem.estimation.model_record import ModelRecord, derived_from

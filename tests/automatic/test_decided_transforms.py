@@ -10,9 +10,8 @@ from scipy.signal import lfilter
 from evopem.automatic.decision import Decision
 from evopem.automatic.preparation import GivenPreparation, PreparationPlan
 from evopem.automatic.transforms import decide_transforms, spread_test
+from evopem.config.channels import ChannelSettings
 from evopem.config.defaults import complete
-from evopem.config.schema import schema_file
-from evopem.config.settings import ChannelSettings
 from evopem.config.yaml_form import yaml_text
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
@@ -87,7 +86,7 @@ def test_what_the_configuration_says_is_not_decided(record):
 
 def settings_of(**keys):
     content = {"datasets": {"a": {"file": "a.csv", "input": 1, "sampling_rate": 50, **keys}}}
-    return complete(content, schema_file()).datasets["a"]
+    return complete(content).datasets["a"]
 
 
 def test_a_written_transform_takes_the_place_of_its_decision_alone():

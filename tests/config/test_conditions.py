@@ -4,7 +4,6 @@ import pytest
 
 from evopem.config.configuration import order_of, positions
 from evopem.config.defaults import complete
-from evopem.config.schema import schema_file
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
 
@@ -18,10 +17,10 @@ def test_a_condition_orders_the_recordings_and_stays_out_of_their_settings():
         "follow": "temperature",
         "datasets": {"a": entry(temperature=21.5), "b": entry(temperature=-3)},
     }
-    found = complete(config, schema_file())
+    found = complete(config)
     assert found.order == positions(to_json(found.order))
     assert found.order.places == {"a": 21.5, "b": -3.0}
-    plain = complete({"datasets": {"a": entry(), "b": entry()}}, schema_file())
+    plain = complete({"datasets": {"a": entry(), "b": entry()}})
     assert plain.datasets == found.datasets
     assert plain.order is None
     assert positions({}) is None
@@ -43,4 +42,4 @@ def test_dates_become_days():
 )
 def test_a_condition_that_cannot_order_is_refused(entries, follow, expected):
     with pytest.raises(InputError, match=expected):
-        complete({"follow": follow, "datasets": entries}, schema_file())
+        complete({"follow": follow, "datasets": entries})

@@ -14,7 +14,6 @@ from evopem.config.defaults import complete
 from evopem.errors import InputError
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +24,7 @@ def _here(tmp_path, monkeypatch):
 def refusal(config):
     before = time.process_time()
     with pytest.raises(InputError) as caught:
-        complete(config, SCHEMA)
+        complete(config)
     assert time.process_time() - before < 5
     sentence = str(caught.value)
     assert re.fullmatch(r"config\.yaml.*: .+; .+\.", sentence)
@@ -69,7 +68,7 @@ def test_a_name_that_no_folder_or_wildcard_can_have(name, said):
 
 @pytest.mark.parametrize("name", ["xy-2" * 18, "run_" + "0" * 19, "a.csv", "2024-01-31", "console"])
 def test_a_name_at_the_limit_is_accepted(name):
-    assert list(complete({"datasets": {name: SYNTHETIC}}, SCHEMA).datasets) == [name]
+    assert list(complete({"datasets": {name: SYNTHETIC}}).datasets) == [name]
 
 
 @pytest.mark.parametrize(
@@ -104,7 +103,7 @@ def test_a_result_is_no_recording(tmp_path, path, key):
 
 @pytest.mark.parametrize("path", ["results/other/x.csv", "results.csv", "old/results/a/x.csv"])
 def test_other_folders_hold_recordings(path):
-    assert complete(with_file(path), SCHEMA).datasets["a"].source.files == (path,)
+    assert complete(with_file(path)).datasets["a"].source.files == (path,)
 
 
 @pytest.mark.parametrize("other", ["x.csv", "./x.csv", "d/../x.csv", "ABSOLUTE", "soft", "hard"])
@@ -138,7 +137,7 @@ def test_a_path_that_cannot_be_one(file, said):
 def test_a_path_that_the_file_system_refuses_is_for_its_job_to_refuse():
     """The other data sets are not stopped."""
     long = "x" * 300 + ".csv"
-    assert complete(with_file(long, validation_file="y.csv"), SCHEMA).datasets["a"].source.files
+    assert complete(with_file(long, validation_file="y.csv")).datasets["a"].source.files
 
 
 def itself():
@@ -220,7 +219,7 @@ def test_ten_thousand_files_are_checked_in_seconds():
         f"r{n}": {"file": f"data/{n}.csv", "validation_file": f"v/{n}.csv"} for n in range(10_000)
     }
     before = time.process_time()
-    complete({"datasets": files}, SCHEMA)
+    complete({"datasets": files})
     assert time.process_time() - before < 30
 
 
@@ -230,7 +229,7 @@ def test_a_locale_without_the_letters_of_a_path_is_named(place):
     config = {"datasets": "Größe.csv"} if place == "datasets" else with_file("Größe.csv")
     code = (
         "from evopem.config.defaults import complete\n"
-        f"try: complete({config!a}, {str(SCHEMA)!r})\n"
+        f"try: complete({config!a})\n"
         "except ValueError as error: print(ascii(str(error)))\n"
     )
     environment = os.environ | {

@@ -1,12 +1,11 @@
 """The order grid: its candidates, their jobs, and the samples on which they are compared."""
 
-from pathlib import Path
-
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from evopem.config.channels import SyntheticSource
 from evopem.config.defaults import complete
 from evopem.config.order_grid import (
     candidate_orders,
@@ -30,14 +29,12 @@ from evopem.config.settings import (
     ScoringWindow,
     SearchSettings,
     SpectrumSettings,
-    SyntheticSource,
 )
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
 
 PHASES = phases_of("armax")
 
-SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 SELECTED = {"na": 7, "nb": 7, "nc": 7, "nk": 3}
 
 
@@ -47,7 +44,7 @@ def tuples(candidates):
 
 def dataset(text=""):
     config = yaml.safe_load(f"datasets: {{arm: {{recipe: chapter, synthesis: armax, {text}}}}}")
-    return complete(config, SCHEMA).datasets["arm"]
+    return complete(config).datasets["arm"]
 
 
 def grid(text=""):

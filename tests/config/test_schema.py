@@ -1,87 +1,34 @@
-"""The schema and the typed settings: the same keys, the same choices, the same defaults."""
+"""The keys as types: files written from them are current, and every key is described."""
 
+import runpy
 from dataclasses import fields
 from pathlib import Path
-from typing import Literal, get_args, get_origin, get_type_hints
+from typing import get_args
 
 import pytest
-import yaml
 
-from evopem.config.constraints import Constraints
 from evopem.config.defaults import complete
-from evopem.config.settings import (
-    DatasetSettings,
-    DelaySettings,
-    OrderSettings,
-    RunSettings,
-    SearchSettings,
-    SpectrumSettings,
-    SplitSettings,
-    Structure,
-    SyntheticSource,
-    TransformSettings,
-)
-from evopem.config.state_space_checks import OWN_KEYS
+from evopem.config.keys import ANALYSIS, CONFIGURATION, SOURCE, SYNTHESIS
+from evopem.config.schema import adapter, schema_file
+from evopem.config.settings import OrderSettings, SearchSettings, Structure
 from evopem.config.structures import PHASES, STRUCTURES
-from evopem.config.yaml_form import ANALYSIS_KEYS, FILE_KEYS
+from evopem.errors import InputError
 
-SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
-KEYS = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
-MAPPINGS = {
-    "transforms": TransformSettings,
-    "split": SplitSettings,
-    "spectrum": SpectrumSettings,
-    "delay": DelaySettings,
-    "orders": OrderSettings,
-    "search": SearchSettings,
-    "constraints": Constraints,
-}
+ROOT = Path(__file__).parents[2]
+WRITER = runpy.run_path(str(ROOT / "docs" / "write_keys.py"))
 
 
-def names(*kinds):
-    """Names of the fields of settings, as keys."""
-    return {field.name.rstrip("_") for kind in kinds for field in fields(kind)}
+def test_the_schema_for_editors_is_current():
+    """Else run python docs/write_keys.py."""
+    assert schema_file().read_text(encoding="utf-8") == WRITER["schema_text"]()
 
 
-@pytest.mark.parametrize(("mapping", "kind"), MAPPINGS.items())
-def test_the_keys_of_a_mapping_are_the_fields_of_its_settings(mapping, kind):
-    of_several_channels = {"nx", "nf"} if mapping == "orders" else set()
-    assert set(KEYS["$defs"][mapping]["properties"]) == names(kind) | of_several_channels
-
-
-def test_the_keys_of_a_data_set_are_its_source_and_its_analysis():
-    keys = {"recipe", "purpose", "resample", "structure", "level", "focus", *MAPPINGS}
-    assert set(ANALYSIS_KEYS) == keys
-    source = names(SyntheticSource) | {*FILE_KEYS, "conditions"}
-    analysis = {*ANALYSIS_KEYS, *OWN_KEYS}
-    assert set(KEYS["$defs"]["dataset"]["properties"]) == source | analysis
-    assert set(KEYS["properties"]["defaults"]["properties"]) == analysis
-
-
-def test_the_keys_of_a_run_are_the_fields_of_its_settings():
-    others = {"datasets", "defaults"}
-    assert set(KEYS["properties"]) - others == names(RunSettings)
-
-
-def choices(kind):
-    """The fields of settings that hold one of a few words, with these."""
-    for name, hint in get_type_hints(kind).items():
-        if get_origin(hint) is Literal:
-            yield name, set(get_args(hint))
-
-
-@pytest.mark.parametrize(
-    ("properties", "kind"),
-    [
-        (KEYS["properties"], RunSettings),
-        (KEYS["$defs"]["search"]["properties"], SearchSettings),
-        (KEYS["$defs"]["dataset"]["properties"], SyntheticSource),
-    ],
-)
-def test_the_words_a_key_takes_are_those_of_its_field(properties, kind):
-    listed = dict(choices(kind))
-    assert listed
-    assert {name: set(properties[name]["enum"]) for name in listed} == listed
+def test_the_tables_of_the_documentation_are_current():
+    """Else run python docs/write_keys.py."""
+    page = WRITER["PAGE"].read_text(encoding="utf-8")
+    assert page == WRITER["documentation"](page)
+    for key in (*SOURCE, *SYNTHESIS, *ANALYSIS):
+        assert f"`{key}` |" in page
 
 
 def test_the_phases_are_the_grids_of_the_order_search():
@@ -89,31 +36,61 @@ def test_the_phases_are_the_grids_of_the_order_search():
 
 
 def test_the_structures_are_those_of_the_package():
-    assert set(KEYS["$defs"]["structure"]["enum"]) == {*STRUCTURES, "state_space"}
     assert set(get_args(Structure)) == set(STRUCTURES)
 
 
 def test_built_in_settings_of_the_search_are_those_of_the_package():
     """One search, whether a configuration or a notebook starts it."""
-    config = complete(
-        {"datasets": {"arm": {"synthesis": "flexible_arm", "recipe": "chapter"}}}, SCHEMA
-    )
-    arm = config.datasets["arm"]
-    assert isinstance(arm, DatasetSettings)
-    assert arm.search == SearchSettings()
+    config = complete({"datasets": {"arm": {"synthesis": "flexible_arm", "recipe": "chapter"}}})
+    assert config.datasets["arm"].search == SearchSettings()
 
 
 def test_every_key_has_a_description():
     """An editor shows it, and an error ends with it."""
-
-    def resolved(node):
-        return KEYS["$defs"][node["$ref"].rpartition("/")[2]] if "$ref" in node else node
+    schema = adapter(CONFIGURATION).json_schema()
 
     def walk(node, place):
-        node = resolved(node)
-        assert node.get("description"), place
+        if "$ref" in node:
+            node = schema["$defs"][node["$ref"].rpartition("/")[2]] | node
+        assert node.get("description") or not place, place
         for key, below in node.get("properties", {}).items():
-            walk(below, f"{place}.{key}")
+            if "priors" not in place and "poles" not in place:
+                walk(below, f"{place}.{key}")
+        if place == ".datasets":
+            walk(node["additionalProperties"], f"{place}.NAME")
 
-    walk(KEYS, "config")
-    walk({"$ref": "#/$defs/dataset"}, "datasets.NAME")
+    walk(schema, "")
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ({"structure": "armx"}, "armx is not known (did you mean armax?); give the structure of"),
+        ({"constraints": {"fixed_poles": [{"rael": 1}]}}, "fixed_poles[0].rael: there is no such"),
+        ({"constraints": {"priors": [{"mean": 1}]}}, "priors[0]: the key quantity is missing"),
+        ({"constraints": {"static_gain": {"u": "x"}}}, "static_gain.u: x cannot be used"),
+        ({"orders": {"nb": {"u": [1, 99]}}}, "orders.nb.u[1]: 99 is above 60"),
+        ({"input": [1, None]}, "input[1]: there is no value"),
+    ],
+)
+def test_a_member_of_a_union_is_named_by_its_path(keys, sentence):
+    with pytest.raises(InputError) as caught:
+        complete({"datasets": {"a": {"file": "a.csv"} | keys}})
+    assert sentence in str(caught.value)
+
+
+def test_one_file_may_have_a_list_and_another_a_name(tmp_path, monkeypatch):
+    """The form of a value decides alone what it is, whatever the other data sets have."""
+    monkeypatch.chdir(tmp_path)
+    config = complete(
+        {
+            "datasets": {
+                "one": {"file": "a.csv", "input": "u", "output": "y"},
+                "two": {"file": "b.csv", "input": ["a", "b"], "output": "y"},
+            },
+            "one_job_per": "recording",
+        }
+    )
+    one, two = config.datasets.values()
+    assert (one.channels.inputs, two.channels.inputs) == (("u",), ("a", "b"))
+    assert (one.is_single_channel, two.is_single_channel) == (True, False)

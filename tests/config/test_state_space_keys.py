@@ -5,13 +5,12 @@ from pathlib import Path
 import pytest
 import yaml
 
+from evopem.config.channels import ChannelPlace, UnitSettings
 from evopem.config.defaults import complete
-from evopem.config.settings import ChannelPlace, UnitSettings
 from evopem.config.structures import searched_variants
 from evopem.config.yaml_form import keys_of, read_settings, yaml_text
 from evopem.errors import InputError
 
-SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 OE = "input: [a, b]\n    output: y\n    structure: oe\n    "
 GEOMETRY = """
     geometry:
@@ -25,7 +24,7 @@ def dataset(keys, defaults=""):
     text = f"datasets:\n  a:\n    file: a.csv\n    {keys}\n"
     if defaults:
         text += f"defaults: {defaults}\n"
-    return complete(yaml.safe_load(text), SCHEMA).datasets["a"]
+    return complete(yaml.safe_load(text)).datasets["a"]
 
 
 def refusal(keys, defaults=""):
@@ -44,7 +43,7 @@ def test_lists_of_channels_mean_a_state_space_model():
     assert found.source.channels.inputs == ("u",)
     assert found.source.channels.outputs == ("y1", 4, "acc_*")
     assert found.source.channels.output_units == UnitSettings(by_name={"y1": "m"})
-    assert found.source.channels.input_units == UnitSettings(in_order=("N",))
+    assert found.source.channels.input_units == UnitSettings("N")
     assert (found.preparation.split.discard, found.preparation.split.estimation) == (0, 0.8)
 
 
@@ -123,7 +122,7 @@ def test_defaults_serve_both_kinds_of_data_sets():
         orders: {nx: 4}
         search: {seed: 7, max_root_radius: 0.99}
     """
-    found = complete(yaml.safe_load(text), SCHEMA).datasets
+    found = complete(yaml.safe_load(text)).datasets
     assert found["one"].is_single_channel
     assert found["one"].search.seed == found["several"].search.seed == 7
     assert found["several"].automatic.form == "ss_oe"
@@ -153,7 +152,7 @@ def test_orders_and_delays_of_each_input(tmp_path, written, ranges):
     file = tmp_path / "config.yaml"
     file.write_text(yaml_text(found))
     assert read_settings(file) == found
-    again = complete({"datasets": {"a": keys_of(found)}}, SCHEMA)
+    again = complete({"datasets": {"a": keys_of(found)}})
     assert again.datasets["a"] == found
 
 
@@ -207,7 +206,7 @@ def test_complete_keys_come_back(tmp_path):
     assert read_settings(file) == found
     assert found.search.objective == "absolute"
     assert found.geometry.channels["acc"] == ChannelPlace("tip", (-1.0, 0.0, 0.0))
-    again = complete({"datasets": {"a": keys_of(found)}}, SCHEMA)
+    again = complete({"datasets": {"a": keys_of(found)}})
     assert again.datasets["a"] == found
 
 
@@ -345,6 +344,6 @@ def test_a_structure_of_the_defaults_is_named():
 def test_a_cell_of_a_table_may_hold_a_list(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("table.csv").write_text('name,file,output\na,a.csv,"[acc, 3]"\nb,b.csv,[V]\n')
-    found = complete({"datasets": "table.csv"}, SCHEMA).datasets
+    found = complete({"datasets": "table.csv"}).datasets
     assert found["a"].source.channels.outputs == ("acc", 3)
     assert found["b"].source.channels.outputs == ("[V]",)

@@ -26,7 +26,7 @@ def _here(tmp_path, monkeypatch):
 
 def completed(content, name="recordings.csv"):
     Path(name).write_bytes(content if isinstance(content, bytes) else content.encode())
-    return complete({"datasets": name}, SCHEMA).datasets
+    return complete({"datasets": name}).datasets
 
 
 def separated(separator, text=PLAIN):
@@ -274,10 +274,10 @@ def test_what_is_no_regular_file_is_refused_without_being_opened(tmp_path):
     Path("folder.csv").mkdir()
     for name in ("pipe.csv", "folder.csv"):
         with pytest.raises(InputError, match=f"^{name}: is not a regular file; .+"):
-            complete({"datasets": name}, SCHEMA)
+            complete({"datasets": name})
 
 
 @pytest.mark.parametrize("name", ["missing.csv", "x" * 300, "nul\0l.csv", "\ud800.csv", " "])
 def test_a_path_that_leads_nowhere_is_refused(name):
     with pytest.raises(InputError, match=r": .+; .+\."):
-        complete({"datasets": name}, SCHEMA)
+        complete({"datasets": name})

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from evopem.config.channels import SyntheticSource
 from evopem.config.order_grid import candidate_orders, phases_of_dataset, scoring_window
 from evopem.config.settings import (
     DatasetSettings,
@@ -19,7 +20,6 @@ from evopem.config.settings import (
     PreparationSettings,
     SearchSettings,
     SpectrumSettings,
-    SyntheticSource,
 )
 from evopem.estimation.order_race import first_pass
 from evopem.estimation.order_selection import estimate_candidates, select_candidate

@@ -5,12 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.config.settings import (
-    PreparationSettings,
-    ScoringWindow,
-    SearchSettings,
-    SyntheticSource,
-)
+from evopem.config.channels import SyntheticSource
+from evopem.config.settings import PreparationSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, select_delay, select_order
 from evopem.estimation.criteria import Criteria

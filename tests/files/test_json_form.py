@@ -18,13 +18,8 @@ from hypothesis.extra import numpy as arrays
 from evopem.automatic.delays import DelayChoice
 from evopem.automatic.record import DecisionRecord, OtherModel
 from evopem.config import settings
-from evopem.config.settings import (
-    ChannelSettings,
-    OrderSettings,
-    SearchSettings,
-    SyntheticSource,
-    UnitSettings,
-)
+from evopem.config.channels import ChannelSettings, SyntheticSource, UnitSettings
+from evopem.config.settings import OrderSettings, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evopem.config.settings import ChannelSettings
+from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.signals.measured_files import FORMATS
 from evopem.signals.reading import read_measured

@@ -81,7 +81,7 @@ RESERVED = {"logs", "benchmarks", "checksums"}
 @given(VALID.filter(lambda config: not RESERVED & set(config["datasets"])))
 @settings(max_examples=50, deadline=None)
 def test_a_valid_configuration_is_completed(config):
-    completed = complete(copy.deepcopy(config), SCHEMA)
+    completed = complete(copy.deepcopy(config))
     assert list(completed.datasets) == list(config["datasets"])
     for name, dataset in completed.datasets.items():
         assert dataset.name == name
@@ -130,7 +130,7 @@ def test_a_changed_configuration_is_completed_or_refused_in_one_sentence(config,
         else:
             place[data.draw(st.sampled_from(KEYS) | st.text(max_size=6))] = place.pop(last)
     try:
-        json.dumps(to_json(complete(config, SCHEMA)), allow_nan=False)
+        json.dumps(to_json(complete(config)), allow_nan=False)
     except InputError as refused:
         refusal = str(refused)
     else:

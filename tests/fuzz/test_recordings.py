@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 from scipy.signal import lfilter
 
+from evopem.config.channels import SyntheticSource
 from evopem.config.order_grid import check_samples, sample_requirements, scoring_window
 from evopem.config.settings import (
     DatasetSettings,
@@ -17,7 +18,6 @@ from evopem.config.settings import (
     SearchSettings,
     SpectrumSettings,
     SplitSettings,
-    SyntheticSource,
     TransformSettings,
 )
 from evopem.errors import InputError

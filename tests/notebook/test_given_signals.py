@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.config.settings import ChannelSettings
+from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.notebook.signals import Wanted
 from evopem.notebook.signals import given_recordings as recordings_of

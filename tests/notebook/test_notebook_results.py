@@ -13,7 +13,6 @@ from scipy.signal import lfilter
 
 import evopem
 from evopem.config.defaults import complete
-from evopem.config.schema import schema_file
 from evopem.files.json_form import load
 from evopem.notebook.progress import progress
 from evopem.pipeline.identification import identify_dataset
@@ -82,7 +81,7 @@ def test_the_workflow_finds_the_same_in_a_file_of_the_same_signals(found, tmp_pa
     np.savez(tmp_path / "data.npz", u=u, y=y)
     keys = {"file": str(tmp_path / "data.npz"), "input": "u", "output": "y", "sampling_rate": RATE}
     content = {"datasets": {"data": {"recipe": "auto", **keys, **QUICK}}}
-    settings = complete(content, schema_file()).datasets["data"]
+    settings = complete(content).datasets["data"]
     files = DatasetFiles(str(tmp_path / "results" / "data"))
     identify_dataset(files, settings, with_report=False)
     again = evopem.Results.of(files, settings)

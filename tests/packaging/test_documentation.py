@@ -13,7 +13,6 @@ import yaml
 from identified import finished_copy
 
 from evopem.config.defaults import complete
-from evopem.config.schema import schema_file
 
 ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "workflow" / "scripts"
@@ -182,7 +181,7 @@ def test_the_configurations_of_a_page_are_accepted(page, tmp_path, monkeypatch):
                 file = Path("1".join(pattern))  # a pattern needs a file that it matches
                 file.parent.mkdir(parents=True, exist_ok=True)
                 file.touch()
-            complete(content, schema_file(), block.place)
+            complete(content, block.place)
 
 
 def test_every_exception_is_still_there():

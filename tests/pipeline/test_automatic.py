@@ -7,14 +7,13 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.automatic.record import DecisionRecord
+from evopem.config.channels import ChannelSettings, RecordedSource
 from evopem.config.settings import (
     AutomaticSettings,
-    ChannelSettings,
     DatasetSettings,
     OrderGrid,
     OrderRanges,
     PreparationSettings,
-    RecordedSource,
     SearchSettings,
     SpectrumSettings,
     SplitSettings,

@@ -20,7 +20,6 @@ from evopem.validation.checks.state_space import state_space_checks
 from evopem.validation.modes_record import ModesRecord
 from evopem.validation.multichannel import MultichannelValidation
 
-SCHEMA_PATH = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 RATE, NOISE = 100.0, 0.02
 FREQUENCIES = (7.0, 19.0)
 SHAPES = np.array([[0.5, 1.0], [1.0, -0.6]])
@@ -57,7 +56,7 @@ def identified(path, monkeypatch, keys, lengths=(260, 230, 250, 240)):
     monkeypatch.chdir(path)
     for number, samples in enumerate(lengths, 1):
         blow(number, max(samples, 20))[:samples].to_csv(f"blow_{number}.csv", index=False)
-    settings = complete({"datasets": {"frame": BLOWS | keys}}, SCHEMA_PATH).datasets["frame"]
+    settings = complete({"datasets": {"frame": BLOWS | keys}}).datasets["frame"]
     files = DatasetFiles.of_dataset("frame")
     identify_dataset(files, settings, with_report=True)
     return files
@@ -137,7 +136,7 @@ def test_every_structure_takes_several_recordings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for number in (1, 2, 3):
         blow(number).to_csv(f"blow_{number}.csv", index=False)
-    settings = complete({"datasets": {"frame": own}}, SCHEMA_PATH).datasets["frame"]
+    settings = complete({"datasets": {"frame": own}}).datasets["frame"]
     files = DatasetFiles.of_dataset("frame")
     identify_dataset(files, settings, with_report=True)
     record = load(ModelRecord, files.model)

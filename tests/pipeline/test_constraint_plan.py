@@ -1,7 +1,6 @@
 """A focus and constraints that contradict the orders or the rate are refused in one sentence."""
 
 import re
-from pathlib import Path
 
 import pytest
 
@@ -11,7 +10,6 @@ from evopem.pipeline.constraint_plan import check_fit, known_rate
 from evopem.pipeline.planned_fits import check_planned_fits
 
 EMPTY = {"frequency_band": [5, 6], "forbidden_bands": [[4, 7]]}
-SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 
 
 def planned(keys, rate=50):
@@ -20,7 +18,7 @@ def planned(keys, rate=50):
         | ({"sampling_rate": rate} if rate else {"time": "t"})
         | keys
     )
-    config = complete({"datasets": {"a": written}}, SCHEMA)
+    config = complete({"datasets": {"a": written}})
     check_planned_fits(config.datasets, "config.yaml")
     return config.datasets["a"]
 
@@ -62,7 +60,7 @@ def test_constraints_of_the_defaults_are_kept_one_by_one():
         },
         "datasets": {"a": {"file": "x.csv", "constraints": {"static_gain": 3}}, "b": {"file": "y"}},
     }
-    datasets = complete(config, SCHEMA).datasets
+    datasets = complete(config).datasets
     assert datasets["a"].fit.constraints.static_gain == 3
     assert datasets["a"].fit.constraints.max_pole_radius == 0.9
     assert datasets["b"].fit.constraints.static_gain == 2

@@ -6,17 +6,16 @@ from pathlib import Path
 
 import pytest
 
+from evopem.config.channels import RecordedSource, SyntheticSource
 from evopem.config.settings import (
     DatasetSettings,
     DelaySettings,
     OrderGrid,
     OrderSettings,
     PreparationSettings,
-    RecordedSource,
     SearchSettings,
     SpectrumSettings,
     SplitSettings,
-    SyntheticSource,
 )
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
@@ -114,7 +113,7 @@ def test_a_recorded_file_without_a_report(tmp_path, arm, monkeypatch):
     """From files instead of a simulation, an independent one for validation among them."""
     import numpy as np
 
-    from evopem.config.settings import ChannelSettings
+    from evopem.config.channels import ChannelSettings
     from evopem.files.json_form import load
     from evopem.signals.prepared_data import Transforms
     from evopem.signals.recording import load_recording

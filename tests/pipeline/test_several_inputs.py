@@ -19,7 +19,6 @@ from evopem.results.fleet import DatasetSummary
 from evopem.results.layout import DatasetFiles
 from evopem.validation.multichannel import MultichannelValidation
 
-SCHEMA_PATH = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 A = np.array([1.0, -1.5, 0.8])
 SAMPLES = 700
 # Frequency in Hz at 10 Hz, and damping ratio, of the poles of A.
@@ -42,7 +41,7 @@ def identified(path, monkeypatch, keys, samples=SAMPLES, with_report=True, table
     (signals()[0] if table is None else table)[:samples].to_csv("mixer.csv", index=False)
     dataset = {"file": "mixer.csv", "sampling_rate": 10, "input": ["hot", "cold"], "output": "y"}
     dataset |= {"search": {"evaluations": 50}} | keys
-    settings = complete({"datasets": {"mixer": dataset}}, SCHEMA_PATH).datasets["mixer"]
+    settings = complete({"datasets": {"mixer": dataset}}).datasets["mixer"]
     files = DatasetFiles.of_dataset("mixer")
     identify_dataset(files, settings, with_report)
     return files
@@ -108,7 +107,7 @@ def test_every_file_is_there_and_says_the_same(results):
 def test_the_written_configuration_gives_the_same_settings(results):
     path, files = results
     keys = yaml.safe_load((path / files.config).read_text())
-    again = complete(keys, SCHEMA_PATH).datasets["mixer"]
+    again = complete(keys).datasets["mixer"]
     assert again.automatic.structure == "armax"
     assert again.automatic.orders.joint == (1, 3)
 

@@ -15,7 +15,7 @@ import pytest
 from browsing import TEMPLATES, renamed_channels
 from identified import without_covariance
 
-from evopem.config.settings import RecordedSource
+from evopem.config.channels import RecordedSource
 from evopem.config.structures import phases_of
 from evopem.report import read_wall_clock
 from evopem.report.numbers import number, with_error

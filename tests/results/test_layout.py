@@ -11,7 +11,6 @@ from evopem.errors import InputError
 from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 FILES = DatasetFiles.of_dataset("arm")
 
 
@@ -65,7 +64,7 @@ def test_a_wildcard_stands_for_the_name():
 def test_what_lies_beside_the_data_sets_is_no_name_for_one(path):
     name = PurePosixPath(path).name
     with pytest.raises(InputError, match=f"{name} is the name of something else"):
-        complete({"datasets": {name: {"synthesis": "armax"}}}, SCHEMA)
+        complete({"datasets": {name: {"synthesis": "armax"}}})
 
 
 def strings(file):

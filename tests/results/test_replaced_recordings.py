@@ -12,7 +12,6 @@ from evopem.files.checksums import sha256_of_file
 from evopem.results.layout import DatasetFiles
 from evopem.results.made_from import mark_replaced_recordings, was_read_from
 
-SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
 BOTH = {"file": "x.csv", "validation_file": "v.csv"}
 
 
@@ -22,7 +21,7 @@ def _here(tmp_path, monkeypatch):
 
 
 def settings(datasets):
-    return complete({"datasets": datasets}, SCHEMA).datasets
+    return complete({"datasets": datasets}).datasets
 
 
 def write_results(path, recording, info):

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from evopem.config.settings import ChannelSettings, UnitSettings
+from evopem.config.channels import ChannelSettings, UnitSettings
 from evopem.errors import InputError
 from evopem.signals.reading import read_measured
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from evopem.config.channels import ChannelSettings
 from evopem.config.defaults import complete
-from evopem.config.schema import schema_file
-from evopem.config.settings import ChannelSettings
 from evopem.config.yaml_form import yaml_text
 from evopem.errors import InputError
 from evopem.files.json_form import load
@@ -109,7 +108,7 @@ def test_the_channels_of_the_first_file_are_those_of_all(tmp_path):
 def test_the_file_alone_is_a_configuration(recipe):
     def completed(**keys):
         content = {"datasets": {"pump": {"file": "pump.csv", "recipe": recipe, **keys}}}
-        return complete(content, schema_file()).datasets["pump"]
+        return complete(content).datasets["pump"]
 
     own = completed()
     assert own.source.channels_from_file

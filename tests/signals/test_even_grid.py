@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evopem.config.settings import ChannelSettings
+from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording

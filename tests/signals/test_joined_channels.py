@@ -8,12 +8,8 @@ import pytest
 
 from evopem.automatic.preparation import GivenPreparation, PreparationPlan, decide_preparation
 from evopem.automatic.prepared_data import prepared_data
-from evopem.config.settings import (
-    ChannelSettings,
-    PreparationSettings,
-    SplitSettings,
-    TransformSettings,
-)
+from evopem.config.channels import ChannelSettings
+from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording

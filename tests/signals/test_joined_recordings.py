@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.config.settings import ChannelSettings, PreparationSettings, SplitSettings
+from evopem.config.channels import ChannelSettings
+from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.config.settings import TransformSettings as T
 from evopem.errors import InputError
 from evopem.files.json_form import load

@@ -6,7 +6,7 @@ import pytest
 from recorded_files import uff_text
 from scipy.io import savemat
 
-from evopem.config.settings import ChannelPlace, ChannelSettings, Geometry, UnitSettings
+from evopem.config.channels import ChannelPlace, ChannelSettings, Geometry, UnitSettings
 from evopem.errors import InputError
 from evopem.signals.reading import read_measured
 from evopem.signals.recording import load_recording, save_recording

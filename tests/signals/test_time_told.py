@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evopem.config.settings import ChannelSettings
+from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording

@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, dlsim
 
-from evopem.config.settings import (
-    PreparationSettings,
-    SplitSettings,
-    SyntheticSource,
-    TransformSettings,
-)
+from evopem.config.channels import SyntheticSource
+from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.signals.preparation import prepare
 from evopem.synthesis import synthesize

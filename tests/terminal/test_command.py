@@ -13,7 +13,6 @@ from scipy.signal import lfilter
 
 import evopem
 from evopem.config.defaults import complete
-from evopem.config.schema import schema_file
 from evopem.config.yaml_form import read_settings, yaml_text
 from evopem.report.numbers import with_error
 from evopem.terminal.command import main
@@ -23,7 +22,7 @@ from .conftest import SMALL
 RUN = ("data.csv", "--input", "u", "--output", "y", "--rate", "100", "--config", "small.yaml")
 KEYS = {"file": "data.csv", "input": "u", "output": "y", "sampling_rate": 100}
 WRITTEN = {"defaults": SMALL, "datasets": {"data": KEYS}}
-SETTINGS = complete(WRITTEN, schema_file()).datasets["data"]
+SETTINGS = complete(WRITTEN).datasets["data"]
 
 
 def run(folder, *arguments):
@@ -242,7 +241,7 @@ def test_version_and_help_need_no_library(tmp_path):
 def test_init_writes_a_configuration_that_is_accepted(folder, capsys):
     assert main(["init"]) == 0
     written = (folder / "config.yaml").read_text()
-    settings = complete(yaml.safe_load(written), schema_file()).datasets["data"]
+    settings = complete(yaml.safe_load(written)).datasets["data"]
     channels = settings.source.channels
     assert (channels.inputs, channels.outputs, channels.time) == (("u",), ("y",), "time")
     assert "# 100 Hz" in written

@@ -12,7 +12,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from evopem.config.defaults import complete
-from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.signals.reading import read_measured
@@ -24,7 +23,7 @@ U, Y = RNG.standard_normal((2, SAMPLES))
 
 
 def settings_of(text):
-    return complete(yaml.safe_load(text), schema_file()).datasets
+    return complete(yaml.safe_load(text)).datasets
 
 
 def test_what_was_found_is_what_the_readers_read(tmp_path):

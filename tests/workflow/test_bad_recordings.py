@@ -12,9 +12,8 @@ from evopem.pipeline.stages import PREPARING
 from evopem.results.layout import DatasetFiles
 
 from .bad_recordings import BAD, GOOD, PAYLOAD_RAN, RATE, VALIDATION_FILES, text, write
-from .conftest import ROOT, TINY, Folder
+from .conftest import TINY, Folder
 
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
 DEFAULTS = TINY["defaults"] | {
     "transforms": {"box_cox": "none", "difference": 0},
     "split": {"discard": 0},
@@ -39,7 +38,7 @@ def here(tmp_path, monkeypatch):
 def prepare_recording(name, keys, folder):
     """Run the jobs before the search, as Snakemake does, and say which files they should make."""
     config = {"defaults": DEFAULTS, "datasets": {name: keys}}
-    dataset = complete(config, SCHEMA).datasets[name]
+    dataset = complete(config).datasets[name]
     files = DatasetFiles(str(folder / "results" / name))
     for own in jobs(dataset, files):
         if own.stage.name in PREPARING:

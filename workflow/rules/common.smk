@@ -68,7 +68,6 @@ try:
     provider = Provider(
         complete(
             config,
-            schema_file(),
             source=" and ".join(map(str, CONFIG_FILES)),
         )
     )

@@ -5,33 +5,51 @@ Imports neither NumPy nor pandas, because the Snakefile imports this module.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import yaml
+from pydantic import Field
 
-from evopem.config.schema import check_schema
+from evopem.config.keys import keys_of_fields, mapping
+from evopem.config.schema import checked, normalized
 from evopem.config.strict_yaml import check_yaml_files
-from evopem.files.json_form import from_json
 
-SCHEMA = Path(__file__).parents[2] / "settings.schema.yaml"
+Algorithm = Literal[
+    "hybrid",
+    "es",
+    "ep",
+    "ga",
+    "hybrid-all",
+    "hybrid-best",
+    "hybrid-random",
+    "hybrid-small",
+    "default",
+    "multi-start",
+    "multi-start-scipy",
+    "multi-start-lbfgsb",
+    "multi-start-least-squares",
+    "basin-hopping",
+    "monotonic-basin-hopping",
+    "least-squares-hopping",
+    "cma-es",
+    "differential-evolution",
+    "dual-annealing",
+]
+Dimension = Annotated[int, Field(ge=2, le=100, description="a whole number from 2 to 100")]
+Count = Annotated[int, Field(ge=1, description="a whole number of at least 1")]
 
 
 @dataclass(frozen=True)
 class ScaleSettings:
-    """Settings of the study of scale.
+    """Settings of the study of scale."""
 
-    Attributes
-    ----------
-    dimensions : tuple of int
-    runs : int
-        Runs of each algorithm on each instance.
-    """
-
-    dimensions: tuple[int, ...]
-    runs: int
+    dimensions: Annotated[
+        tuple[Dimension, ...],
+        Field(min_length=1, description="a list of whole numbers from 2 to 100"),
+    ] = (5, 10, 20, 40, 70, 100)
+    runs: Count = 2  # of each algorithm on each instance
 
 
 @dataclass(frozen=True)
@@ -57,15 +75,34 @@ class Settings:
     seed : int
     """
 
-    algorithms: tuple[str, ...]
-    dimension: int
-    evaluations: int
-    instances: int
-    runs: int
-    slow_runs: int
-    scale: ScaleSettings
-    runs_per_job: int
-    seed: int
+    algorithms: Annotated[
+        tuple[Annotated[Algorithm, Field(description="the name of an algorithm")], ...],
+        Field(min_length=1, description="a list of algorithms"),
+    ] = Algorithm.__args__  # type: ignore[attr-defined]
+    dimension: Annotated[
+        Dimension, Field(description="the number of variables, a whole number from 2 to 100")
+    ] = 20
+    evaluations: Annotated[
+        int, Field(ge=100, description="a whole number of at least 100 evaluations of a run")
+    ] = 200_000
+    instances: Count = 10
+    runs: Count = 10
+    slow_runs: Count = 2
+    scale: ScaleSettings = field(default_factory=ScaleSettings)
+    runs_per_job: Count = 10
+    seed: Annotated[int, Field(ge=0, description="a whole number of at least 0")] = 1
+
+
+_KEYS = mapping(
+    "Settings",
+    keys_of_fields(Settings)
+    | {
+        "scale": Annotated[
+            mapping("Scale", keys_of_fields(ScaleSettings)),
+            Field(description="a mapping of dimensions and runs"),
+        ]
+    },
+)
 
 
 def read_settings(file: str | Path) -> Settings:
@@ -74,17 +111,15 @@ def read_settings(file: str | Path) -> Settings:
     Parameters
     ----------
     file : path
-        YAML with some of the keys in ``settings.schema.yaml``. It may be missing or empty.
+        YAML with some of the keys. It may be missing or empty.
 
     Raises
     ------
     InputError
         For broken YAML, an unknown key or a value outside its range.
     """
-    schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
-    written = _written(Path(file))
-    check_schema(written, schema, str(file))
-    return from_json(Settings, _completed(schema, written), str(file))
+    keys = checked(_KEYS, normalized(_written(Path(file)), str(file)), str(file))
+    return Settings(**(keys | {"scale": ScaleSettings(**keys.get("scale", {}))}))
 
 
 def _written(file: Path) -> dict[str, Any]:
@@ -97,20 +132,3 @@ def _written(file: Path) -> dict[str, Any]:
     check_yaml_files([file])
     keys: dict[str, Any] = yaml.safe_load(file.read_text(encoding="utf-8"))
     return keys
-
-
-def _completed(schema: Mapping[str, Any], written: Mapping[str, Any]) -> dict[str, Any]:
-    """Every key of the schema: the written value, else the schema's default."""
-    return {
-        key: _completed(child, written.get(key, {}))
-        if "properties" in child
-        else _with_integers(written.get(key, child["default"]))
-        for key, child in schema["properties"].items()
-    }
-
-
-def _with_integers(value: Any) -> Any:
-    """A value with 3.0 written as 3: all numbers of these settings are whole ones."""
-    if isinstance(value, list):
-        return [_with_integers(each) for each in value]
-    return int(value) if isinstance(value, float) else value

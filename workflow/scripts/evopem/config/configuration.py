@@ -1,51 +1,84 @@
-"""The whole configuration, checked and completed."""
+"""The whole configuration: data sets, the jobs of a run, and the order of the recordings."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from evopem.config.settings import DatasetSettings, RunSettings
+from pydantic import Field
+
+from evopem.config.resources import recording_seconds
+from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
+
+Number = Annotated[int, Field(ge=1)] | Literal["auto"]
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """How a run is divided into jobs, and what it writes: the keys beside the data sets."""
+
+    candidates_per_job: Annotated[
+        Number,
+        Field(
+            description="the candidates that one job estimates, a whole number of at least 1, or"
+            " auto. `auto`: all of a phase, in parallel on the cores of the job"
+        ),
+    ] = "auto"
+    one_job_per: Annotated[
+        Literal["auto", "stage", "recording"],
+        Field(
+            description="one job for each stage of a data set or for all stages of a recording,"
+            " stage, recording or auto. With `stage` a change reruns only what depends on it;"
+            " `recording` saves most of the start-up time of [many recordings](fleets.md)."
+            " `auto`: `recording` for ten data sets and more"
+        ),
+    ] = "auto"
+    report: Annotated[
+        Literal["html", "none"],
+        Field(
+            description="the report of each data set, html or none. With `none` no figures are made"
+        ),
+    ] = "html"
+    shard: Annotated[
+        Annotated[str, Field(pattern=r"^[1-9][0-9]{0,8}/[1-9][0-9]{0,8}$")] | None,
+        Field(
+            description="the number of a shard and of all shards, such as 3/40. Without the list"
+            " of all data sets; for [runs in parallel](fleets.md)"
+        ),
+    ] = None
+    follow: Annotated[
+        Annotated[str, Field(min_length=1)] | None,
+        Field(
+            description="the name of a condition that every data set has, such as temperature."
+            " Recordings are ordered by it where their [modes are"
+            " followed](fleets.md#modes-over-the-recordings)"
+        ),
+    ] = None
+    recordings_per_job: Annotated[
+        Number | None,
+        Field(
+            description="the recordings that [one job"
+            " identifies](fleets.md#several-recordings-a-job), a whole number of at least 1, or"
+            " auto. With `report: none`"
+        ),
+    ] = None
 
 
 @dataclass(frozen=True)
 class Positions:
-    """Recordings ordered by a condition.
+    """Recordings ordered by a condition."""
 
-    Attributes
-    ----------
-    name : str
-        What the places are, for people.
-    places : dict of str to float
-        By the name of the recording; of dates, days since the earliest one.
-    """
-
-    name: str
-    places: dict[str, float]
+    name: str  # what the places are, for people
+    places: dict[str, float]  # by the name of the recording; of dates, days since the earliest one
 
 
 def order_of(
     conditions: Mapping[str, Mapping[str, float | str]], follow: str, source: str
 ) -> Positions:
-    """Order recordings by one of their conditions.
-
-    Parameters
-    ----------
-    conditions : mapping of str to mapping
-        Conditions of each data set.
-    follow : str
-        Name of the condition.
-    source : str
-        Name of the configuration in an error.
-
-    Raises
-    ------
-    InputError
-        When a data set does not have the condition, or values are not all numbers or all dates.
-    """
+    """Order recordings by one of their conditions, which all have, as numbers or as dates."""
     values = {}
     for name, own in conditions.items():
         if follow not in own:
@@ -85,26 +118,96 @@ def _date(value: float | str, source: str, name: str, follow: str) -> datetime:
 
 @dataclass(frozen=True)
 class Configuration:
-    """A checked and completed configuration.
-
-    Attributes
-    ----------
-    datasets : dict of str to DatasetSettings
-    run : RunSettings
-    order : Positions, optional
-        What recordings are ordered by where modes are followed.
-    batches : dict of str to tuple of str
-        Names of the recordings that one job identifies, by the number of the batch; empty where
-        each recording has jobs of its own.
-    """
+    """A checked and completed configuration."""
 
     datasets: dict[str, DatasetSettings]
     run: RunSettings
-    order: Positions | None = None
+    order: Positions | None = None  # of the recordings, where modes are followed
     batches: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Names of the recordings that one job identifies, by the number of the batch; empty where each
+    recording has jobs of its own."""
 
     @property
     def single_channel(self) -> dict[str, DatasetSettings]:
         """The data sets with one input and one output, or an output alone."""
         items = self.datasets.items()
         return {name: each for name, each in items if each.is_single_channel}
+
+
+SECONDS_OF_A_BATCH = 120.0
+"""Work of a job, by estimate, beside which the 2 s of its start are less than a fiftieth."""
+
+LEAST_BATCHES = 16
+"""So many batches, or one for each recording, keep the cores busy to the end of a run."""
+
+
+MANY = 10
+"""From so many data sets on, one job takes a recording through all stages where nothing is said."""
+
+
+def with_jobs(run: RunSettings, datasets: int) -> RunSettings:
+    """Decide how a run is divided into jobs where it says ``auto``.
+
+    Each stage has a job of its own where there are few data sets, so that a change reruns only what
+    depends on it. Of many, each has one job: there are fewer of them, and each ends with a report.
+    """
+    if run.one_job_per != "auto":
+        return run
+    whole = datasets >= MANY or run.recordings_per_job is not None
+    return replace(run, one_job_per="recording" if whole else "stage")
+
+
+def check_batches(run: RunSettings, source: str) -> None:
+    """Refuse several recordings a job where the other keys leave no such job."""
+    if run.recordings_per_job is None:
+        return
+    if run.one_job_per == "stage":
+        raise InputError(
+            source,
+            "a job of several recordings runs all stages of each",
+            "write one_job_per: recording, or remove the key",
+            "recordings_per_job",
+        )
+    if run.report != "none":
+        raise InputError(
+            source,
+            "a job of several recordings makes no reports",
+            "write report: none, or remove the key",
+            "recordings_per_job",
+        )
+
+
+def batches_of(
+    datasets: Mapping[str, DatasetSettings],
+    per_job: int | Literal["auto"] | None,
+) -> dict[str, tuple[str, ...]]:
+    """Divide data sets into batches of neighbours, numbered from 1; none for None.
+
+    With ``"auto"`` a batch ends when its work takes :data:`SECONDS_OF_A_BATCH` by estimate, or
+    when fewer than :data:`LEAST_BATCHES` would result from more recordings. Nothing of the
+    computer counts, so that the batches are the same on every one.
+    """
+    if per_job is None:
+        return {}
+    names = list(datasets)
+    if per_job == "auto":
+        divided = list(_by_work(datasets))
+    else:
+        divided = [tuple(names[at : at + per_job]) for at in range(0, len(names), per_job)]
+    return {str(number): batch for number, batch in enumerate(divided, start=1)}
+
+
+def _by_work(
+    datasets: Mapping[str, DatasetSettings],
+) -> Iterator[tuple[str, ...]]:
+    most = max(1, len(datasets) // LEAST_BATCHES)
+    batch: list[str] = []
+    seconds = 0.0
+    for name, settings in datasets.items():
+        batch.append(name)
+        seconds += recording_seconds(settings)
+        if seconds >= SECONDS_OF_A_BATCH or len(batch) >= most:
+            yield tuple(batch)
+            batch, seconds = [], 0.0
+    if batch:
+        yield tuple(batch)

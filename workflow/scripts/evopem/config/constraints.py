@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Literal
 
+from pydantic import ConfigDict, Field
+
+Hertz = Annotated[float, Field(ge=0, le=1e12)]
+Band = Annotated[tuple[Hertz, Hertz], Field(description="two frequencies in Hz, [lower, upper]")]
 Bounds = tuple[float | None, float | None]
 """Lower and upper bound; either may be None."""
 
@@ -23,6 +27,7 @@ class FixedPole:
         Damping ratio of that pair, at least 0 and less than 1.
     """
 
+    __pydantic_config__ = ConfigDict(extra="forbid", strict=True)
     real: float | None = None
     frequency_hz: float | None = None
     damping_ratio: float | None = None
@@ -45,6 +50,7 @@ class Prior:
         for ``frequency`` it is the mean by default.
     """
 
+    __pydantic_config__ = ConfigDict(extra="forbid", strict=True)
     quantity: str
     mean: float
     standard_deviation: float
@@ -85,17 +91,70 @@ class Constraints:
     priors : tuple of Prior
     """
 
-    stability: Literal["required", "free"] = "required"
-    max_pole_radius: float | None = None
-    min_damping_ratio: float | None = None
-    frequency_band: tuple[float, float] | None = None
-    forbidden_bands: tuple[tuple[float, float], ...] = ()
-    real_poles: Literal["any", "positive", "none"] = "any"
-    static_gain: float | dict[str, float] | None = None
-    static_gain_bounds: Bounds | dict[str, Bounds] | None = None
-    fixed_coefficients: dict[str, float] = field(default_factory=dict)
-    fixed_poles: tuple[FixedPole, ...] = ()
-    priors: tuple[Prior, ...] = ()
+    stability: Annotated[
+        Literal["required", "free"],
+        Field(description="the stability of the plant, required or free"),
+    ] = "required"
+    max_pole_radius: Annotated[
+        Annotated[float, Field(gt=0, le=1000)] | None,
+        Field(description="the largest radius of a pole of the plant, a number above 0"),
+    ] = None
+    min_damping_ratio: Annotated[
+        Annotated[float, Field(ge=0, lt=1)] | None,
+        Field(description="the least damping ratio of a mode, a number of at least 0 and below 1"),
+    ] = None
+    frequency_band: Annotated[
+        Band | None, Field(description="two frequencies in Hz, [lower, upper]")
+    ] = None
+    forbidden_bands: Annotated[
+        tuple[Band, ...], Field(description="a list of bands in Hz, such as [[9, 11]]")
+    ] = ()
+    real_poles: Annotated[
+        Literal["any", "positive", "none"],
+        Field(description="the real poles that the plant may have, any, positive or none"),
+    ] = "any"
+    static_gain: Annotated[
+        float | dict[str, float] | None,
+        Field(
+            description="a number; of several inputs a mapping from their names, such as {hot: 2.0}"
+        ),
+    ] = None
+    static_gain_bounds: Annotated[
+        Bounds | dict[str, Bounds] | None,
+        Field(
+            description="two numbers, [lower, upper], either of which may be null; of several"
+            " inputs a mapping from their names"
+        ),
+    ] = None
+    fixed_coefficients: Annotated[
+        dict[str, float], Field(description="coefficients with their values, such as {a1: -1.5}")
+    ] = field(default_factory=dict)
+    fixed_poles: Annotated[
+        tuple[
+            Annotated[
+                FixedPole,
+                Field(description="{real: ...} or {frequency_hz: ..., damping_ratio: ...}"),
+            ],
+            ...,
+        ],
+        Field(
+            description="a list of poles, such as [{real: 1.0}] or"
+            " [{frequency_hz: 12.0, damping_ratio: 0.01}]"
+        ),
+    ] = ()
+    priors: Annotated[
+        tuple[
+            Annotated[
+                Prior,
+                Field(description="a mapping of quantity, mean, standard_deviation and mode_hz"),
+            ],
+            ...,
+        ],
+        Field(
+            description="a list of priors, such as"
+            " [{quantity: b0, mean: 2.0, standard_deviation: 0.1}]"
+        ),
+    ] = ()
 
     @property
     def of_free_poles(self) -> bool:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from evopem.config.channels import RecordedSource, SyntheticSource
 from evopem.config.order_grid import max_candidates_per_part, sample_requirements
-from evopem.config.settings import DatasetSettings, RecordedSource, SyntheticSource
+from evopem.config.settings import DatasetSettings
 from evopem.config.structures import phases_of
 
 MARGIN_MINUTES = 10

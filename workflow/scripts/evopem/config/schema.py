@@ -1,74 +1,243 @@
-"""Refuse keys and values that the schema does not allow."""
+"""Refuse keys and values that cannot be, in one sentence; bring the others into one form."""
 
 from __future__ import annotations
 
 import difflib
+import json
+import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import yaml
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
-from evopem.config.strict_yaml import Keys
+from evopem.config.strict_yaml import MAX_DEPTH, Keys
 from evopem.errors import InputError
+
+MAX_NUMBER = 2.0**64
+"""Largest magnitude of any number in a configuration."""
+
+MAX_KEY = 300
+"""Most characters of a key or a name."""
+
+ALL_SAMPLES = 1.0
+"""The fraction of samples that means all of them, where 1 is one sample."""
+
+_SCHEMA = "config.schema.yaml"
+_LINK = re.compile(r"\[([^]]*)\]\([^)]*\)")
+_NOT_TEXT = re.compile(r"[\x00\ud800-\udfff]")
+
+Found = tuple[list[str | int], ErrorDetails]
+"""An error with the path of the value."""
+
+Steps = tuple[str | int, ...]
+"""The keys and positions that lead to a value."""
 
 
 def schema_file() -> Path:
-    """The JSON schema of the configuration, as YAML.
-
-    It is in a subpackage of an installed evopem, and in ``workflow/schemas`` in a checkout.
-    """
+    """The JSON schema for editors, beside an installed package or in ``workflow`` of a checkout."""
     package = Path(__file__).resolve().parents[1]
     installed = package / "schemas"
-    folder = installed if installed.is_dir() else package.parents[1] / "schemas"
-    return folder / "config.schema.yaml"
+    return (installed if installed.is_dir() else package.parents[1] / "schemas") / _SCHEMA
 
 
-def _full_pattern(
-    _validator: Any, pattern: str, instance: object, _: Keys
-) -> Iterator[jsonschema.ValidationError]:
-    """Compare a whole text with a pattern, where ``$`` would accept a line break at its end."""
-    whole = pattern.replace("$", r"\Z")
-    if isinstance(instance, str) and not re.search(whole, instance):
-        yield jsonschema.ValidationError(f"{instance!r} does not match {pattern!r}")
+def normalized(value: Any, source: str, path: Steps = ()) -> Any:
+    """Copy a configuration with 6.0 written as 6, so that equal settings are equal everywhere.
+
+    Refused are numbers that are not finite or beyond :data:`MAX_NUMBER`; keys that are not text or
+    longer than :data:`MAX_KEY`; texts with a null character or half a surrogate pair; nesting
+    beyond :data:`MAX_DEPTH`, as in a mapping that contains itself; and what JSON does not have.
+    """
+    if len(path) > MAX_DEPTH:
+        raise InputError(
+            source,
+            f"it is nested more than {MAX_DEPTH} levels deep",
+            "remove what leads back to its own beginning",
+            key_path(path[:3]),
+        )
+    if isinstance(value, Mapping):
+        for key in value:
+            _check_key(key, source, path)
+        return {key: normalized(each, source, (*path, str(key))) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [normalized(each, source, (*path, index)) for index, each in enumerate(value)]
+    if isinstance(value, str):
+        _check_text(value, source, path)
+    if isinstance(value, int | float):
+        return _normalized_number(value, source, path)
+    if not isinstance(value, str | bool | None):
+        problem = f"{_shown(str(value))} cannot be used"
+        raise InputError(source, problem, "put it in quotes if it is text", key_path(path))
+    return value
 
 
-_Validator = jsonschema.validators.extend(
-    jsonschema.Draft202012Validator, {"pattern": _full_pattern}
-)
+def _normalized_number(value: int | float, source: str, path: Steps) -> int | float:
+    if not -MAX_NUMBER <= value <= MAX_NUMBER:
+        if isinstance(value, float) and not math.isfinite(value):
+            raise InputError(
+                source, f"{value} is not a finite number", "give a finite one", key_path(path)
+            )
+        raise InputError(
+            source, f"the number is beyond {MAX_NUMBER:.0e}", "give a smaller one", key_path(path)
+        )
+    if isinstance(value, bool) or not float(value).is_integer():
+        return value
+    if isinstance(value, float) and value == ALL_SAMPLES and path[-2:] == ("split", "estimation"):
+        return value
+    return int(value)
 
 
-def check_schema(config: Keys, schema: Keys, source: str = "config.yaml") -> None:
-    """Refuse a configuration with a key or a value the schema does not know.
+def _check_key(key: object, source: str, path: Steps) -> None:
+    if not isinstance(key, str):
+        raise InputError(source, f"the key {key!r} is not text", "put it in quotes", key_path(path))
+    _check_text(key, source, path)
+    if len(key) > MAX_KEY:
+        raise InputError(
+            source, f"the key {key[:40]}... has {len(key)} characters", "shorten it", key_path(path)
+        )
 
-    Parameters
-    ----------
-    config : mapping
-        The configuration as the user wrote it.
-    schema : mapping
-        Its JSON schema. The `description` of a value ends the error's sentence.
-    source : str
-        What the configuration is called in an error.
+
+def _check_text(text: str, source: str, path: Steps) -> None:
+    found = _NOT_TEXT.search(text)
+    if found:
+        raise InputError(
+            source,
+            f"the character U+{ord(found[0]):04X} is no text",
+            "remove it",
+            key_path(path),
+        )
+
+
+@cache
+def adapter(kind: Any) -> TypeAdapter[Any]:
+    """What checks values of a type."""
+    return TypeAdapter(kind)
+
+
+def checked(kind: Any, written: Any, source: str) -> Any:
+    """Refuse keys and values that a type does not have; return the values in their one form.
 
     Raises
     ------
     InputError
-        Naming the path of the key (``datasets.arm.delay.orders``), its value, what is wrong with
-        it and what to do.
+        Naming the path of the key (``datasets.arm.delay.orders``), its value, what is wrong with it
+        and what to do.
     """
-    errors = _Validator(schema).iter_errors(config)
-    error = min(errors, key=lambda each: (len(each.path), key_path(each.path)), default=None)
-    if error is None:
-        return
-    if error.validator == "additionalProperties":
-        known = list(error.schema["properties"])
-        unknown = next(key for key in error.instance if key not in known)
-        problem = f"there is no such key{_nearest(str(unknown), known)}"
-        remedy = f"use one of {', '.join(known)}"
-        raise InputError(source, problem, remedy, key_path((*error.path, unknown)))
-    raise InputError(source, *_explained(error), key_path(error.path))
+    try:
+        return adapter(kind).validate_json(json.dumps(written), strict=True)
+    except ValidationError as error:
+        found = [(_path(each, written), each) for each in error.errors(include_url=False)]
+    found.sort(key=lambda each: (each[1]["type"] == "missing", len(each[0]), key_path(each[0])))
+    path, details = next(
+        each
+        for each in found
+        if not (_is_of_other_kind(each[1]) and any(_is_closer(other, each) for other in found))
+    )
+    raise InputError(
+        source, *_explained(details, path, adapter(kind).json_schema()), key_path(path)
+    )
+
+
+def _path(error: ErrorDetails, written: Any) -> list[str | int]:
+    """The keys and positions that lead to a value, without the names of members of unions."""
+    path: list[str | int] = []
+    for step in error["loc"]:
+        inside = step in written if isinstance(written, Mapping) else isinstance(step, int)
+        if inside and isinstance(written, Mapping | list):
+            is_there = isinstance(written, Mapping) or int(step) < len(written)
+            if not is_there:
+                break
+            path.append(step)
+            written = written[step]  # type: ignore[index]
+    return path
+
+
+def _is_closer(other: Found, found: Found) -> bool:
+    """Whether another error is of the member of a union that the value was written for.
+
+    Every member complains; that which has the kind of the value says more of it.
+    """
+    (path, _), (other_path, other_error) = found, other
+    inside = len(other_path) > len(path) or not _is_of_other_kind(other_error)
+    return inside and other_path[: len(path)] == path
+
+
+def _is_of_other_kind(error: ErrorDetails) -> bool:
+    given = error["input"]
+    match error["type"]:
+        case "literal_error":
+            return not isinstance(given, str)
+        case "too_short":  # of its valid entries
+            return len(given) >= error["ctx"]["min_length"]
+        case kind:
+            return kind.endswith("_type")
+
+
+def _explained(error: ErrorDetails, path: list[str | int], schema: Keys) -> tuple[str, str]:
+    """Turn what was found into a problem and a remedy."""
+    node, limits, given = _below(schema, path), error.get("ctx", {}), error["input"]
+    about = _LINK.sub(r"\1", node.get("description") or "a value of the right kind")
+    remedy = f"give {about.partition('. ')[0]}"
+    value = _shown(given)
+    match error["type"]:
+        case "extra_forbidden" | "unexpected_keyword_argument":
+            known = list(_below(schema, path[:-1])["properties"])
+            return (
+                f"there is no such key{_nearest(str(path[-1]), known)}",
+                f"use one of {', '.join(known)}",
+            )
+        case "missing" if isinstance(error["loc"][-1], str):
+            return f"the key {error['loc'][-1]} is missing", "add it"
+        case "missing" | "too_long" | "too_short" if isinstance(given, list | tuple):
+            count = len(given)
+            problem = f"{_shown(given)} holds {count} value{'s' * (count != 1)}"
+        case "too_short" | "string_too_short":
+            problem = "there is nothing in it"
+        case "value_error":
+            problem = f"{value}: {limits['error']}"
+        case "literal_error" | "string_pattern_mismatch":
+            problem = f"{value} is not known{_nearest(str(given), _words(node))}"
+        case "greater_than_equal":
+            problem = f"{value} is below {limits['ge']:.16g}"
+        case "greater_than":
+            problem = f"{value} is not above {limits['gt']:.16g}"
+        case "less_than_equal":
+            problem = f"{value} is above {limits['le']:.16g}"
+        case "less_than":
+            problem = f"{value} is not below {limits['lt']:.16g}"
+        case _:
+            problem = "there is no value" if given is None else f"{value} cannot be used"
+            if isinstance(given, str) and _is_number(given):
+                remedy += f" (YAML reads {given} as text)"
+    return problem, remedy
+
+
+def _below(schema: Keys, path: Iterable[str | int]) -> dict[str, Any]:
+    """The part of a JSON schema that is about a value; without a description, what is above it."""
+    node = dict(schema)
+    for step in path:
+        inner = [node, *node.get("anyOf", [])]
+        known = [
+            (each.get("properties") or {}).get(step)
+            or each.get("additionalProperties")
+            or each.get("items")
+            or (each.get("prefixItems") or [None])[0]
+            for each in inner
+        ]
+        found = dict(next((each for each in known if each), {}))
+        if "$ref" in found:
+            found = schema["$defs"][found.pop("$ref").rpartition("/")[2]] | found
+        node = {"description": node.get("description", "")} | found
+    return node
+
+
+def _words(node: Keys) -> list[str]:
+    inner = [node, *node.get("anyOf", [])]
+    return [word for each in inner for word in each.get("enum", [each.get("const")]) if word]
 
 
 def key_path(parts: Iterable[str | int]) -> str:
@@ -81,52 +250,10 @@ def key_path(parts: Iterable[str | int]) -> str:
 
 def _shown(value: object) -> str:
     """Show a value as YAML would, cut when it is long."""
-    text = yaml.safe_dump(_plain(value), default_flow_style=True, width=10_000).strip()
+    value = list(value) if isinstance(value, tuple) else value
+    text = yaml.safe_dump(value, default_flow_style=True, width=10_000).strip()
     text = text.removesuffix("\n...").strip()
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _plain(value: object) -> object:
-    """Turn the mappings of any type that Snakemake hands over into dicts."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value if isinstance(value, str | int | float | bool | None) else str(value)
-
-
-def _explained(error: jsonschema.ValidationError) -> tuple[str, str]:
-    """Turn a validator's finding into a problem and a remedy."""
-    schema, limit = error.schema, error.validator_value
-    remedy = f"give {schema.get('description', 'a value of the right kind')}"
-    value = _shown(error.instance)
-    match error.validator:
-        case "required":
-            missing = next(key for key in limit if key not in error.instance)
-            return f"the key {missing} is missing", "add it"
-        case "type":
-            problem = "there is no value" if error.instance is None else f"{value} cannot be used"
-            if isinstance(error.instance, str) and _is_number(error.instance):
-                remedy += f" (YAML reads {error.instance} as text)"
-        case "enum":
-            problem = f"{value} is not known{_nearest(error.instance, limit)}"
-        case "pattern":
-            known = limit.strip("^$()").split("|")
-            problem = f"{value} is not known{_nearest(error.instance, known)}"
-        case "minimum":
-            problem = f"{value} is below {limit}"
-        case "exclusiveMinimum":
-            problem = f"{value} is not above {limit}"
-        case "maximum":
-            problem = f"{value} is above {limit}"
-        case "exclusiveMaximum":
-            problem = f"{value} is not below {limit}"
-        case "minItems" | "maxItems":
-            count = len(error.instance)
-            problem = f"{value} holds {count} value{'s' * (count != 1)}"
-        case _:  # minLength, minProperties
-            problem = "there is nothing in it"
-    return problem, remedy
 
 
 def _is_number(text: str) -> bool:
@@ -137,26 +264,7 @@ def _is_number(text: str) -> bool:
     return True
 
 
-# Earlier names of keys and values, whose new ones resemble them too little to be guessed.
-_RENAMED = {
-    "stationarity": "transforms",
-    "delays": "nk",
-    "common": "joint",
-    "c": "nc",
-    "b": "nb",
-    "start": "initialization",
-    "chapter": "arx",
-    "grown": "incremental_order",
-    "mutate": "refine",
-    "burn_in": "n_initial_discard",
-    "share": "shard",
-}
-
-
 def _nearest(word: str, known: Iterable[str]) -> str:
-    known = list(known)
-    if _RENAMED.get(word) in known:
-        return f" (did you mean {_RENAMED[word]}?)"
     lowered = {each.lower(): each for each in known}
     close = difflib.get_close_matches(word.lower(), lowered, n=1)
     return f" (did you mean {lowered[close[0]]}?)" if close else ""

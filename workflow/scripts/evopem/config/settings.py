@@ -1,24 +1,25 @@
-"""The settings of a run and of its data sets, typed.
+"""The settings of a data set and of a run: each field with its default, bounds and description.
 
-The default values of these dataclasses are the built-in values of the configuration.
+The fields are the one home of a key of ``config.yaml``: :mod:`evopem.config.schema` takes from them
+what it refuses, the JSON schema and the tables of the documentation. A description begins with the
+clause that ends an error ("give ..."); what follows its first sentence is for the documentation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Literal
 
+from pydantic import Field
+
+from evopem.config.channels import ChannelSettings, Geometry, RecordedSource, SyntheticSource
 from evopem.config.constraints import Constraints
 from evopem.errors import InputError
-
-Reference = int | str
-"""A channel: its number from 1, or its name, in which a ``*`` stands for any text."""
 
 Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
 
-Synthesis = Literal["flexible_arm", "armax"]
 Structure = Literal["fir", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"]
 InputStructure = Literal["fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"]
 StateSpaceForm = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
@@ -27,194 +28,101 @@ OutputWeighting = Literal["determinant", "noise", "power"]
 Objective = Literal["absolute", "quadratic"]
 OBJECTIVES: tuple[Objective, ...] = ("absolute", "quadratic")
 Initialization = Literal["arx", "incremental_order"]
-Focus = Literal["prediction", "simulation"] | int
+Focus = Literal["prediction", "simulation"] | Annotated[int, Field(ge=1, le=100_000)]
 Refine = Literal["worst", "all", "best", "random"]
 Recipe = Literal["auto", "chapter"]
 Purpose = Literal["auto", "simulation", "prediction", "modes"]
-
-UnevenTime = Literal["refuse", "interpolate"]
-"""What is done with a recording whose time stamps are not uniform."""
-
-
-@dataclass(frozen=True)
-class UnitSettings:
-    """The units of several channels, in one of three ways; what is empty is not stated."""
-
-    all: str = ""  # of all channels
-    in_order: tuple[str, ...] = ()  # one for each
-    by_name: dict[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class ChannelSettings:
-    """Which channels of a recorded file are read, and what is known of them.
-
-    Attributes
-    ----------
-    inputs, outputs : tuple of int or str
-        Column numbers from 1, or names of columns, variables or channels; a name with a ``*``
-        stands for all that it matches.  No inputs for a structure that has none.
-    sampling_rate : float, optional
-        Hz; taken from the file or its time column where it is None.
-    time : int or str, optional
-        The column that holds the time.
-    time_unit : str, optional
-        Unit of the time stamps; taken from the file where it is None.
-    input_units, output_units : UnitSettings
-    header_lines : int, optional
-        Lines above the first row of numbers of a text table; found where it is None.
-    decimal_mark : {".", ","}, optional
-        Decimal mark of a text table; found where it is None.
-    uneven_time : {"refuse", "interpolate"}
-    """
-
-    inputs: tuple[Reference, ...] = (1,)
-    outputs: tuple[Reference, ...] = (2,)
-    sampling_rate: float | None = None
-    time: Reference | None = None
-    time_unit: str | None = None
-    input_units: UnitSettings = UnitSettings()
-    output_units: UnitSettings = UnitSettings()
-    header_lines: int | None = None
-    decimal_mark: Literal[".", ","] | None = None
-    uneven_time: UnevenTime = "refuse"
-
-    @property
-    def has_one_output(self) -> bool:
-        """Whether there is one output, which no pattern stands for."""
-        return len(self.outputs) == 1 and not is_pattern(self.outputs[0])
-
-    @property
-    def has_one_input(self) -> bool:
-        """Whether there is one input, which no pattern stands for."""
-        return len(self.inputs) == 1 and not is_pattern(self.inputs[0])
-
-
-def is_pattern(reference: object) -> bool:
-    """Whether a reference stands for all channels whose names it matches."""
-    return isinstance(reference, str) and "*" in reference
-
-
-@dataclass(frozen=True)
-class RecordedSource:
-    """Recorded files of one system, and independent ones for validation where there are any.
-
-    Attributes
-    ----------
-    files : tuple of str
-        One, or several that are one data set.
-    channels : ChannelSettings
-        The same in all files.
-    validation_files : tuple of str
-    channels_from_file : bool
-        Whether input, output and time are decided from the first file, where it has a time.
-    """
-
-    files: tuple[str, ...]
-    channels: ChannelSettings
-    validation_files: tuple[str, ...] = ()
-    channels_from_file: bool = False
-
-    @property
-    def all_files(self) -> tuple[str, ...]:
-        """The recorded files, those for validation last."""
-        return (*self.files, *self.validation_files)
-
-
-@dataclass(frozen=True)
-class SyntheticSource:
-    """A simulated recording.
-
-    Attributes
-    ----------
-    synthesis : {"flexible_arm", "armax"}
-    seed, samples : int
-    sampling_rate : float
-        Hz.
-    noise : float, optional
-        Ratio of noise to output, of the ARMAX recording alone.
-    """
-
-    synthesis: Synthesis
-    seed: int = 1
-    samples: int = 5000
-    sampling_rate: float = 100.0
-    noise: float | None = None
-
-    @property
-    def validation_files(self) -> tuple[str, ...]:
-        """None: nothing is recorded."""
-        return ()
-
-    @property
-    def all_files(self) -> tuple[str, ...]:
-        """None: nothing is recorded."""
-        return ()
+Rate = Annotated[float, Field(ge=1e-9, le=1e12)]
+Differences = Annotated[int, Field(ge=0, le=4)]
+Share = Annotated[float, Field(gt=0)]
+"""A fraction of the samples."""
 
 
 @dataclass(frozen=True)
 class TransformSettings:
-    """Transforms towards stationarity.
+    """Transforms towards stationarity."""
 
-    Attributes
-    ----------
-    box_cox : float or {"auto", "none"}
-        Parameter of the output's Box-Cox transform.
-    difference, difference_input : int
-        How often the output and the input are differenced.
-    """
-
-    box_cox: float | str = 1.1
-    difference: int = 2
-    difference_input: int = 0
+    box_cox: Annotated[
+        Annotated[float, Field(ge=-100, le=100)] | Literal["auto", "none"],
+        Field(
+            description="the parameter λ of the Box-Cox transform of the output, a number from -100"
+            " to 100, auto or none. `auto` is the λ of largest likelihood"
+        ),
+    ] = 1.1
+    difference: Annotated[
+        Differences,
+        Field(description="the number of times to difference the output, a whole number up to 4"),
+    ] = 2
+    difference_input: Annotated[
+        Differences,
+        Field(description="the number of times to difference the input, a whole number up to 4"),
+    ] = 0
 
 
 @dataclass(frozen=True)
 class SplitSettings:
-    """How the samples are divided.
+    """How the samples are divided."""
 
-    Attributes
-    ----------
-    discard : int or float
-        Samples, or a share of them, left out at the start.
-    estimation : int or float
-        Samples, or a share of those that remain, used for estimation.
-    by : {"recordings", "samples"}
-        How several recordings are divided: the last recordings validate, or the last samples of
-        each.
-    """
-
-    discard: int | float = 500
-    estimation: int | float = 0.8
-    by: Literal["recordings", "samples"] = "recordings"
+    discard: Annotated[
+        Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0)],
+        Field(
+            description="the samples left out at the start, a whole number of at least 0 or a"
+            " fraction between 0 and 1"
+        ),
+    ] = 500
+    estimation: Annotated[
+        Annotated[int, Field(gt=0)] | Share,
+        Field(
+            description="the samples for estimation, a whole number of at least 1 or a fraction"
+            " between 0 and 1. The rest validates. Less where the [input"
+            " rests](#an-input-that-rests) in the rest. `1.0`, all of them, needs a"
+            " `validation_file`, and is then built in"
+        ),
+    ] = 0.8
+    by: Annotated[
+        Literal["recordings", "samples"],
+        Field(
+            description="what is held out of several recordings, the last recordings or the last"
+            " samples of each, recordings or samples"
+        ),
+    ] = "recordings"
 
 
 @dataclass(frozen=True)
 class PreparationSettings:
-    """Everything between a recording and the samples that a model is estimated from.
-
-    Attributes
-    ----------
-    resample : float, optional
-        New sampling rate in Hz.
-    """
+    """Everything between a recording and the samples that a model is estimated from."""
 
     transforms: TransformSettings = TransformSettings()
     split: SplitSettings = SplitSettings()
-    resample: float | None = None
+    resample: float | None = None  # new sampling rate in Hz
 
 
 @dataclass(frozen=True)
 class SpectrumSettings:
-    """Multitaper estimate: time-halfbandwidth product NW and length of the transforms."""
+    """The multitaper estimate of the spectrum."""
 
-    time_halfbandwidth: float = 4.0
-    nfft: int = 8192
+    time_halfbandwidth: Annotated[
+        float,
+        Field(
+            ge=1.5,
+            le=1000,
+            description="the time-halfbandwidth product NW of the tapers, a number from 1.5 to"
+            " 1000",
+        ),
+    ] = 4.0
+    nfft: Annotated[
+        int,
+        Field(
+            ge=16,
+            le=2**26,
+            description="the length of the Fourier transforms, a whole number from 16 to 67108864",
+        ),
+    ] = 8192
 
 
 @dataclass(frozen=True)
 class DelaySettings:
-    """Grid of the delay search: models of joint order k and delay nk over ranges of both."""
+    """Grid of the delay search: models of order k and delay nk over ranges of both."""
 
     orders: Range = (6, 9)
     nk: Range = (0, 3)
@@ -224,7 +132,7 @@ class DelaySettings:
 class OrderSettings:
     """Ranges of the phases of the orders; a structure uses those of the orders that it has.
 
-    The joint range is ``"auto"`` where the spectral peaks give its lower end.
+    The range of the order k is ``"auto"`` where the spectral peaks give its lower end.
     """
 
     joint: Range | Literal["auto"] = (6, 14)
@@ -236,22 +144,19 @@ class OrderSettings:
 
 @dataclass(frozen=True)
 class OrderGrid:
-    """The candidates of all phases of the order search.
-
-    Attributes
-    ----------
-    delay : DelaySettings
-    orders : OrderSettings
-    structure : str
-        A key of :data:`evopem.config.structures.STRUCTURES`.
-    level : bool
-        Whether a constant is estimated along.
-    """
+    """The candidates of all phases of the order search."""
 
     delay: DelaySettings = DelaySettings()
     orders: OrderSettings = OrderSettings()
     structure: Structure = "armax"
-    level: bool = False
+    level: bool = False  # whether a constant is estimated along
+
+
+Count = Annotated[int, Field(ge=1, le=100_000)]
+Seed = Annotated[
+    int,
+    Field(ge=0, description="the seed of all random draws, a whole number of at least 0"),
+]
 
 
 @dataclass(frozen=True)
@@ -276,24 +181,83 @@ class SearchSettings:
     evaluations : int
         Evaluations after which no new generation starts; a gradient counts as one more.
     max_root_radius : float
-        Largest radius of the roots of A, C, D and F.
+        Largest radius of the roots of A, C, D and F, or of the eigenvalues of A and A - K C.
     n_initial_discard : int
         First residuals that the loss leaves out.
     prune : bool
         Whether candidates unlikely to be selected are left after a first pass of their search.
     """
 
-    objective: Objective = "absolute"
-    initialization: Initialization = "arx"
-    mu: int = 15
-    lambda_: int = 100
-    nu: int = 10
-    refine: Refine = "worst"
-    seed: int = 1
-    evaluations: int = 20000
-    max_root_radius: float = 0.9999
-    n_initial_discard: int = 20
-    prune: bool = True
+    objective: Annotated[
+        Objective,
+        Field(
+            description="the loss of the prediction errors, absolute or quadratic. `absolute`,"
+            " their sum, is robust to outliers; `quadratic` is efficient for Gaussian noise"
+        ),
+    ] = "absolute"
+    initialization: Annotated[
+        Initialization,
+        Field(
+            description="the first individuals of the search, arx or incremental_order. `arx`: A"
+            " and B of an ARX model by least squares, C at random; `incremental_order`: models of"
+            " smaller orders, extended by pairs of roots, which on long records with too many"
+            " parameters and the quadratic objective usually end lower, [on others"
+            " not](evidence/search.md)"
+        ),
+    ] = "arx"
+    mu: Annotated[
+        Count, Field(description="the number of parents, a whole number of at least 1")
+    ] = 15
+    lambda_: Annotated[
+        Count, Field(description="the number of offspring, a whole number of at least 1")
+    ] = 100
+    nu: Annotated[
+        Count,
+        Field(
+            description="the number of offspring that BFGS refines in each generation, a whole"
+            " number of at least 1"
+        ),
+    ] = 10
+    refine: Annotated[
+        Refine,
+        Field(description="the offspring that BFGS refines, worst, all, best or random"),
+    ] = "worst"
+    seed: Seed = 1
+    evaluations: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=10**12,
+            description="the number of evaluations of the objective in a search, after which no new"
+            " restart begins, a whole number of at least 1",
+        ),
+    ] = 20000
+    max_root_radius: Annotated[
+        float,
+        Field(
+            gt=0,
+            lt=1,
+            description="the largest modulus of a root of A, C, D or F, a number above 0 and"
+            " below 1. Of state-space models that of the eigenvalues of A and A − K C",
+        ),
+    ] = 0.9999
+    n_initial_discard: Annotated[
+        int,
+        Field(
+            ge=0,
+            description="the first residuals that the loss leaves out, a whole number of at"
+            " least 0. The initial state of the noise is estimated with the model and fits the"
+            " first nc",
+        ),
+    ] = 20
+    prune: Annotated[
+        bool,
+        Field(
+            description="whether candidates that are unlikely to be selected are left after a"
+            " first pass of their search, true or false. `false` searches [all](theory.md#search)"
+            " to the end"
+        ),
+    ] = True
 
 
 @dataclass(frozen=True)
@@ -303,14 +267,11 @@ class StateSpaceSearchSettings:
     Attributes
     ----------
     seed : int
-        Seed of every random draw.
     evaluations : int, optional
         Evaluations after which the search of the chosen model begins no new generation; by the
         size of the problem where it is None.
     max_root_radius : float
-        Largest radius of the eigenvalues of A and of ``A - K C``.
     objective : {"quadratic", "absolute"}
-        ``absolute``: sums of absolute errors, robust to outliers.
     """
 
     seed: int = 1
@@ -341,19 +302,10 @@ class FitSettings:
 
 @dataclass(frozen=True)
 class ScoringWindow:
-    """The samples on which models are compared.
+    """The samples on which models are compared."""
 
-    Attributes
-    ----------
-    residual_start : int
-        First residual, the same for all orders that are compared, so that a smaller model is a
-        special case of a larger one.
-    loss_start : int
-        First residual that counts in the loss and in all criteria.
-    """
-
-    residual_start: int
-    loss_start: int
+    residual_start: int  # first residual, the same for all orders that are compared
+    loss_start: int  # first residual that counts in the loss and in all criteria
 
     def from_first(self, first_residual: int) -> ScoringWindow:
         """The same window for orders whose first residual may be later."""
@@ -364,21 +316,11 @@ class ScoringWindow:
 
 @dataclass(frozen=True)
 class SampleRequirements:
-    """What a record must have for the largest candidate of an order grid.
-
-    Attributes
-    ----------
-    loss_start : int
-        First residual that counts in the loss.
-    parameters : int
-        Largest number of parameters of any candidate, with level and plant state.
-    settling : int
-        Samples in which the longest model settles: its memory and its states.
-    """
+    """What a record must have for the largest candidate of an order grid."""
 
     loss_start: int
-    parameters: int
-    settling: int
+    parameters: int  # of any candidate, at most, with level and plant state
+    settling: int  # samples in which the longest model settles: its memory and its states
 
 
 @dataclass(frozen=True)
@@ -396,13 +338,7 @@ class InputRanges:
     by_name: dict[str, Range] = field(default_factory=dict)
 
     def of_inputs(self, names: Sequence[str], key: str = "") -> tuple[Range | None, ...]:
-        """The range of each input; None where none is given.
-
-        Raises
-        ------
-        InputError
-            Naming the key of the configuration, when there are other inputs.
-        """
+        """The range of each input, None where none is given; an error names the key."""
         if self.in_order and len(self.in_order) != len(names):
             raise InputError(
                 key,
@@ -414,33 +350,14 @@ class InputRanges:
             raise InputError(
                 key, f"there is no input {unknown[0]}", f"name one of {', '.join(names)}"
             )
-        if self.in_order:
-            return self.in_order
-        return tuple(self.by_name.get(name, self.all) for name in names)
-
-    @property
-    def given(self) -> tuple[Range, ...]:
-        """All ranges that are given."""
-        every = (self.all,) if self.all else ()
-        return (*every, *self.in_order, *self.by_name.values())
+        return self.in_order or tuple(self.by_name.get(name, self.all) for name in names)
 
 
 @dataclass(frozen=True)
 class OrderRanges:
     """Ranges of orders and delays, both ends included; where there is none, they are decided.
 
-    Attributes
-    ----------
-    nx : (lower, upper), optional
-        Number of states of state-space models.
-    joint : (lower, upper), optional
-        The order k of polynomial models, that of the degree of A or F.
-    na, nc, nd : (lower, upper), optional
-        Degrees of A, C and D.
-    nb, nf : InputRanges
-        Coefficients of B_i, and degree of F_i.
-    nk : InputRanges
-        Delay of each input in samples, of all models.
+    ``joint`` is the range of the order k of polynomial models, that of the degree of A or F.
     """
 
     nx: Range | None = None
@@ -470,25 +387,11 @@ class AutomaticSettings:
     Attributes
     ----------
     purpose : {"auto", "simulation", "prediction", "modes"}
-        What the model is for; ``auto`` is simulation, or prediction without inputs.
-    structure : str, optional
-        ``state_space``, or the structure of a polynomial model of one output.
-    form : {"ss", "ss_oe", "ss_oe_drift", "ss_bj"}, optional
-        ``ss_oe_drift`` is output-error form with slow changes of the outputs estimated along,
-        ``ss_bj`` the optimum of innovations form next to an output-error model and its noise.
-    weighting : {"determinant", "noise", "power"}, optional
-    orders : OrderRanges
+        ``auto`` is simulation, or prediction without inputs.
     focus : {"prediction", "simulation"}, optional
         Errors that the forms which are searched are fitted for, with several channels.
-    start_given : bool
-        Whether ``split.discard`` says where the recording begins.
-    rate_given : bool
-        Whether ``resample`` says at which rate the model is.
-    differences_given : bool
-        Whether ``transforms`` say how often the channels are differenced.
-    box_cox_given : bool
-        Whether ``transforms`` say what is done to the output.
-    objective : {"absolute", "quadratic"}, optional
+    start_given, rate_given, differences_given, box_cox_given : bool
+        Whether ``split.discard``, ``resample`` and the ``transforms`` are written.
     evaluations : int, optional
         Of the last search.
     """
@@ -512,62 +415,17 @@ class AutomaticSettings:
         return "prediction" if self.purpose in ("auto", "simulation") else "simulation"
 
 
-Vector = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class ChannelPlace:
-    """Where an output was measured: a point, and a direction of any length above 0."""
-
-    point: str
-    direction: Vector
-
-
-@dataclass(frozen=True)
-class Geometry:
-    """The structure that mode shapes are drawn over.
-
-    Attributes
-    ----------
-    points : dict of str to (3,) tuple of float
-        Coordinates.
-    lines : tuple of (2,) tuples of str
-        Pairs of points.
-    channels : dict of str to ChannelPlace
-        By the names of outputs.
-    """
-
-    points: dict[str, Vector]
-    lines: tuple[tuple[str, str], ...]
-    channels: dict[str, ChannelPlace]
-
-
 @dataclass(frozen=True)
 class DatasetSettings:
-    """All settings of one data set, of any number of channels.
-
-    Attributes
-    ----------
-    name : str
-    source : RecordedSource or SyntheticSource
-    preparation : PreparationSettings
-    spectrum : SpectrumSettings
-    order_grid : OrderGrid
-        Of the chapter's recipe alone.
-    search : SearchSettings
-    automatic : AutomaticSettings, optional
-        Of the automatic recipe; None for the chapter's.
-    fit : FitSettings
-    geometry : Geometry, optional
-    """
+    """All settings of one data set, of any number of channels."""
 
     name: str
     source: RecordedSource | SyntheticSource
     preparation: PreparationSettings
     spectrum: SpectrumSettings
-    order_grid: OrderGrid
+    order_grid: OrderGrid  # of the chapter's recipe alone
     search: SearchSettings
-    automatic: AutomaticSettings | None = None
+    automatic: AutomaticSettings | None = None  # None for the chapter's recipe
     fit: FitSettings = FitSettings()
     geometry: Geometry | None = None
 
@@ -599,30 +457,3 @@ class DatasetSettings:
         return StateSpaceSearchSettings(
             search.seed, own.evaluations, search.max_root_radius, search.objective
         )
-
-
-@dataclass(frozen=True)
-class RunSettings:
-    """How a run is divided into jobs, and what it writes.
-
-    Attributes
-    ----------
-    candidates_per_job : int or "auto"
-        With ``"auto"`` one job estimates all candidates of a phase, on all its cores.
-    one_job_per : {"auto", "stage", "recording"}
-        With ``"auto"`` the recording for ten data sets and more, and where a job takes several.
-    report : {"html", "none"}
-    shard : str, optional
-        Number of a shard and of all shards, such as ``3/40``.
-    follow : str, optional
-        Name of the condition that recordings are ordered by where modes are followed.
-    recordings_per_job : int or "auto", optional
-        With ``"auto"`` as many as take about two minutes. None for one, with all its files.
-    """
-
-    candidates_per_job: int | Literal["auto"] = "auto"
-    one_job_per: Literal["auto", "stage", "recording"] = "auto"
-    report: Literal["html", "none"] = "html"
-    shard: str | None = None
-    follow: str | None = None
-    recordings_per_job: int | Literal["auto"] | None = None

@@ -9,229 +9,351 @@ from typing import Any, TypeVar
 
 import yaml
 
-from evopem.config.automatic_keys import NO_TRANSFORMS, automatic_content, automatic_keys
-from evopem.config.fit_keys import FIT_KEYS, given_constraints, keys_of_fit
-from evopem.config.geometry_keys import geometry_keys, geometry_of
-from evopem.config.input_ranges import input_range_keys, input_ranges_of
-from evopem.config.settings import (
-    AutomaticSettings,
+from evopem.config.channels import (
     ChannelSettings,
-    DatasetSettings,
-    FitSettings,
-    OrderGrid,
-    OrderRanges,
-    PreparationSettings,
-    Range,
     RecordedSource,
     Reference,
-    SearchSettings,
-    SpectrumSettings,
-    SplitSettings,
-    StateSpaceSearchSettings,
-    Structure,
     SyntheticSource,
-    TransformSettings,
     UnitSettings,
     is_pattern,
 )
+from evopem.config.constraints import Constraints
+from evopem.config.keys import (
+    ANALYSIS,
+    COLUMNS,
+    NONE,
+    SOURCE,
+    STATE_SPACE,
+    SYNTHESIS,
+    geometry_of,
+    input_ranges_of,
+    listed,
+    mapping,
+    units_of,
+)
+from evopem.config.schema import ALL_SAMPLES, checked
+from evopem.config.settings import (
+    AutomaticSettings,
+    DatasetSettings,
+    DelaySettings,
+    FitSettings,
+    InputRanges,
+    OrderGrid,
+    OrderRanges,
+    OrderSettings,
+    PreparationSettings,
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    TransformSettings,
+)
 from evopem.config.strict_yaml import Keys
-from evopem.config.structures import has_input, phases_of
+from evopem.config.structures import AUTOMATIC_STRUCTURES, has_input, phases_of
 from evopem.errors import InputError
-from evopem.files.json_form import from_json, to_json
-
-COLUMN_KEYS = (
-    *("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"),
-    "uneven_time",
-)
-CHANNEL_KEYS = ("input", "output", "input_unit", "output_unit", *COLUMN_KEYS)
-FILE_KEYS = ("file", *CHANNEL_KEYS, "validation_file")
-SYNTHESIS_KEYS = tuple(field.name for field in fields(SyntheticSource))
-GRID_KEYS = ("structure", "level", "delay", "orders")
-ANALYSIS_KEYS = (
-    *("recipe", "purpose", "resample", "transforms", "split", "spectrum"),
-    *(*GRID_KEYS, "search", *FIT_KEYS),
-)
-
-STRUCTURE = "state_space"
-OWN_KEYS = ("form", "weighting", "geometry")
-"""Keys that single-channel structures do not have."""
-
-STATE_SPACE_ONLY = ("form", "weighting")
-"""Keys that polynomial structures do not have."""
-
-RANGES = ("nx", "joint", "na", "nc", "nd")
-RANGES_OF_INPUTS = ("nb", "nf")
-SEARCH_KEYS = ("seed", "evaluations", "max_root_radius", "objective")
-NO_RESAMPLING = "none"
-NO_INPUT = "none"
+from evopem.files.json_form import to_json
 
 Settings = TypeVar("Settings")
 Value = TypeVar("Value")
 
-
-def listed(given: Any) -> tuple[Reference, ...]:
-    """Channels of a list, of one name or number, or of none."""
-    if isinstance(given, list | tuple):
-        return tuple(given)
-    return () if given == NO_INPUT else (given,)
-
-
-def range_of(given: Any) -> Range | None:
-    """Both ends of a range, or of one number; None where it is decided from the recording."""
-    if given is None or given == "auto":
-        return None
-    return (given[0], given[1]) if isinstance(given, list | tuple) else (given, given)
+# Poles this close to the unit circle act as integrators in any record.
+MAX_ROOT_RADIUS = 1.0 - 1e-7
+STATE_SPACE_KEYS = ("form", "weighting", "geometry")
+OF_INPUTS = (("delay", "nk"), ("orders", "nb"), ("orders", "nf"))
+"""Groups and names of the keys of which each input has its own range."""
+GAINS = ("static_gain", "static_gain_bounds")
+CHANNEL_SEARCH = ("seed", "evaluations", "max_root_radius", "objective")
+"""Keys of the search for models of several channels."""
+_DIFFERENCES = ("difference", "difference_input")
+_ONE_FILE = mapping("Dataset", SOURCE | SYNTHESIS | ANALYSIS)
 
 
-def is_state_space(written: Keys, defaults: Keys) -> bool:
+def channels_of(keys: Keys) -> tuple[tuple[Reference, ...], tuple[Reference, ...]]:
+    """The inputs and outputs of a data set, written or built in."""
+    alone = keys.get("structure") == "arma" and "input" not in keys
+    inputs = () if alone else listed(keys.get("input", 1))
+    return inputs, listed(keys.get("output", 1 if alone else 2))
+
+
+def has_several_channels(keys: Keys) -> bool:
     """Whether a data set has several channels, no input, or keys of state-space models."""
-    structure = written.get("structure", defaults.get("structure"))
-    inputs, outputs = listed(written.get("input", 1)), listed(written.get("output", 2))
-    if structure == STRUCTURE or any(key in written for key in OWN_KEYS):
+    (inputs, outputs), structure = channels_of(keys), keys.get("structure")
+    if structure == STATE_SPACE or any(key in keys for key in STATE_SPACE_KEYS):
         return True
     if len(inputs) > 1 or len(outputs) != 1 or any(map(is_pattern, (*inputs, *outputs))):
         return True
-    if "nx" in written.get("orders", {}):
+    if "nx" in keys.get("orders", {}):
         return True
     return not inputs and (structure is None or has_input(structure))
 
 
-def settings_of(name: str, keys: Keys) -> DatasetSettings:
-    """Build the settings of a data set from its complete, checked keys.
+def recipe_of(keys: Keys) -> str:
+    """The recipe of a data set: the chapter's for structures that the automatic one has not."""
+    of_chapter = keys.get("structure", "oe") not in (*AUTOMATIC_STRUCTURES, STATE_SPACE)
+    several = has_several_channels(keys)
+    recipe: str = keys.get("recipe", "chapter" if of_chapter and not several else "auto")
+    return recipe
 
-    Of an automatic recipe, keys that are missing are decided from the recording.
+
+def of_one_input(value: Any, inputs: Sequence[Reference]) -> Any:
+    """What a list of one, or a mapping from the one input, holds; anything else as it is."""
+    if isinstance(value, Mapping) and list(value) == list(inputs):
+        return value[inputs[0]]
+    if isinstance(value, tuple) and len(value) == 1:
+        return value[0]
+    return value
+
+
+def settings_of(name: str, keys: Keys) -> DatasetSettings:
+    """Build the settings of a data set from its checked keys; what is missing is built in.
+
+    Of an automatic recipe, most of that is decided from the recording.
     """
-    if is_state_space(keys, {}):
-        return _state_space_settings(name, keys)
-    source: dict[str, Any]
-    if "file" in keys:
-        # A missing input is none: complete keys have one wherever the structure has.
-        told = keys.get("output") is None
-        channels = {key: keys[key] for key in COLUMN_KEYS if key in keys}
-        if not told:
-            inputs = keys.get("input")
-            channels |= {"inputs": [] if inputs in (None, NO_INPUT) else [inputs]}
-            channels |= {"outputs": [keys["output"]]}
-        for role in ("input", "output"):
-            channels[f"{role}_units"] = {"all": keys.get(f"{role}_unit", "")}
-        source = {"channels_from_file": told, "files": files_of(keys["file"]), "channels": channels}
-        source["validation_files"] = files_of(keys.get("validation_file"))
-    else:
-        source = {key: keys[key] for key in SYNTHESIS_KEYS if key in keys}
-    resample = keys.get("resample", NO_RESAMPLING)
-    automatic = keys.get("recipe") == "auto"
-    grid = {} if automatic else {key: keys[key] for key in GRID_KEYS if key in keys}
-    content = {
-        "name": name,
-        "source": source,
-        "preparation": {
-            "transforms": (NO_TRANSFORMS if automatic else {}) | dict(keys.get("transforms", {})),
-            "split": ({"discard": 0} if automatic else {}) | dict(keys["split"]),
-            "resample": None if resample == NO_RESAMPLING else resample,
-        },
-        "spectrum": keys["spectrum"],
-        "order_grid": grid,
-        "search": keys["search"],
-        "automatic": automatic_content(keys) if automatic else None,
-        "fit": {key: keys[key] for key in FIT_KEYS if key in keys},
+    several, by_chapter = has_several_channels(keys), recipe_of(keys) == "chapter"
+    transforms, split = keys.get("transforms", {}), keys.get("split", {})
+    search = {("lambda_" if k == "lambda" else k): v for k, v in keys.get("search", {}).items()}
+    lowest: dict[str, Any] = {}
+    if "validation_file" in keys:
+        lowest["estimation"] = ALL_SAMPLES
+    if not by_chapter:
+        lowest["discard"] = 0
+        transforms = {"box_cox": NONE, "difference": 0, "difference_input": 0} | dict(transforms)
+        best = {"objective": "quadratic"} if several else {"max_root_radius": MAX_ROOT_RADIUS}
+        search = best | search
+    resample = keys.get("resample", NONE)
+    inputs, _ = channels_of(keys)
+    constraints = keys.get("constraints")
+    if constraints is not None:
+        gains = {key: constraints[key] for key in GAINS if key in constraints}
+        if len(inputs) == 1 and not several:
+            gains = {
+                key: of_one_input(each, inputs) if isinstance(each, Mapping) else each
+                for key, each in gains.items()
+            }
+        constraints = Constraints(**(dict(constraints) | gains))
+    focus = {"focus": keys["focus"]} if "focus" in keys and not several else {}
+    return DatasetSettings(
+        name,
+        _source_of(keys),
+        PreparationSettings(
+            TransformSettings(**transforms),
+            SplitSettings(**(lowest | dict(split))),
+            None if resample == NONE else float(resample),
+        ),
+        SpectrumSettings(**keys.get("spectrum", {})),
+        _grid_of(keys) if by_chapter else OrderGrid(),
+        SearchSettings(**search),
+        None if by_chapter else _automatic_of(keys, several),
+        FitSettings(constraints=constraints, **focus),
+        geometry_of(keys["geometry"]) if "geometry" in keys else None,
+    )
+
+
+def _source_of(keys: Keys) -> RecordedSource | SyntheticSource:
+    if "file" not in keys:
+        lowest = {"noise": 0.1} if keys["synthesis"] == "armax" else {}
+        return SyntheticSource(
+            **(lowest | {name: keys[name] for name in SYNTHESIS if name in keys})
+        )
+    inputs, outputs = channels_of(keys)
+    from_file = not any(key in keys for key in ("input", "output", "sampling_rate", "time"))
+    from_file = from_file and bool(inputs) and not has_several_channels(keys)
+    own: dict[str, Any] = {
+        f"{role}_units": _units_of(keys[f"{role}_unit"], channels)
+        for role, channels in (("input", inputs), ("output", outputs))
+        if f"{role}_unit" in keys
     }
-    return from_json(DatasetSettings, content, f"datasets.{name}")
+    own |= {name: keys[name] for name in COLUMNS if name in keys}
+    channels = ChannelSettings(inputs, outputs, **own)
+    validation = listed(keys.get("validation_file"))
+    return RecordedSource(listed(keys["file"]), channels, validation, from_file)
+
+
+def _units_of(value: Any, channels: Sequence[Reference]) -> UnitSettings:
+    return units_of(of_one_input(value, channels) if len(channels) == 1 else value)
+
+
+def _ranges_of(group: Keys, key: str, inputs: Sequence[Reference]) -> InputRanges:
+    if key not in group:
+        return InputRanges()
+    value = group[key]
+    return input_ranges_of(of_one_input(value, inputs) if len(inputs) == 1 else value)
+
+
+def _grid_of(keys: Keys) -> OrderGrid:
+    """The candidates of the chapter's recipe."""
+    inputs, _ = channels_of(keys)
+    ranges = {
+        group: {
+            key: of_one_input(each, inputs) if key in ("nk", "nb") else each
+            for key, each in keys.get(group, {}).items()
+        }
+        for group in ("delay", "orders")
+    }
+    given = {key: keys[key] for key in ("structure", "level") if key in keys}
+    return OrderGrid(DelaySettings(**ranges["delay"]), OrderSettings(**ranges["orders"]), **given)
+
+
+def _automatic_of(keys: Keys, several: bool) -> AutomaticSettings:
+    inputs, _ = channels_of(keys)
+    orders, search = keys.get("orders", {}), keys.get("search", {})
+    transforms = keys.get("transforms", {})
+    # Constraints are those of the model after the transforms, which must then be known.
+    known = "constraints" in keys and not several
+    limits = {name: orders[name] for name in ("nx", "joint", "na", "nc", "nd") if name in orders}
+    given = ("purpose", "structure", "form", "weighting", *(["focus"] if several else []))
+    return AutomaticSettings(
+        **{name: keys[name] for name in given if name in keys},
+        orders=OrderRanges(
+            **{name: each for name, each in limits.items() if each != "auto"},
+            nb=_ranges_of(orders, "nb", inputs),
+            nf=_ranges_of(orders, "nf", inputs),
+            nk=_ranges_of(keys.get("delay", {}), "nk", inputs),
+        ),
+        start_given="discard" in keys.get("split", {}),
+        rate_given="resample" in keys,
+        differences_given=known or any(key in transforms for key in _DIFFERENCES),
+        box_cox_given=known or "box_cox" in transforms,
+        objective=search.get("objective"),
+        evaluations=search.get("evaluations") if several else None,
+    )
 
 
 def keys_of(settings: DatasetSettings) -> dict[str, Any]:
-    """List the keys that give these settings; what is not set is left out."""
-    if not settings.is_single_channel:
-        return _keys_of_state_space(settings)
-    source = settings.source
-    if isinstance(source, RecordedSource):
-        channels = source.channels
-        own = {
-            "file": one_or_list(source.files),
-            "input": one_or_list(channels.inputs),
-            "output": channels.outputs[0],
-            **{key: getattr(channels, key) for key in COLUMN_KEYS},
-            "input_unit": channels.input_units.all if channels.inputs else None,
-            "output_unit": channels.output_units.all,
-            "validation_file": one_or_list(source.validation_files),
-        }
-        if source.channels_from_file:
-            own |= {"input": None, "output": None}
+    """List the keys that give these settings; what is not set, or decided, is left out."""
+    automatic, constraints = settings.automatic, settings.fit.constraints
+    keys = _source_keys(settings.source)
+    if automatic is None:
+        keys |= _chapter_keys(settings)
     else:
-        own = to_json(source)
-    present = {key: value for key, value in own.items() if value is not None}
-    fit = keys_of_fit(settings.fit)
-    if settings.automatic is not None:
-        return present | automatic_keys(settings, settings.automatic) | fit
-    return present | {"recipe": "chapter"} | analysis_keys(settings.preparation, settings) | fit
+        keys |= _automatic_keys(settings, automatic)
+    if settings.fit.focus != FitSettings().focus:
+        keys["focus"] = settings.fit.focus
+    if constraints is not None:
+        keys["constraints"] = _given(constraints, Constraints())
+    if settings.geometry is not None:
+        keys["geometry"] = to_json(settings.geometry)
+    plain: dict[str, Any] = _plain(keys)
+    return plain
 
 
-def files_of(written: Any) -> list[str]:
-    """The paths under a key: none, one, or a list of them."""
-    if written is None:
-        return []
-    return [written] if isinstance(written, str) else list(written)
+def _source_keys(source: RecordedSource | SyntheticSource) -> dict[str, Any]:
+    if isinstance(source, SyntheticSource):
+        return {key: each for key, each in to_json(source).items() if each is not None}
+    channels = source.channels
+    keys = {
+        "file": one_or_list(source.files),
+        "input": one_or_list(channels.inputs) or NONE,
+        "output": one_or_list(channels.outputs),
+        "input_unit": _unit_keys(channels.input_units),
+        "output_unit": _unit_keys(channels.output_units),
+        **{key: getattr(channels, key) for key in COLUMNS},
+        "validation_file": one_or_list(source.validation_files),
+    }
+    if source.channels_from_file:
+        del keys["input"], keys["output"]
+    return {key: each for key, each in keys.items() if each is not None and each != ""}
 
 
-def one_or_list(values: Sequence[Value]) -> Value | list[Value] | None:
-    """What stands under a key that has one value or a list, such as that of :func:`files_of`."""
-    return list(values) if len(values) > 1 else next(iter(values), None)
+def _unit_keys(units: UnitSettings) -> Any:
+    return units.by_name or units.in_order or units.all
 
 
-def analysis_keys(
-    preparation: PreparationSettings,
-    settings: DatasetSettings | None = None,
-    structure: Structure = "armax",
-) -> dict[str, Any]:
-    """List the keys of the analysis, by default with their built-in values for a structure."""
-    grid = settings.order_grid if settings else OrderGrid(structure=structure)
-    prepared = to_json(preparation)
+def _range_keys(ranges: InputRanges) -> Any:
+    return ranges.all or ranges.in_order or ranges.by_name or None
+
+
+def _chapter_keys(settings: DatasetSettings) -> dict[str, Any]:
+    preparation, grid = settings.preparation, settings.order_grid
+    phases = phases_of(grid.structure)
+    keys = {
+        "recipe": "chapter",
+        "resample": preparation.resample or NONE,
+        "transforms": to_json(preparation.transforms),
+        "split": to_json(preparation.split),
+        "spectrum": to_json(settings.spectrum),
+        "structure": grid.structure,
+        "level": grid.level,
+        "delay": to_json(grid.delay),
+        "orders": {name: getattr(grid.orders, name) for name in phases if name != "delay"},
+        "search": to_json(settings.search),
+    }
+    return {key: each for key, each in keys.items() if key != "delay" or key in phases}
+
+
+def _automatic_keys(settings: DatasetSettings, automatic: AutomaticSettings) -> dict[str, Any]:
+    preparation, orders = settings.preparation, automatic.orders
+    several = not settings.is_single_channel
+    split, search = to_json(preparation.split), to_json(settings.search)
+    transforms = to_json(preparation.transforms)
+    if not automatic.start_given:
+        del split["discard"]
+    if automatic.objective is None:
+        del search["objective"]
+    if several:
+        search = {key: search[key] for key in CHANNEL_SEARCH if key in search}
+        search |= {"evaluations": automatic.evaluations}
+    kept = (["box_cox"] if automatic.box_cox_given else []) + (
+        list(_DIFFERENCES) if automatic.differences_given else []
+    )
+    ranges = {name: getattr(orders, name) for name in ("nx", "joint", "na", "nc", "nd")}
+    ranges |= {"nb": _range_keys(orders.nb), "nf": _range_keys(orders.nf)}
+    keys: dict[str, Any] = {
+        "recipe": "auto",
+        "purpose": automatic.purpose,
+        "resample": (preparation.resample or NONE) if automatic.rate_given else None,
+        "transforms": {key: transforms[key] for key in kept},
+        "split": split,
+        "spectrum": None if several else to_json(settings.spectrum),
+        "structure": automatic.structure,
+        "form": automatic.form,
+        "weighting": automatic.weighting,
+        "focus": automatic.focus,
+        "delay": {"nk": _range_keys(orders.nk)},
+        "orders": ranges,
+        "search": search,
+    }
+    for group in ("transforms", "delay", "orders", "search"):
+        keys[group] = {key: each for key, each in keys[group].items() if each is not None} or None
+    return {key: each for key, each in keys.items() if each is not None}
+
+
+def _given(value: Any, built_in: Any) -> dict[str, Any]:
+    """The fields of settings that differ from the built-in ones."""
+    content, lowest = to_json(value), to_json(built_in)
     return {
-        "resample": prepared["resample"] or NO_RESAMPLING,
-        "transforms": prepared["transforms"],
-        "split": prepared["split"],
-        "spectrum": to_json(settings.spectrum if settings else SpectrumSettings()),
-        **_grid_keys(grid),
-        "search": to_json(settings.search if settings else SearchSettings()),
+        each.name: content[each.name]
+        for each in fields(value)
+        if content[each.name] != lowest[each.name]
     }
 
 
-def _grid_keys(grid: OrderGrid) -> dict[str, Any]:
-    """The keys of an order grid, without those of phases that its structure does not have."""
-    keys: dict[str, Any] = _as_lists(to_json(grid))
-    phases = phases_of(grid.structure)
-    keys["orders"] = {name: each for name, each in keys["orders"].items() if name in phases}
-    own = [name for name in GRID_KEYS if name != "delay" or "delay" in phases]
-    return {name: keys[name] for name in own}
-
-
-def _as_lists(value: Any) -> Any:
-    """Turn tuples, which YAML does not have, into lists."""
+def _plain(value: Any) -> Any:
+    """Turn tuples, which YAML does not have, into lists; leave out what a pole does not state."""
     if isinstance(value, Mapping):
-        return {key: _as_lists(each) for key, each in value.items()}
-    return list(value) if isinstance(value, tuple) else value
+        return {key: _plain(each) for key, each in value.items() if each is not None}
+    return [_plain(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def one_or_list(values: Sequence[Value]) -> Value | list[Value] | None:
+    """What stands under a key that has one value or a list of them."""
+    return list(values) if len(values) > 1 else next(iter(values), None)
 
 
 def yaml_text(settings: DatasetSettings) -> str:
     """Write a configuration with this one data set, ready to be run again."""
-    return dataset_yaml(settings.name, keys_of(settings))
-
-
-def dataset_yaml(name: str, keys: Keys) -> str:
-    """Write a configuration with one data set of any number of channels."""
-    return yaml.safe_dump(
-        {"datasets": {name: keys}}, sort_keys=False, allow_unicode=True, default_flow_style=None
-    )
+    content = {"datasets": {settings.name: keys_of(settings)}}
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None)
 
 
 def read_settings(path: str | Path) -> DatasetSettings:
-    """Read the settings that :func:`yaml_text` wrote.
+    """Read the settings that :func:`yaml_text` wrote."""
 
-    Raises
-    ------
-    InputError
-        When the file is missing or holds something else.
-    """
-    return read_dataset(path, settings_of)
+    def complete(name: str, keys: Keys) -> DatasetSettings:
+        if "recipe" not in keys:
+            raise KeyError("recipe")
+        return settings_of(name, checked(_ONE_FILE, keys, name))
+
+    return read_dataset(path, complete)
 
 
 def read_single_channel_settings(path: str | Path) -> DatasetSettings:
@@ -247,13 +369,7 @@ def read_single_channel_settings(path: str | Path) -> DatasetSettings:
 
 
 def read_dataset(path: str | Path, settings_of_keys: Callable[[str, Keys], Settings]) -> Settings:
-    """Read the settings of the one data set that :func:`dataset_yaml` wrote.
-
-    Parameters
-    ----------
-    path : path-like
-    settings_of_keys : callable
-        Of a name and its keys.
+    """Read the one data set that :func:`yaml_text` wrote, by a function of its name and keys.
 
     Raises
     ------
@@ -270,108 +386,3 @@ def read_dataset(path: str | Path, settings_of_keys: Callable[[str, Keys], Setti
             f"does not hold the complete configuration of one data set ({error})",
             "delete the file and run snakemake again, which writes it anew",
         ) from None
-
-
-def _state_space_settings(name: str, keys: Keys) -> DatasetSettings:
-    """The settings of complete, checked keys."""
-    channels = ChannelSettings(
-        inputs=listed(keys.get("input", 1)),
-        outputs=listed(keys.get("output", 2)),
-        input_units=_units(keys.get("input_unit", "")),
-        output_units=_units(keys.get("output_unit", "")),
-        **{key: keys[key] for key in COLUMN_KEYS if key in keys},
-    )
-    written = keys["search"]
-    search = {key: written[key] for key in SEARCH_KEYS if key in written}
-    search = to_json(StateSpaceSearchSettings()) | search
-    resample = keys.get("resample", "none")
-    given = {key: keys[key] for key in ("structure", "focus", *STATE_SPACE_ONLY) if key in keys}
-    geometry = keys.get("geometry")
-    return DatasetSettings(
-        name=name,
-        source=RecordedSource(
-            tuple(files_of(keys["file"])),
-            channels,
-            tuple(files_of(keys.get("validation_file"))),
-        ),
-        preparation=PreparationSettings(
-            transforms=from_json(TransformSettings, NO_TRANSFORMS),
-            split=from_json(SplitSettings, {"discard": 0, **keys["split"]}),
-            resample=None if resample == "none" else float(resample),
-        ),
-        spectrum=SpectrumSettings(),
-        order_grid=OrderGrid(),
-        search=from_json(SearchSettings, {k: v for k, v in search.items() if v is not None}),
-        automatic=AutomaticSettings(
-            purpose=keys.get("purpose", "auto"),
-            orders=_ranges(keys.get("orders", {}), keys.get("delay", {})),
-            start_given=bool(keys["split"].get("discard")),
-            rate_given="resample" in keys,
-            evaluations=written.get("evaluations"),
-            **given,
-        ),
-        fit=from_json(FitSettings, {k: keys[k] for k in ("constraints",) if k in keys}),
-        geometry=None if geometry is None else geometry_of(geometry),
-    )
-
-
-def _keys_of_state_space(settings: DatasetSettings) -> dict[str, Any]:
-    """List the keys that give these settings; what is decided from the recording is left out."""
-    source, choices, channels = settings.source, settings.automatic, settings.channels
-    assert isinstance(source, RecordedSource)
-    assert choices is not None
-    preparation = settings.preparation
-    orders, nk = _range_keys(choices.orders), input_range_keys(choices.orders.nk)
-    split = ("discard", "estimation", *(["by"] if len(source.files) > 1 else []))
-    keys: dict[str, Any] = {
-        "file": one_or_list(source.files),
-        "input": list(channels.inputs) or NO_INPUT,
-        "output": list(channels.outputs),
-        "input_unit": _unit_keys(channels.input_units),
-        "output_unit": _unit_keys(channels.output_units),
-        **{key: getattr(channels, key) for key in COLUMN_KEYS},
-        "validation_file": one_or_list(source.validation_files),
-        "recipe": "auto",
-        "purpose": choices.purpose,
-        "resample": (preparation.resample or "none") if choices.rate_given else None,
-        "split": {key: getattr(preparation.split, key) for key in split},
-        "structure": choices.structure,
-        "form": choices.form,
-        "focus": choices.focus,
-        "weighting": choices.weighting,
-        "delay": {"nk": nk} if nk else None,
-        "orders": orders or None,
-        "search": {k: v for k, v in to_json(settings.state_space_search).items() if v is not None},
-        "geometry": None if settings.geometry is None else geometry_keys(settings.geometry),
-        "constraints": None
-        if settings.fit.constraints is None
-        else given_constraints(settings.fit.constraints),
-    }
-    return {key: value for key, value in keys.items() if value is not None and value != ""}
-
-
-def _ranges(orders: Keys, delay: Keys) -> OrderRanges:
-    """The ranges of checked keys."""
-    nx, joint, na, nc, nd = (range_of(orders.get(name)) for name in RANGES)
-    nb, nf = (input_ranges_of(orders.get(name)) for name in RANGES_OF_INPUTS)
-    return OrderRanges(nx, joint, na, nc, nd, nb, nf, input_ranges_of(delay.get("nk")))
-
-
-def _range_keys(ranges: OrderRanges) -> dict[str, Any]:
-    """The keys that give the ranges of orders."""
-    limits = {name: getattr(ranges, name) for name in RANGES}
-    keys = {name: each and list(each) for name, each in limits.items()}
-    keys |= {name: input_range_keys(getattr(ranges, name)) for name in RANGES_OF_INPUTS}
-    return {name: each for name, each in keys.items() if each}
-
-
-def _units(given: Any) -> UnitSettings:
-    if isinstance(given, Mapping):
-        return UnitSettings(by_name=dict(given))
-    if isinstance(given, list | tuple):
-        return UnitSettings(in_order=tuple(given))
-    return UnitSettings(all=given)
-
-
-def _unit_keys(units: UnitSettings) -> Any:
-    return units.by_name or list(units.in_order) or units.all

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import Geometry
+from evopem.config.channels import Geometry
 
 Array = NDArray[np.float64]
 

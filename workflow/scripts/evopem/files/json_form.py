@@ -18,7 +18,7 @@ from functools import cache, partial
 from pathlib import Path
 from reprlib import repr as shortened
 from types import UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import cattrs
 from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
@@ -247,9 +247,15 @@ def _is_plain_union(kind: Any) -> bool:
     if get_origin(kind) not in (Union, UnionType):
         return False
     plain = (int, float, str, bool, type(None))
+    members = map(_without_notes, get_args(kind))
     return all(
-        member in plain or get_origin(member) in (Literal, tuple, dict) for member in get_args(kind)
+        member in plain or get_origin(member) in (Literal, tuple, dict) for member in members
     )
+
+
+def _without_notes(kind: Any) -> Any:
+    """A type without what :class:`typing.Annotated` says of it."""
+    return get_args(kind)[0] if get_origin(kind) is Annotated else kind
 
 
 def _is_dataclass_union(kind: Any) -> bool:
@@ -275,7 +281,7 @@ def _nearest(converter: cattrs.Converter, value: Any, kind: Any) -> Any:
 
 
 def _plain(converter: cattrs.Converter, value: Any, kind: Any) -> Any:
-    members = get_args(kind)
+    members = [_without_notes(member) for member in get_args(kind)]
     if value is None:
         if type(None) in members:
             return None

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from evopem.config.dataset_names import RESULTS_FOLDER
 from evopem.config.defaults import complete
 from evopem.config.environment import check_environment
-from evopem.config.schema import schema_file
-from evopem.config.state_space_keys import NO_INPUT
+from evopem.config.keys import NONE
 from evopem.config.yaml_form import one_or_list
 from evopem.errors import InputError
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings
@@ -195,14 +194,14 @@ def _settings(
     if signals.input_names:
         own["input"] = one_or_list(signals.input_names)
     elif len(signals.output_names) > 1:
-        own["input"] = NO_INPUT
+        own["input"] = NONE
     if len(signals.input_names) <= 1 and len(signals.output_names) == 1:
         own["recipe"] = "auto"
     if held_out:
         own["validation_file"] = _files(VALIDATION, held_out)
     try:
         content = {"datasets": {name: own | _as_lists(keys)}}
-        completed = complete(content, schema_file(), "identify")
+        completed = complete(content, "identify")
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}").lstrip(".")
         place = "name" if key == "datasets" else key or "identify"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from evopem.config.settings import ChannelSettings, Geometry
+from evopem.config.channels import ChannelSettings, Geometry
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.channel_roles import ChannelRoles, roles_of

@@ -10,9 +10,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
 
+from evopem.config.channels import RecordedSource
 from evopem.config.constraints import Constraints
 from evopem.config.order_grid import joint_orders, joint_range
-from evopem.config.settings import DatasetSettings, FitSettings, OrderGrid, RecordedSource
+from evopem.config.settings import DatasetSettings, FitSettings, OrderGrid
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.models.constraint_checks import check_fit as check

@@ -20,12 +20,7 @@ from evopem.automatic.prepared_data import prepared_data
 from evopem.automatic.transforms import TransformPlan, decide_transforms
 from evopem.blas_threads import one_blas_thread
 from evopem.config.order_grid import check_samples
-from evopem.config.settings import (
-    FitSettings,
-    OrderGrid,
-    PreparationSettings,
-    SampleRequirements,
-)
+from evopem.config.settings import FitSettings, OrderGrid, PreparationSettings, SampleRequirements
 from evopem.errors import InputError
 from evopem.files.json_form import save
 from evopem.pipeline.constraint_plan import check_fit

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from evopem.config.settings import SyntheticSource, TransformSettings
+from evopem.config.channels import SyntheticSource
+from evopem.config.settings import TransformSettings
 from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import save_recording

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from evopem.config.settings import DatasetSettings, SyntheticSource
+from evopem.config.channels import SyntheticSource
+from evopem.config.settings import DatasetSettings
 from evopem.models.structures import armax_orders
 from evopem.report.numbers import number
 from evopem.results.dataset import DatasetResults

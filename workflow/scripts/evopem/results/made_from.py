@@ -10,8 +10,10 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from evopem.config.settings import DatasetSettings, RecordedSource
-from evopem.config.settings import DatasetSettings, RecordedSource
+from evopem.config.settings import DatasetSettings
+from evopem.config.channels import RecordedSource
+from evopem.config.settings import DatasetSettings
+from evopem.config.channels import RecordedSource
 from evopem.errors import InputError
 from evopem.files.archive import member_of
 from evopem.files.checksums import sha256_of_file, verify_checksums

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from evopem.config.settings import ChannelSettings, Reference, is_pattern
+from evopem.config.channels import ChannelSettings, Reference, is_pattern
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names
 from evopem.signals.readers.channels import listing

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evopem.config.settings import ChannelSettings
+from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.channels import Channel, Reference

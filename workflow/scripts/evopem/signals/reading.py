@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import ChannelSettings, UnitSettings
+from evopem.config.channels import ChannelSettings, UnitSettings
 from evopem.errors import InputError
 from evopem.signals.channel_patterns import expanded
 from evopem.signals.even_grid import Unevenness

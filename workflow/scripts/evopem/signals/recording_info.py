@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from evopem.config.settings import Geometry
+from evopem.config.channels import Geometry
 from evopem.errors import InputError
 from evopem.signals.channel_roles import ChannelRoles
 from evopem.signals.even_grid import Unevenness

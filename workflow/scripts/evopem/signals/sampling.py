@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.settings import ChannelSettings
+from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.signals.even_grid import Unevenness, coarseness, even_grid
 from evopem.signals.measured_files import channel_names

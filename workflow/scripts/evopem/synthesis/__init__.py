@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import get_args
 
-from evopem.config.settings import Synthesis, SyntheticSource, TransformSettings
+from evopem.config.channels import Synthesis, SyntheticSource
+from evopem.config.settings import TransformSettings
 from evopem.errors import InputError, check_choice
 from evopem.signals.recording import Recording
 from evopem.synthesis.truth import Truth

@@ -13,11 +13,11 @@ from typing import Any
 
 import yaml
 
+from evopem.config.channels import SyntheticSource
 from evopem.config.dataset_names import RESULTS_FOLDER
 from evopem.config.defaults import complete
 from evopem.config.environment import check_environment, job_environment
-from evopem.config.schema import schema_file
-from evopem.config.settings import DatasetSettings, SyntheticSource
+from evopem.config.settings import DatasetSettings
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.config.yaml_form import one_or_list, read_dataset
 from evopem.errors import InputError
@@ -280,7 +280,7 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
     if defaults is not None:
         content["defaults"] = defaults
     try:
-        completed = complete(content, schema_file(), arguments.config or "evopem")
+        completed = complete(content, arguments.config or "evopem")
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}.")
         if key == error.place:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from evopem.config.batches import MANY
+from evopem.config.configuration import MANY
 from evopem.config.dataset_names import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
@@ -79,7 +79,7 @@ def configuration_text(folder: Path) -> str:
             continue
         entry = _entry(names.of(path), shown, contents)
         try:
-            complete(yaml.safe_load(f"datasets:\n{entry}"), schema_file())
+            complete(yaml.safe_load(f"datasets:\n{entry}"))
         except InputError as error:
             unread.append(f"# {_comment(f'{shown}: {error.problem}; {error.remedy}.')}")
             continue

@@ -1,0 +1,122 @@
+"""Write the keys of config.yaml from their types: the JSON schema, and the tables of a page.
+
+    python docs/write_keys.py
+
+A table stands between ``<!-- keys: NAME -->`` and ``<!-- end -->``; NAME is one of :data:`TABLES`.
+"""
+
+import json
+import re
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+
+from evopem.config.channels import ChannelSettings, SyntheticSource  # noqa: E402
+from evopem.config.configuration import RunSettings  # noqa: E402
+from evopem.config.keys import (  # noqa: E402
+    ANALYSIS,
+    CONFIGURATION,
+    RUN,
+    SOURCE,
+    SOURCE_OF_ANY,
+    SYNTHESIS,
+    mapping,
+)
+from evopem.config.schema import adapter  # noqa: E402
+from evopem.config.settings import (  # noqa: E402
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    TransformSettings,
+)
+
+PAGE = ROOT / "docs" / "configuration.md"
+SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+HEAD = "# Written by docs/write_keys.py from the types in evopem.config.keys.\n"
+LINK = re.compile(r"\[([^]]*)\]\([^)]*\)")
+GROUPS = ("transforms", "split", "spectrum", "delay", "orders", "search")
+"""Mappings whose keys have rows of their own."""
+
+
+def schema_text() -> str:
+    """The JSON schema, for editors."""
+
+    def plain(node):
+        if isinstance(node, dict):
+            return {
+                key: plain(each)
+                for key, each in node.items()
+                if key not in ("built_in", "title") or isinstance(each, dict)
+            }
+        if isinstance(node, list):
+            return [plain(each) for each in node]
+        return LINK.sub(r"\1", node) if isinstance(node, str) else node
+
+    draft = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    return HEAD + yaml.safe_dump(
+        draft | plain(adapter(CONFIGURATION).json_schema()),
+        sort_keys=False,
+        allow_unicode=True,
+        width=100,
+    )
+
+
+def _built_in(about: dict, name: str, kinds: tuple[type, ...]) -> str:
+    """What a key has where it is not written: as it says, else the default of its field."""
+    values = [
+        each.default
+        for kind in kinds
+        for each in fields(kind)
+        if each.name.rstrip("_") == name and isinstance(each.default, bool | int | float | str)
+    ]
+    shown = [f"`{each}`" if isinstance(each, str) else json.dumps(each) for each in values]
+    return about.get("built_in") or next(iter(shown), "")
+
+
+def table(keys: dict, kinds: tuple[type, ...]) -> str:
+    """The rows of some keys, those of a mapping below it."""
+    schema = adapter(mapping("Table", keys)).json_schema()
+    rows = ["| key | meaning | built in |", "|---|---|---|"]
+
+    def add(name: str, about: dict, level: str) -> None:
+        reference = about.get("$ref", "").rpartition("/")[2]
+        below = schema["$defs"][reference]["properties"] if name in GROUPS and not level else {}
+        text, built_in = about.get("description", ""), _built_in(about, name, kinds)
+        rows.append(f"| {level}`{name}` | {text} | {built_in} |")
+        for key, inner in below.items():
+            add(key, inner, "&nbsp; ")
+
+    for name, about in schema["properties"].items():
+        add(name, about, "")
+    return "\n".join(rows)
+
+
+TABLES = {
+    "run": (RUN, (RunSettings,)),
+    "source": (SOURCE | SOURCE_OF_ANY, (ChannelSettings,)),
+    "synthesis": (SYNTHESIS, (SyntheticSource,)),
+    "analysis": (
+        ANALYSIS,
+        (TransformSettings, SplitSettings, SpectrumSettings, SearchSettings),
+    ),
+}
+
+
+def documentation(text: str) -> str:
+    """A page with the tables between its markers written anew."""
+    return re.sub(
+        r"(<!-- keys: (\w+) -->\n).*?(<!-- end -->)",
+        lambda found: f"{found[1]}\n{table(*TABLES[found[2]])}\n\n{found[3]}",
+        text,
+        flags=re.DOTALL,
+    )
+
+
+if __name__ == "__main__":
+    SCHEMA.write_text(schema_text(), encoding="utf-8")
+    PAGE.write_text(documentation(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

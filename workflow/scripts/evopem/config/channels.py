@@ -1,0 +1,186 @@
+"""Where the samples of a data set come from, and where they were measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+Reference = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
+"""A channel: its number from 1, or its name, in which a ``*`` stands for any text."""
+
+Rate = Annotated[
+    float,
+    Field(ge=1e-9, le=1e12, description="the sampling rate in Hz, a number above 0"),
+]
+Seed = Annotated[
+    int, Field(ge=0, description="the seed of all random draws, a whole number of at least 0")
+]
+Synthesis = Literal["flexible_arm", "armax"]
+UnevenTime = Literal["refuse", "interpolate"]
+TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "d"]
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class UnitSettings:
+    """The units of several channels, in one of three ways; what is empty is not stated."""
+
+    all: str = ""  # of all channels
+    in_order: tuple[str, ...] = ()  # one for each
+    by_name: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ChannelSettings:
+    """Which channels of a recorded file are read, and what is known of them.
+
+    Attributes
+    ----------
+    inputs, outputs : tuple of int or str
+        Column numbers from 1, or names of columns, variables or channels; a name with a ``*``
+        stands for all that it matches.  No inputs for a structure that has none.
+    sampling_rate : float, optional
+        Hz; where None taken from the file, like time unit, header lines and decimal mark.
+    time : int or str, optional
+        The column that holds the time.
+    """
+
+    inputs: tuple[Reference, ...] = (1,)
+    outputs: tuple[Reference, ...] = (2,)
+    sampling_rate: Annotated[
+        Rate | None,
+        Field(
+            description="the sampling rate in Hz, a number above 0. It may be left out where the"
+            " file states it or has time stamps"
+        ),
+    ] = None
+    time: Annotated[
+        Reference | None,
+        Field(
+            description="the number or name of the column that holds the time. Instead of"
+            " `sampling_rate`; it is checked to be uniform",
+            json_schema_extra={
+                "built_in": "where no rate is stated, the channel whose name holds a word for time"
+                " (`t`, `Time [s]`, `timestamp`, ...), with uniform stamps in a known unit"
+            },
+        ),
+    ] = None
+    time_unit: Annotated[
+        TimeUnit | None,
+        Field(
+            description="the unit of the time column, s, ms, us, ns, min, h or d",
+            json_schema_extra={"built_in": "that in the file"},
+        ),
+    ] = None
+    input_units: UnitSettings = UnitSettings()
+    output_units: UnitSettings = UnitSettings()
+    header_lines: Annotated[
+        Annotated[int, Field(ge=0)] | None,
+        Field(
+            description="the number of lines above the first row of numbers, a whole number of"
+            " at least 0. Of text tables",
+            json_schema_extra={"built_in": "found"},
+        ),
+    ] = None
+    decimal_mark: Annotated[
+        Literal[".", ","] | None,
+        Field(
+            description='the decimal mark of the numbers, "." or ",". Of text tables',
+            json_schema_extra={"built_in": "found"},
+        ),
+    ] = None
+    uneven_time: Annotated[
+        UnevenTime,
+        Field(
+            description="what is done where the time stamps are not uniform, refuse or interpolate."
+            " `interpolate`: signals whose stamps are late or missing at times are [brought to even"
+            " times](formats.md#time-stamps)"
+        ),
+    ] = "refuse"
+
+    @property
+    def has_one_output(self) -> bool:
+        """Whether there is one output, which no pattern stands for."""
+        return len(self.outputs) == 1 and not is_pattern(self.outputs[0])
+
+    @property
+    def has_one_input(self) -> bool:
+        """Whether there is one input, which no pattern stands for."""
+        return len(self.inputs) == 1 and not is_pattern(self.inputs[0])
+
+
+def is_pattern(reference: object) -> bool:
+    """Whether a reference stands for all channels whose names it matches."""
+    return isinstance(reference, str) and "*" in reference
+
+
+@dataclass(frozen=True)
+class RecordedSource:
+    """Recorded files of one system, and independent ones for validation where there are any."""
+
+    files: tuple[str, ...]  # one, or several that are one data set
+    channels: ChannelSettings  # the same in all files
+    validation_files: tuple[str, ...] = ()
+    channels_from_file: bool = False  # input, output and time are decided from the first file
+
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """The recorded files, those for validation last."""
+        return (*self.files, *self.validation_files)
+
+
+@dataclass(frozen=True)
+class SyntheticSource:
+    """A simulated recording."""
+
+    synthesis: Annotated[
+        Synthesis,
+        Field(
+            description="the simulated system, flexible_arm or armax. `flexible_arm` is a"
+            " physical arm on a servomotor, `armax` a known ARMAX process"
+        ),
+    ]
+    seed: Seed = 1
+    samples: Annotated[
+        int,
+        Field(
+            ge=200, le=10**9, description="the number of samples, a whole number of at least 200"
+        ),
+    ] = 5000
+    sampling_rate: Rate = 100.0
+    noise: Annotated[
+        Annotated[float, Field(ge=0, le=1e6)] | None,
+        Field(
+            description="the ratio of noise to output, a number of at least 0. Of `armax` alone",
+            json_schema_extra={"built_in": "0.1"},
+        ),
+    ] = None
+
+    @property
+    def validation_files(self) -> tuple[str, ...]:
+        """None: nothing is recorded."""
+        return ()
+
+    @property
+    def all_files(self) -> tuple[str, ...]:
+        """None: nothing is recorded."""
+        return ()
+
+
+@dataclass(frozen=True)
+class ChannelPlace:
+    """Where an output was measured: a point, and a direction of any length above 0."""
+
+    point: str
+    direction: Vector
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The structure that mode shapes are drawn over."""
+
+    points: dict[str, Vector]  # coordinates
+    lines: tuple[tuple[str, str], ...]  # pairs of points
+    channels: dict[str, ChannelPlace]  # by the names of outputs

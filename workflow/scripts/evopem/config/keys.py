@@ -1,0 +1,411 @@
+"""The keys of ``config.yaml`` as types; those of a mapping such as ``search`` are its settings.
+
+Values come out in one form: ranges as tuples, paths, channels and units as they were written.
+"""
+
+# Types are made here, which a type checker cannot follow.
+# mypy: disable-error-code="valid-type,misc"
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from types import NoneType
+from typing import Annotated, Any, Literal, Required, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BeforeValidator, ConfigDict, Field
+from typing_extensions import TypedDict
+
+from evopem.config.channels import (
+    ChannelPlace,
+    ChannelSettings,
+    Geometry,
+    Rate,
+    Reference,
+    SyntheticSource,
+    UnitSettings,
+    Vector,
+)
+from evopem.config.configuration import RunSettings
+from evopem.config.constraints import Constraints
+from evopem.config.settings import (
+    Focus,
+    InputRanges,
+    OutputWeighting,
+    Purpose,
+    Recipe,
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    StateSpaceForm,
+    Structure,
+    TransformSettings,
+)
+from evopem.config.strict_yaml import Keys
+
+NONE = "none"
+"""No input, or no resampling."""
+
+STATE_SPACE = "state_space"
+
+
+_STRICT = ConfigDict(extra="forbid", strict=True)
+_AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def mapping(name: str, keys: Mapping[str, Any], required: Iterable[str] = ()) -> Any:
+    """The type of a mapping with these keys, of which none but some have to be there."""
+    kinds = {key: Required[each] if key in required else each for key, each in keys.items()}
+    kind = TypedDict(name, kinds, total=False)
+    kind.__pydantic_config__ = _STRICT  # type: ignore[attr-defined]
+    return kind
+
+
+def keys_of_fields(settings: type, names: Iterable[str] = ()) -> dict[str, Any]:
+    """Fields of settings as keys, all of them or some; a user leaves out what is None."""
+    hints = get_type_hints(settings, include_extras=True)
+    wanted = list(names) or [each.name for each in fields(settings)]
+    return {name.rstrip("_"): _without_none(hints[name]) for name in wanted}
+
+
+def _without_none(hint: Any) -> Any:
+    kind, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    members = [each for each in get_args(kind) if each is not NoneType]
+    if NoneType in get_args(kind):
+        kind = Union[tuple(members)]  # noqa: UP007
+    return Annotated[(kind, *notes)] if notes else kind
+
+
+def _about(kind: Any, description: str, built_in: str = "") -> Any:
+    extra = {"built_in": built_in} if built_in else None
+    return Annotated[kind, Field(description=description, json_schema_extra=extra)]  # type: ignore[arg-type]
+
+
+def _both_ends(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(value)
+    return (value, value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _range(low: int, high: int) -> Any:
+    order = _about(Annotated[int, Field(ge=low, le=high)], f"a whole number from {low} to {high}")
+    return Annotated[
+        tuple[order, order],
+        BeforeValidator(_both_ends, json_schema_input_type=order | tuple[order, order]),
+    ]
+
+
+def _ends(low: int, high: int) -> str:
+    return f"two whole numbers from {low} to {high}, [lower, upper], or one of them"
+
+
+def _input_ranges(low: int, high: int) -> Any:
+    """A range of all inputs, a list of ranges in their order, or a mapping from their names."""
+    one = _range(low, high)
+    several = Annotated[tuple[one, ...], Field(min_length=1)]
+    by_name = Annotated[dict[str, one], Field(min_length=1)]
+
+    def checked(value: Any) -> Any:
+        if isinstance(value, list) and value:
+            nested = [isinstance(each, list) for each in value]
+            if any(nested) and not all(nested):
+                raise ValueError("it has numbers beside ranges: write a number n as [n, n]")
+            if not any(nested) and len(value) != 2:
+                raise ValueError(
+                    "it is no range, which has a lower and an upper end: for one number of each"
+                    " input write ranges, such as [[2, 2], [1, 1]], or a mapping such as {hot: 2,"
+                    " cold: 1}"
+                )
+        return tuple(value) if isinstance(value, list) else value
+
+    return Annotated[Union[one, several, by_name], BeforeValidator(checked)]  # noqa: UP007
+
+
+def input_ranges_of(value: Any) -> InputRanges:
+    """The ranges of a checked value."""
+    if isinstance(value, Mapping):
+        return InputRanges(by_name=dict(value))
+    if value and isinstance(value[0], tuple):
+        return InputRanges(in_order=tuple(value))
+    return InputRanges(value)
+
+
+def listed(value: Any) -> tuple[Any, ...]:
+    """Channels or paths of a list, of one of them, or of none."""
+    if value is None or value == NONE:
+        return ()
+    return tuple(value) if isinstance(value, list | tuple) else (value,)
+
+
+def units_of(value: Any) -> UnitSettings:
+    """The units of a checked value."""
+    if isinstance(value, Mapping):
+        return UnitSettings(by_name=dict(value))
+    return UnitSettings(value) if isinstance(value, str) else UnitSettings(in_order=tuple(value))
+
+
+def _vector(value: Any) -> Any:
+    if isinstance(value, str) and value.lstrip("+-") in _AXES and len(value) <= 2:
+        sign = -1.0 if value.startswith("-") else 1.0
+        return tuple(sign * each + 0.0 for each in _AXES[value.lstrip("+-")])
+    if isinstance(value, list):
+        return (*value, 0.0) if len(value) == 2 else tuple(value)
+    return value
+
+
+_Text = Annotated[str, Field(min_length=1)]
+_Path = Annotated[str, Field(min_length=1, description="the path of a recording")]
+_PATHS = (
+    "the path of a recording, relative to the working directory, or a list or pattern of several"
+)
+_Paths = Annotated[_Text | Annotated[tuple[_Path, ...], Field(min_length=1)], Field()]
+_Channels = Annotated[Reference | Annotated[tuple[Reference, ...], Field(min_length=1)], Field()]
+_CHANNELS = "a column number from 1, or a column, variable or channel name, or a list of them"
+_Units = str | tuple[str, ...] | dict[str, str]
+_UNITS = (
+    'a unit as text, such as "N m"; of several channels, a list of units or a mapping from names to'
+    " units"
+)
+_Name = Annotated[
+    str, BeforeValidator(lambda value: str(value) if isinstance(value, int) else value)
+]
+_Place = mapping(
+    "Place",
+    {
+        "point": _about(_Name, "the name of a point"),
+        "direction": _about(
+            Annotated[Vector, BeforeValidator(_vector)],
+            "three numbers, or one of x, y, z, -x, -y, -z",
+        ),
+    },
+    ("point", "direction"),
+)
+GEOMETRY = mapping(
+    "Geometry",
+    {
+        "points": _about(
+            Annotated[
+                dict[
+                    str,
+                    Annotated[
+                        Vector,
+                        BeforeValidator(_vector),
+                        Field(description="two or three coordinates, such as [0, 0, 1]"),
+                    ],
+                ],
+                Field(min_length=1),
+            ],
+            "the points by name, such as {tip: [0, 0, 1]}",
+        ),
+        "lines": _about(
+            tuple[tuple[_Name, _Name], ...], "a list of pairs of points, such as [[root, tip]]"
+        ),
+        "channels": _about(
+            Annotated[dict[str, _Place], Field(min_length=1)],
+            "the outputs by name with their points and directions, such as"
+            " {acc1: {point: tip, direction: z}}",
+        ),
+    },
+    ("points", "channels"),
+)
+
+
+def geometry_of(keys: Keys) -> Geometry:
+    """The geometry of checked keys."""
+    places = {name: ChannelPlace(**each) for name, each in keys["channels"].items()}
+    return Geometry(dict(keys["points"]), tuple(keys.get("lines", ())), places)
+
+
+COLUMNS = (
+    *("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"),
+    "uneven_time",
+)
+"""Keys of a recorded file beside its channels."""
+
+SOURCE: dict[str, Any] = {
+    "file": _about(
+        _Paths,
+        f"{_PATHS}. Text (`.csv`, `.tsv`, `.txt`, `.dat`, `.asc`), MATLAB `.mat` (v5 and v7.3),"
+        " `.npz`, `.npy`, `.parquet`, `.h5`, `.hdf5`, `.tdms`, `.uff`, `.unv`; the extension"
+        " decides",
+        "required",
+    ),
+    "input": _about(
+        _Channels,
+        f"{_CHANNELS}, or none. A name with a `*` stands for all channels that match",
+        "[decided from the file](#the-file-alone), else 1",
+    ),
+    "output": _about(
+        _Channels,
+        f"{_CHANNELS}. A name with a `*` stands for all channels that match and that no other key"
+        " names",
+        "[decided from the file](#the-file-alone), else 2",
+    ),
+    "input_unit": _about(_Units, f"{_UNITS}. Used on every axis", "those in the file"),
+    "output_unit": _about(_Units, f"{_UNITS}. Used on every axis", "those in the file"),
+    **keys_of_fields(ChannelSettings, COLUMNS),
+    "validation_file": _about(
+        _Paths,
+        "the path of an independent recording, relative to the working directory, or a list or"
+        " pattern of several. Of the same layout and rate, to validate on instead of a cut of"
+        " this one",
+    ),
+}
+SYNTHESIS = keys_of_fields(SyntheticSource)
+ANALYSIS: dict[str, Any] = {
+    "recipe": _about(
+        Recipe,
+        "how a model is found, auto or chapter. `chapter`: a structure that is given, and the"
+        " chapter's phases of its orders; `auto`: the [automatic recipe](automatic.md)",
+        "`auto`; of `arma` and `general` `chapter`",
+    ),
+    "purpose": _about(
+        Purpose,
+        "what the model is for, auto, simulation, prediction or modes. `auto` is simulation, or"
+        " prediction without an input",
+        "`auto`",
+    ),
+    "resample": _about(
+        Rate | Literal["none"],
+        "the new sampling rate in Hz, a number above 0, or none. Below that of the recording,"
+        " with an anti-alias filter; with `none` nothing is decimated",
+        "`none`",
+    ),
+    "transforms": _about(
+        mapping("Transforms", keys_of_fields(TransformSettings)),
+        "the transforms towards stationarity, a mapping of box_cox, difference and"
+        " difference_input",
+    ),
+    "split": _about(
+        mapping("Split", keys_of_fields(SplitSettings)),
+        "the division of the samples, a mapping of discard, estimation and by",
+    ),
+    "spectrum": _about(
+        mapping("Spectrum", keys_of_fields(SpectrumSettings)),
+        "the multitaper estimate, a mapping of time_halfbandwidth and nfft",
+    ),
+    "structure": _about(
+        Structure | Literal["state_space"],
+        "the [structure](#the-structure-of-the-model) of the model, fir, arx, arma, armax, ararx,"
+        " ararmax, oe, bj, general or state_space",
+        "`armax`",
+    ),
+    "form": _about(
+        StateSpaceForm,
+        "the [form](structures.md#state-space) of a state-space model, ss (innovations), ss_oe"
+        " (output error), ss_oe_drift or ss_bj",
+        "decided",
+    ),
+    "weighting": _about(
+        OutputWeighting,
+        "[how](structures.md#what-is-minimised) the outputs of a state-space model are weighed,"
+        " determinant, noise or power",
+        "`determinant`, of output error `noise`",
+    ),
+    "level": _about(bool, "whether a constant is estimated along, true or false", "`false`"),
+    "delay": _about(
+        mapping(
+            "Delay",
+            {
+                "orders": _about(
+                    _range(1, 60),
+                    f"the orders k of the delay search, {_ends(1, 60)}. Of the models that are"
+                    " estimated for each delay, such as ARMAX(k, k, k, nk)",
+                    "[6, 9]",
+                ),
+                "nk": _about(
+                    _input_ranges(0, 1000),
+                    f"the delays in samples, {_ends(0, 1000)}; of several inputs also a list of"
+                    " ranges or a mapping from names. 0 acts on the same sample",
+                    "[0, 3]",
+                ),
+            },
+        ),
+        "the grid of the delay search, a mapping of orders and nk",
+    ),
+    "orders": _about(
+        mapping(
+            "Orders",
+            {
+                "joint": _about(
+                    _range(1, 60) | Literal["auto"],
+                    f"the order k of phase one, {_ends(1, 60)}, or auto. Of ARMAX(k, k, k, nk) or"
+                    " what [other structures](structures.md) have instead. `auto` is [2 × number"
+                    " of spectral peaks, 14]; the evenly spaced lines of a periodic input are"
+                    " not counted as peaks",
+                    "[6, 14]",
+                ),
+                "nc": _about(_range(0, 60), f"the orders of C, {_ends(0, 60)}", "[2, 16]"),
+                "nd": _about(_range(0, 60), f"the orders of D, {_ends(0, 60)}", "[0, 4]"),
+                "na": _about(
+                    _range(0, 60),
+                    f"the orders of A beside F, or of A with several inputs, {_ends(0, 60)}",
+                    "[0, 2]",
+                ),
+                "nb": _about(
+                    _input_ranges(1, 60),
+                    f"the orders of B, {_ends(1, 60)}; of several inputs also a list of ranges or a"
+                    " mapping from names. The last phase",
+                    "[2, 16]",
+                ),
+                "nf": _about(
+                    _input_ranges(0, 60),
+                    f"the orders of F with several inputs, {_ends(0, 60)}, a list of ranges or a"
+                    " mapping from names",
+                    "follow the order k",
+                ),
+                "nx": _about(
+                    _range(1, 60),
+                    f"the numbers of states, {_ends(1, 60)}. Of `ss_oe` and `ss_bj` those of the"
+                    " plant",
+                    "as far as the record goes, at most 20; up to 40 while BIC falls",
+                ),
+            },
+        ),
+        "the ranges of the order search, a mapping of joint, nc, nd, na and nb, with several"
+        " inputs also nf, or of nx for state_space",
+    ),
+    "search": _about(
+        mapping("Search", keys_of_fields(SearchSettings)),
+        "the search for the parameters of a model, a mapping of its settings",
+    ),
+    "focus": _about(
+        Focus,
+        "the errors that the model is [fitted for](structures.md#focus), prediction, simulation"
+        " or a whole number of samples of at least 1",
+        "`prediction`",
+    ),
+    "constraints": _about(
+        mapping("Constraints", keys_of_fields(Constraints)),
+        "the [constraints](structures.md#constraints) of the model, a mapping of them",
+    ),
+    "geometry": _about(
+        GEOMETRY,
+        "the structure over which mode shapes are drawn, a mapping of points, lines and channels",
+    ),
+}
+SOURCE_OF_ANY: dict[str, Any] = {
+    "conditions": _about(
+        dict[str, _about(int | float | str, "a number, or a date such as 2026-03-01T12:30")],
+        "names of conditions with their numbers or dates, such as temperature with 21.5. See"
+        " `follow`",
+    ),
+}
+_DATASET = _about(
+    mapping("Dataset", SOURCE_OF_ANY | SYNTHESIS | SOURCE | ANALYSIS),
+    "a mapping with `file` or `synthesis` in it",
+)
+RUN: dict[str, Any] = {
+    "datasets": _about(
+        Annotated[dict[str, _DATASET], Field(min_length=1)],
+        "at least one data set, as `name` with its keys below it, or the [path of a"
+        " table](#many-data-sets)",
+        "required",
+    ),
+    "defaults": _about(
+        mapping("Defaults", ANALYSIS),
+        f"keys of the analysis ({', '.join(ANALYSIS)}). For every data set that does not set them",
+    ),
+    **keys_of_fields(RunSettings),
+}
+CONFIGURATION = mapping("Configuration", RUN, ("datasets",))
