@@ -31,13 +31,13 @@ sys.path.insert(0, str(SCRIPTS))
 
 from filtered_residuals import FilteredResiduals  # noqa: E402
 
+from evopem.config.channels import SyntheticSource  # noqa: E402
 from evopem.config.order_grid import (  # noqa: E402
     DELAY_REFINED_IN,
     candidate_orders,
     phases_of_dataset,
     scoring_window,
 )
-from evopem.config.channels import SyntheticSource  # noqa: E402
 from evopem.config.settings import (  # noqa: E402
     DatasetSettings,
     OrderGrid,
