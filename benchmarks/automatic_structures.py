@@ -85,11 +85,12 @@ def judged(
 ) -> Outcome:
     """Compare a model of the prepared stretches with the truth."""
     truth, plan = truth_of(structure), prepared.plan
-    given = replace(truth, B=(truth.b * plan.input_scale / plan.output_scale,))
+    scale = float(prepared.scales[0][0] / prepared.scales[1][0])
+    given = replace(truth, B=(truth.b * scale,))
     stretches = [Segment(*record_of(structure, seed))]
     true_orders = fit(stretches, truth.orders, FitSettings(), [truth]).model
     ratio = _distance(model, given) / _distance(true_orders, truth)
-    ratio *= plan.output_scale / plan.input_scale
+    ratio /= scale
     own = _covered(model, given, name.split()[0], prepared.stretches, plan.objective)
     of_true = _covered(true_orders, truth, structure, stretches, "quadratic")
     return Outcome(name.split()[0], name, float(ratio), *own, *of_true, failed)

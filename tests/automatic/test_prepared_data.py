@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from evopem.automatic.decimation import decimated
 from evopem.automatic.preparation import PreparationPlan, PreparedRecord, prepare
 from evopem.automatic.prepared_data import prepared_data
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
@@ -32,24 +33,16 @@ def recording():
     return Recording(u + 2.0, 100.0 + 7.0 * y, 50.0)
 
 
-OFFSETS = {
-    "input_offsets": (0.3,),
-    "output_offsets": (-1.5,),
-    "input_scales": (2.0,),
-    "output_scales": (8.0,),
-}
-
-
 def prepared(recording, transforms=UNCHANGED, **changes):
     divided = divide(recording, PreparationSettings(transforms, SplitSettings(0, 0.8)))
-    plan = PreparationPlan.unchanged(divided.estimation, **OFFSETS, **changes)
+    plan = PreparationPlan(**{"starts": (0,)} | changes)
     data = prepared_data(divided, plan, "datasets.a")
     record = PreparedRecord.of(data, plan)
     known = prepare(divided.estimation, plan)
     assert record.sampling_rate == known.sampling_rate
     for one, other in zip(record.stretches, known.stretches, strict=True):
-        assert np.array_equal(one.outputs, other.outputs)
-        assert np.array_equal(one.inputs, other.inputs)
+        np.testing.assert_allclose(one.outputs, other.outputs, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(one.inputs, other.inputs, rtol=1e-12, atol=1e-12)
         assert one.recording == other.recording
     return data, record
 
@@ -64,7 +57,7 @@ def test_samples_lead_back_to_the_recording(recording):
         recording.output[320:]
     )
     # The stretches are the same samples, scaled.
-    assert record.stretches[0].output * 8.0 == pytest.approx(data.estimation.output)
+    assert record.stretches[0].output * record.scales[1][0] == pytest.approx(data.estimation.output)
 
 
 def test_differenced_samples_lead_back_from_a_later_start(recording):
@@ -87,9 +80,7 @@ def test_after_decimation_the_validation_samples_follow_after_a_gap(recording):
 def test_decided_differences_lead_back_to_the_recording(recording):
     settings = PreparationSettings(UNCHANGED, SplitSettings(0, 0.8))
     divided = divide(recording, settings)
-    plan = PreparationPlan.unchanged(
-        divided.estimation, starts=(5,), differences=2, output_scales=(8.0,)
-    )
+    plan = PreparationPlan((5,), differences=2)
     data = prepared_data(divided, plan, "datasets.a")
     assert data.transforms.difference == data.transforms.difference_input == 2
     assert data.transforms.validation_source == "gap"
@@ -122,7 +113,7 @@ def test_recordings_of_one_system_keep_their_numbers_and_levels(recording):
     ]
     together = joined([recording, *others], ("a", "b", "c"))
     divided = divide(together, PreparationSettings(UNCHANGED, SplitSettings(0, 0.7)))
-    plan = PreparationPlan.unchanged(divided.estimation, starts=(0, 10), **OFFSETS)
+    plan = PreparationPlan((0, 10))
     data = prepared_data(divided, plan, "datasets.a")
     assert data.estimation.segment_recordings == (0, 1)
     assert data.validation.segment_recordings == (2,)
@@ -144,16 +135,17 @@ def test_several_channels_lead_back_at_a_lower_rate():
     assert divided.before_validation is divided.estimation
     means = y[100:350].mean(axis=0)
     np.testing.assert_allclose(divided.validation.outputs, y[350:] - means)
-    plan = PreparationPlan.unchanged(divided.estimation, starts=(50,), factor=5)
+    plan = PreparationPlan((50,), factor=5)
     data = prepared_data(divided, plan, "datasets.a")
     assert data.before_validation is None
     assert (data.estimation.outputs.shape, data.validation.inputs.shape) == ((40, 3), (50, 2))
     transforms = data.transforms
     assert (transforms.sampling_rate, transforms.resampled_from) == (20.0, 100.0)
     assert (transforms.estimation[0].first, transforms.estimation[0].start) == (30, 1.5)
-    whole = prepare(divided.estimation, replace(plan, factor=1)).stretches[0]
-    np.testing.assert_allclose(whole.outputs + means, y[150:350])
-    np.testing.assert_allclose(transforms.validation[0].output_means, means)
+    back = measured_outputs(transforms, transforms.estimation[0], data.estimation.outputs)
+    whole = divided.estimation.segments[0].between(50, 250)
+    np.testing.assert_allclose(back, decimated(whole.outputs, 5) + means)
+    assert transforms.validation[0].output_means == transforms.estimation[0].output_means
 
 
 @pytest.mark.parametrize("single", [True, False])

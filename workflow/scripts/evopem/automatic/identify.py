@@ -79,21 +79,22 @@ class Identification:
         At the prepared rate: ``recording`` is prepared as the estimation samples were, but not
         differenced.
         """
-        plan, model = self.prepared.plan.for_others(recording), self.choice.candidate.polynomials
+        prepared, model = self.prepared, self.choice.candidate.polynomials
         assert model is not None
-        fitted = self.choice.level == "state"
-        if plan.differences:  # the level of the signals themselves is not known
-            plan, fitted = replace(plan.uncentred, differences=0), True
-            model = replace(model, level=0.0)
+        fitted, offset = self.choice.level == "state", prepared.offsets[1][0]
+        if prepared.plan.differences:  # the level of the signals themselves is not known
+            fitted, offset, model = True, 0.0, replace(model, level=0.0)
+            zeros = np.zeros_like(prepared.offsets[0]), np.zeros_like(prepared.offsets[1])
+            prepared = replace(prepared, offsets=zeros)
         parts = [
-            simulated(model, each, fitted, plan.objective == "absolute")[:, 0]
-            for each in prepare(recording, plan).stretches
+            simulated(model, each, fitted, prepared.plan.objective == "absolute")[:, 0]
+            for each in prepared.of_other(recording, differences=0)
         ]
-        return np.concatenate(parts) * plan.output_scales[0] + plan.output_offsets[0]
+        return np.asarray(np.concatenate(parts) * prepared.scales[1][0] + offset)
 
     def validate(self, recording: Recording) -> Errors:
         """Errors on a recording that was not used for estimation, prepared as that one was."""
-        stretches = prepare(recording, self.prepared.plan.for_others(recording)).stretches
+        stretches = self.prepared.of_other(recording, self.prepared.plan.differences)
         return validation_errors(self.choice, stretches)
 
 

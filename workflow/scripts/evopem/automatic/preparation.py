@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,14 +43,10 @@ class PreparationPlan:
     """What is done to recordings, before anything is estimated."""
 
     starts: tuple[int, ...]  # first sample kept of each recording
-    factor: int  # of the decimation
-    clipped: tuple[float, float]  # limits of the output whose samples are breaks; or infinite
-    objective: str
-    input_offsets: tuple[float, ...]  # means of the estimation samples, after differences
-    output_offsets: tuple[float, ...]
-    input_scales: tuple[float, ...]  # powers of two by which the samples are divided
-    output_scales: tuple[float, ...]
-    decisions: tuple[Decision, ...]
+    factor: int = 1  # of the decimation
+    clipped: tuple[float, float] = (-np.inf, np.inf)  # limits of the output: samples are breaks
+    objective: str = "quadratic"
+    decisions: tuple[Decision, ...] = ()
     stuck: bool = False  # whether stretches in which the output stands still are breaks
     differences: int = 0  # how often all channels are differenced, after decimation
 
@@ -60,57 +56,64 @@ class PreparationPlan:
         limits = (-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high)
         object.__setattr__(self, "clipped", limits)
 
-    @classmethod
-    def unchanged(cls, recording: Recording, **changes: Any) -> PreparationPlan:
-        """The plan that changes nothing of a recording, but for some of its fields."""
-        inputs, outputs = recording.inputs.shape[1], recording.outputs.shape[1]
-        plan = cls(
-            *((0,) * len(recording.segment_starts), 1, (-np.inf, np.inf), "quadratic"),
-            *((0.0,) * inputs, (0.0,) * outputs, (1.0,) * inputs, (1.0,) * outputs, ()),
-        )
-        return replace(plan, **changes)
-
     def for_others(self, recording: Recording) -> PreparationPlan:
         """The same for other recordings, whose first samples are kept, and without breaks."""
         starts = (0,) * len(recording.segment_starts)
         return replace(self, starts=starts, clipped=(-np.inf, np.inf), stuck=False)
 
-    @property
-    def uncentred(self) -> PreparationPlan:
-        """The same preparation that takes no means."""
-        offsets = (0.0,) * len(self.input_offsets), (0.0,) * len(self.output_offsets)
-        return replace(self, input_offsets=offsets[0], output_offsets=offsets[1])
 
-    def without_offsets(self, stretch: Segment) -> Segment:
-        """A stretch less the means."""
-        return replace(
-            stretch,
-            inputs=stretch.inputs - np.array(self.input_offsets),
-            outputs=stretch.outputs - np.array(self.output_offsets),
-        )
+class Stretch(NamedTuple):
+    """Samples between breaks, decimated and not yet differenced."""
 
-    def scaled(self, stretch: Segment) -> Segment:
-        """A stretch as the estimation takes it."""
-        return replace(
-            stretch,
-            inputs=stretch.inputs / np.array(self.input_scales),
-            outputs=stretch.outputs / np.array(self.output_scales),
-        )
+    place: int  # of its recording
+    begin: int  # its first sample in it, before decimation
+    segment: Segment
 
 
 @dataclass(frozen=True, eq=False)
 class PreparedRecord:
-    """Scaled stretches ready for estimation, their rate (Hz), and how they came about."""
+    """Stretches ready for estimation, less their common means and scaled, and their plan."""
 
     stretches: tuple[Segment, ...]
-    sampling_rate: float
+    sampling_rate: float  # Hz
     plan: PreparationPlan
+    offsets: tuple[Array, Array]  # means of inputs, (m,), and outputs, (l,)
+    scales: tuple[Array, Array]  # powers of two by which they are divided
 
     @classmethod
     def of(cls, prepared: PreparedData, plan: PreparationPlan) -> PreparedRecord:
         """The estimation samples of prepared data."""
-        stretches = tuple(plan.scaled(each) for each in prepared.estimation.segments)
-        return cls(stretches, prepared.estimation.sampling_rate, plan)
+        estimation = prepared.estimation
+        return cls.scaled(estimation.segments, estimation.sampling_rate, plan, centred=True)
+
+    @classmethod
+    def scaled(
+        cls, stretches: Sequence[Segment], rate: float, plan: PreparationPlan, centred: bool = False
+    ) -> PreparedRecord:
+        """Stretches less their means, unless they are centred, over powers of two."""
+        offsets = means_of(stretches)
+        if centred:
+            offsets = np.zeros_like(offsets[0]), np.zeros_like(offsets[1])
+        u = np.concatenate([each.inputs for each in stretches]) - offsets[0]
+        y = np.concatenate([each.outputs for each in stretches]) - offsets[1]
+        scales = [np.array([power_of_two_scale(each) for each in signals.T]) for signals in (u, y)]
+        found = cls((), rate, plan, offsets, (scales[0], scales[1]))
+        return replace(found, stretches=tuple(map(found._as_estimated, stretches)))
+
+    def _as_estimated(self, stretch: Segment) -> Segment:
+        return replace(
+            stretch,
+            inputs=(stretch.inputs - self.offsets[0]) / self.scales[0],
+            outputs=(stretch.outputs - self.offsets[1]) / self.scales[1],
+        )
+
+    def of_other(self, recording: Recording, differences: int) -> list[Segment]:
+        """Other recordings with the same means and scales, and so many differences."""
+        plan = self.plan.for_others(recording)
+        return [
+            self._as_estimated(differenced(each.segment, differences))
+            for each in stretches_of(recording, plan)
+        ]
 
     @property
     def settings(self) -> FitSettings:
@@ -119,8 +122,8 @@ class PreparedRecord:
 
     def in_its_units(self, model: PolynomialModel) -> PolynomialModel:
         """A model of the scaled stretches in the units of the recording, less the offsets."""
-        (scale,) = self.plan.output_scales
-        ratios = [scale / each for each in self.plan.input_scales]
+        scale = float(self.scales[1][0])
+        ratios = scale / self.scales[0]
         return replace(
             model,
             B=tuple(b * ratio for b, ratio in zip(model.B, ratios, strict=True)),
@@ -128,6 +131,13 @@ class PreparedRecord:
             noise_variance=model.noise_variance * scale**2,
             sampling_rate=self.sampling_rate,
         )
+
+
+def means_of(stretches: Sequence[Segment]) -> tuple[Array, Array]:
+    """Means of the inputs, (m,), and of the outputs, (l,), of all stretches."""
+    u = np.concatenate([each.inputs for each in stretches])
+    y = np.concatenate([each.outputs for each in stretches])
+    return u.mean(axis=0), y.mean(axis=0)
 
 
 def decide_preparation(
@@ -147,7 +157,7 @@ def decide_preparation(
         starts = (given.start,) * len(records)
         about_start = given_by_configuration("start", str(given.start))
     decisions = [about_start]
-    plan = PreparationPlan.unchanged(recording, starts=starts)
+    plan = PreparationPlan(starts)
     has_one_of_each = recording.inputs.shape[1] == recording.outputs.shape[1] == 1
     has_one_of_each = has_one_of_each and not given.rate_alone
     if has_one_of_each:
@@ -156,7 +166,6 @@ def decide_preparation(
         decisions += [about_clipping, about_stuck]
         plan = replace(plan, clipped=clipped, stuck=stuck)
     _check_stretches(recording, plan, names)
-    plan = _centred(recording, plan)
 
     def first_prepared(most: int) -> list[Segment]:
         """The first samples, by what is decided before."""
@@ -172,8 +181,7 @@ def decide_preparation(
             *("differences", given.differences),
             lambda: decide_differences(first_prepared(MOST_DECIMATED)),
         )
-        if differences:
-            plan = _centred(recording, replace(plan, differences=differences))
+        plan = replace(plan, differences=differences)
         objective, about_objective = _given_or(
             *("objective", given.objective),
             lambda: decide_objective(first_prepared(MOST_SAMPLES)),
@@ -185,20 +193,13 @@ def decide_preparation(
     return replace(plan, decisions=tuple(decisions))
 
 
-def stretches_as_recorded(
-    recording: Recording, start: int | None
-) -> tuple[list[Segment], list[int]]:
-    """The stretches of recordings before any decision on their rate, and where each begins.
+def stretches_as_recorded(recording: Recording, start: int | None) -> list[Stretch]:
+    """The stretches of recordings before any decision on their rate.
 
     ``start`` is the first sample kept, where it is given.
     """
     plan = decide_preparation(recording, GivenPreparation(start, 1, 0, "quadratic"))
-    begins = [
-        begin
-        for segment, first in zip(recording.segments, plan.starts, strict=True)
-        for begin, _ in kept_ranges(segment, first, plan)
-    ]
-    return _raw_stretches(recording, plan), begins
+    return stretches_of(recording, plan)
 
 
 def _given_or(
@@ -209,18 +210,16 @@ def _given_or(
 
 def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequence[str]) -> None:
     """Refuse recordings that are too short without a gap, and channels that never change."""
-    stretches = _raw_stretches(recording, plan)
-    kept = {each.recording for each in stretches}
+    found = stretches_of(recording, plan)
     for place, number in enumerate(recording.segment_recordings):
-        if number not in kept:
+        if place not in {each.place for each in found}:
             raise InputError(
                 names[place] if names else f"recording {number + 1}",
                 f"no stretch for estimation has {SHORTEST_STRETCH} samples without a gap",
                 "give a longer recording, or one with fewer missing samples",
             )
-    inputs = np.concatenate([each.inputs for each in stretches])
-    outputs = np.concatenate([each.outputs for each in stretches])
-    for name, signal in replace(recording, inputs=inputs, outputs=outputs).signals.items():
+    kept = recording.with_segments([each.segment for each in found])
+    for name, signal in kept.signals.items():
         if np.ptp(signal) == 0.0:
             raise InputError(
                 name,
@@ -229,44 +228,22 @@ def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequenc
             )
 
 
-def _centred(recording: Recording, plan: PreparationPlan) -> PreparationPlan:
-    """A plan with the means and scales of the signals that it prepares."""
-    inputs, outputs = recording.inputs.shape[1], recording.outputs.shape[1]
-    unchanged = replace(
-        plan.uncentred, input_scales=(1.0,) * inputs, output_scales=(1.0,) * outputs
-    )
-    stretches = prepare(recording, unchanged).stretches
-    u = np.concatenate([each.inputs for each in stretches])
-    y = np.concatenate([each.outputs for each in stretches])
-    means = u.mean(axis=0), y.mean(axis=0)
-    return replace(
-        plan,
-        input_offsets=tuple(means[0].tolist()),
-        output_offsets=tuple(means[1].tolist()),
-        input_scales=tuple(map(power_of_two_scale, (u - means[0]).T)),
-        output_scales=tuple(map(power_of_two_scale, (y - means[1]).T)),
-    )
-
-
 def prepare(recording: Recording, plan: PreparationPlan) -> PreparedRecord:
     """Apply a plan to the recordings that it was made for."""
-    stretches = []
-    for each in _raw_stretches(recording, plan):
-        stretch = differenced(decimated_stretch(each, plan.factor), plan.differences)
-        stretches.append(plan.scaled(plan.without_offsets(stretch)))
-    return PreparedRecord(tuple(stretches), recording.sampling_rate / plan.factor, plan)
+    found = [differenced(each.segment, plan.differences) for each in stretches_of(recording, plan)]
+    return PreparedRecord.scaled(found, recording.sampling_rate / plan.factor, plan)
 
 
-def _raw_stretches(recording: Recording, plan: PreparationPlan) -> list[Segment]:
-    """Samples between breaks, in recorded units and at the recorded rate."""
+def stretches_of(recording: Recording, plan: PreparationPlan) -> list[Stretch]:
+    """Samples between breaks that are long enough, decimated by a plan and not differenced."""
     return [
-        segment.between(*kept)
-        for segment, start in zip(recording.segments, plan.starts, strict=True)
-        for kept in kept_ranges(segment, start, plan)
+        Stretch(place, begin, decimated_stretch(segment.between(begin, end), plan.factor))
+        for place, (segment, start) in enumerate(zip(recording.segments, plan.starts, strict=True))
+        for begin, end in _kept_ranges(segment, start, plan)
     ]
 
 
-def kept_ranges(segment: Segment, start: int, plan: PreparationPlan) -> list[tuple[int, int]]:
+def _kept_ranges(segment: Segment, start: int, plan: PreparationPlan) -> list[tuple[int, int]]:
     """First sample of each stretch from ``start`` on that is long enough, and the one after it.
 
     At the recorded rate.

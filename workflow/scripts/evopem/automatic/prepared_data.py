@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.decimation import decimated_stretch
 from evopem.automatic.drift import differenced
-from evopem.automatic.preparation import PreparationPlan, kept_ranges
+from evopem.automatic.preparation import PreparationPlan, means_of, stretches_of
 from evopem.errors import InputError
 from evopem.signals.prepared_data import PreparedData, Rows, StretchOrigin
 from evopem.signals.recording import Recording, Segment
@@ -25,9 +24,15 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
     `divided`: Both parts before the decisions; means are taken from them already.
     """
     before = divided.transforms
-    estimation, origins = _part(divided.estimation, before.estimation, plan)
+    offsets = means_of(
+        [
+            differenced(each.segment, plan.differences)
+            for each in stretches_of(divided.estimation, plan)
+        ]
+    )
+    estimation, origins = _part(divided.estimation, before.estimation, plan, offsets)
     others = plan.for_others(divided.validation)
-    validation, held_out = _part(divided.validation, before.validation, others)
+    validation, held_out = _part(divided.validation, before.validation, others, offsets)
     for origin, whole in zip(before.validation, divided.validation.segments, strict=True):
         if origin.recording not in {each.recording for each in held_out}:
             raise InputError(
@@ -60,57 +65,46 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
 
 
 def _part(
-    recording: Recording, before: Sequence[StretchOrigin], plan: PreparationPlan
+    recording: Recording,
+    before: Sequence[StretchOrigin],
+    plan: PreparationPlan,
+    offsets: tuple[Array, Array],
 ) -> tuple[Recording, tuple[StretchOrigin, ...]]:
     """The stretches of a part in recorded units, less their means, and where they come from."""
-    rate = recording.sampling_rate
+    rate = recording.sampling_rate / plan.factor
     segments, origins = [], []
-    for segment, start, origin in zip(recording.segments, plan.starts, before, strict=True):
-        for begin, end in kept_ranges(segment, start, plan):
-            whole = decimated_stretch(segment.between(begin, end), plan.factor)
-            stretch = plan.without_offsets(differenced(whole, plan.differences))
-            segments.append(replace(stretch, recording=origin.recording))
-            origins.append(
-                replace(
-                    _means_and_initial(segment, whole, begin, origin, plan),
-                    first=(origin.first + begin) // plan.factor + plan.differences,
-                    start=origin.start + begin / rate + plan.differences * plan.factor / rate,
-                    samples=stretch.samples,
-                )
+    for place, begin, whole in stretches_of(recording, plan):
+        origin, segment = before[place], recording.segments[place]
+        stretch = differenced(whole, plan.differences)
+        segments.append(
+            Segment(stretch.inputs - offsets[0], stretch.outputs - offsets[1], origin.recording)
+        )
+        means = np.array(origin.input_means), np.array(origin.output_means)
+        if plan.differences:  # no mean of the signals is left in them
+            initial = [
+                difference(signals + mean, plan.differences)[1]
+                for signals, mean in zip((whole.inputs, whole.outputs), means, strict=True)
+            ]
+            means = np.zeros_like(means[0]), np.zeros_like(means[1])
+        else:
+            initial = [
+                _later(segment.inputs + means[0], origin.input_initial, begin),
+                _later(segment.outputs + means[1], origin.output_initial, begin),
+            ]
+        origins.append(
+            StretchOrigin(
+                origin.recording,
+                (origin.first + begin) // plan.factor + plan.differences,
+                origin.start + begin / recording.sampling_rate + plan.differences / rate,
+                stretch.samples,
+                tuple((means[0] + offsets[0]).tolist()),
+                tuple((means[1] + offsets[1]).tolist()),
+                *initial,
             )
+        )
     if not segments:
         return recording, ()
-    prepared = replace(recording.with_segments(segments), sampling_rate=rate / plan.factor)
-    return prepared, tuple(origins)
-
-
-def _means_and_initial(
-    segment: Segment, whole: Segment, begin: int, origin: StretchOrigin, plan: PreparationPlan
-) -> StretchOrigin:
-    """What was taken from a stretch, which is ``whole`` before the differences of a plan.
-
-    It begins with sample ``begin`` of the segment.
-    """
-    offsets = np.array(plan.input_offsets), np.array(plan.output_offsets)
-    means = np.array(origin.input_means), np.array(origin.output_means)
-    if plan.differences:  # no mean of the signals is left in them
-        initial = [
-            difference(signals + mean, plan.differences)[1]
-            for signals, mean in zip((whole.inputs, whole.outputs), means, strict=True)
-        ]
-        means = np.zeros_like(means[0]), np.zeros_like(means[1])
-    else:
-        initial = [
-            _later(segment.inputs + means[0], origin.input_initial, begin),
-            _later(segment.outputs + means[1], origin.output_initial, begin),
-        ]
-    return replace(
-        origin,
-        input_means=tuple((means[0] + offsets[0]).tolist()),
-        output_means=tuple((means[1] + offsets[1]).tolist()),
-        input_initial=initial[0],
-        output_initial=initial[1],
-    )
+    return replace(recording.with_segments(segments), sampling_rate=rate), tuple(origins)
 
 
 def _later(signals: Array, initial: Rows, begin: int) -> Rows:

@@ -104,10 +104,10 @@ def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> Transf
             for each, origin in zip(divided.estimation.segments, origins, strict=True)
         ]
     )
-    stretches, begins = stretches_as_recorded(recording, given.start)
+    found = stretches_as_recorded(recording, given.start)
     return decide_transforms(
-        stretches,
-        begins,
+        [each.segment for each in found],
+        [each.begin for each in found],
         box_cox=given.box_cox,
         trend=given.differences is not None,
         continued=len(origins) == 1 and divided.transforms.validation_source == "cut",
