@@ -13,7 +13,6 @@ from typing import Any
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
-from pydantic_core import ErrorDetails
 
 from evopem.config.strict_yaml import MAX_DEPTH, Keys
 from evopem.errors import InputError
@@ -31,7 +30,7 @@ _SCHEMA = "config.schema.yaml"
 _LINK = re.compile(r"\[([^]]*)\]\([^)]*\)")
 _NOT_TEXT = re.compile(r"[\x00\ud800-\udfff]")
 
-Found = tuple[list[str | int], ErrorDetails]
+Found = tuple[list[str | int], Mapping[str, Any]]
 """An error with the path of the value."""
 
 Steps = tuple[str | int, ...]
@@ -142,7 +141,7 @@ def checked(kind: Any, written: Any, source: str) -> Any:
     )
 
 
-def _path(error: ErrorDetails, written: Any) -> list[str | int]:
+def _path(error: Mapping[str, Any], written: Any) -> list[str | int]:
     """The keys and positions that lead to a value, without the names of members of unions."""
     path: list[str | int] = []
     for step in error["loc"]:
@@ -152,7 +151,7 @@ def _path(error: ErrorDetails, written: Any) -> list[str | int]:
             if not is_there:
                 break
             path.append(step)
-            written = written[step]  # type: ignore[index]
+            written = written[step]
     return path
 
 
@@ -166,7 +165,7 @@ def _is_closer(other: Found, found: Found) -> bool:
     return inside and other_path[: len(path)] == path
 
 
-def _is_of_other_kind(error: ErrorDetails) -> bool:
+def _is_of_other_kind(error: Mapping[str, Any]) -> bool:
     given = error["input"]
     match error["type"]:
         case "literal_error":
@@ -177,7 +176,7 @@ def _is_of_other_kind(error: ErrorDetails) -> bool:
             return kind.endswith("_type")
 
 
-def _explained(error: ErrorDetails, path: list[str | int], schema: Keys) -> tuple[str, str]:
+def _explained(error: Mapping[str, Any], path: list[str | int], schema: Keys) -> tuple[str, str]:
     """Turn what was found into a problem and a remedy."""
     node, limits, given = _below(schema, path), error.get("ctx", {}), error["input"]
     about = _LINK.sub(r"\1", node.get("description") or "a value of the right kind")
