@@ -39,7 +39,6 @@ TWO_NOISE_MODELS = "has poles of the plant and of its noise model in one matrix"
 ONE_OUTPUT = "a polynomial model has one output"
 NO_POLES = "has no plant with poles"
 WITHOUT_GAIN = "errors of simulation do not depend on the gain K"
-ONE_A = "several inputs whose poles are those of one A are not fitted for simulation"
 
 
 def record(inputs, outputs, recordings):
@@ -85,11 +84,11 @@ def settings_of(structure, objective):
 
 
 # Cells that are estimated, of 96, and of 48 in state space, where both numbers of channels change.
-FEWEST = dict.fromkeys(POLYNOMIALS, 40) | {"fir": 24, "oe": 48, "bj": 48}
+FEWEST = dict.fromkeys(POLYNOMIALS, 48) | {"fir": 24}
 FEWEST |= {"ss": 32, "ss_oe": 48, "ss_oe_drift": 48, "ss_bj": 24}
 
 
-def refused(structure, inputs, outputs, focus, constraints):
+def refused(structure, outputs, focus, constraints):
     """What a cell is refused for; None where it is estimated."""
     if structure == "ss_bj" and constraints is not None:
         return TWO_NOISE_MODELS
@@ -99,8 +98,6 @@ def refused(structure, inputs, outputs, focus, constraints):
         return None
     if outputs > 1:
         return ONE_OUTPUT
-    if inputs > 1 and focus == "simulation" and "na" in POLYNOMIALS[structure]:
-        return ONE_A
     return NO_POLES if structure == "fir" and constraints is not None else None
 
 
@@ -122,7 +119,7 @@ def cells_of(structure):
     for cell in product((1, 2), (1, 2), (1, 2), FOCUS, OBJECTIVES, CONSTRAINTS):
         inputs, outputs, _, focus, _, constraints = cell
         if structure not in STATE_SPACE or inputs == outputs:
-            yield cell, refused(structure, inputs, outputs, focus, constraints)
+            yield cell, refused(structure, outputs, focus, constraints)
 
 
 def covering_pairs(cells):

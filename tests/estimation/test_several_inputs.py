@@ -245,3 +245,26 @@ def test_coloured_noise_does_not_deceive_the_intervals_of_an_output_error_model(
 def test_unusable_records_are_refused(u, y, orders, says):
     with pytest.raises(ValueError, match=says):
         estimate(u, y, orders, structure="oe", level=True)
+
+
+@pytest.mark.parametrize("structure", ["armax", "arx"])
+def test_simulation_errors_of_shared_poles_have_the_optimum_of_another_method(structure):
+    u, y, _, _ = record_of("oe", 400, 8, noise=0.3)
+    orders = {"na": 2, "nb": 1, "nk": [1, 3]} | ({"nc": 1} if structure == "armax" else {})
+    found = estimate(
+        *(u, y, orders), structure=structure, settings=SHORT, level=True, focus="simulation"
+    )
+    start = found.window.residual_start
+
+    def errors(parameters):
+        a, b, level, state = np.split(parameters, [2, 4, 5])
+        driven = b[0] * u[start - 1 : -1, 0] + b[1] * u[start - 3 : -3, 1]
+        driven[:2] += state
+        return y[start:] - level - lfilter([1.0], [1.0, *a], driven)
+
+    model = found.model
+    begin = [*model.A[1:], model.B[0][0], model.B[1][0], model.output_level, 0.0, 0.0]
+    other = least_squares(errors, begin, method="lm", xtol=1e-13, ftol=1e-13)
+    lowest = 100.0 * (other.fun @ other.fun) / (y[start:] @ y[start:])
+    assert found.focus_objective <= lowest * (1.0 + PRIOR)
+    assert np.isfinite(model.parameter_standard_errors()).all()

@@ -26,7 +26,7 @@ from evopem.estimation.pem.covariance import (
     tangent_covariance,
     whitened,
 )
-from evopem.estimation.pem.k_step_errors import KStepErrors
+from evopem.estimation.pem.k_step_errors import KStepErrors, SimulationErrors
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.priors import Priors
 from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe
@@ -43,6 +43,7 @@ from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
+ErrorsInFocus = Errors | KStepErrors | SimulationErrors
 
 # Random starts of the descents under constraints and of k-step errors.
 RANDOM_STARTS = 24
@@ -99,7 +100,10 @@ def from_estimates(problem: PolynomialProblem) -> SearchResult | None:
     return multistart(problem.errors, starts, float(np.min(problem.values(starts))))
 
 
-def errors_ahead(errors: Errors, horizon: int) -> Errors | KStepErrors:
+def errors_ahead(errors: Errors, horizon: int | None) -> ErrorsInFocus:
+    """Errors of some samples ahead; of simulation, and of points with C = A, where it is None."""
+    if horizon is None:
+        return SimulationErrors(errors)
     return errors if horizon == 1 else KStepErrors(errors, horizon)
 
 
@@ -108,7 +112,7 @@ def without_plant_radius(errors: Errors) -> Errors:
     return errors.within_radius(UNBOUNDED_RADIUS, errors.noise_radius)
 
 
-def scored_residuals(errors: Errors | KStepErrors, point: Array) -> Array:
+def scored_residuals(errors: ErrorsInFocus, point: Array) -> Array:
     return errors.residuals(point)[errors.loss_start :]
 
 
@@ -147,8 +151,10 @@ def weight_of_priors(errors: Errors, priors: Priors, residuals: Array) -> float:
     return 0.5 * errors.loss_factor * deviation
 
 
-def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialEstimate, Fitted]:
-    """The estimate for errors of k steps, and what its covariance follows from."""
+def prediction_estimate(
+    task: EstimationTask, horizon: int | None
+) -> tuple[PolynomialEstimate, Fitted]:
+    """The estimate for errors of k steps, or of simulation, and what it was fitted by."""
     scaled, scales = scaled_errors(task.errors)
     problem = PolynomialProblem(scaled)
     k_errors = errors_ahead(scaled, horizon)
@@ -159,6 +165,8 @@ def prediction_estimate(task: EstimationTask, horizon: int) -> tuple[PolynomialE
     found, active, tangent = _constrained_optimum(
         *(task, problem, horizon, free, parameters, priors, weight)
     )
+    if isinstance(k_errors, SimulationErrors):
+        found = replace(found, point=k_errors.tied(found.point))
     prior_rows = priors.deviations(found.point)[1]
     fitted = Fitted(k_errors.jacobian(found.point), tangent, prior_rows, scaled.residual_counts())
     covariance = _covariance(scaled, k_errors, found.point, fitted)
@@ -188,7 +196,7 @@ def _objective_of(errors: Errors, residuals: Array) -> float:
 def _constrained_optimum(
     task: EstimationTask,
     problem: PolynomialProblem,
-    horizon: int,
+    horizon: int | None,
     free: SearchResult,
     parameters: ConstrainedParameters,
     priors: Priors,
@@ -214,7 +222,7 @@ def _constrained_optimum(
 
 
 def _unconstrained(
-    task: EstimationTask, problem: PolynomialProblem, horizon: int, scales: Array
+    task: EstimationTask, problem: PolynomialProblem, horizon: int | None, scales: Array
 ) -> SearchResult:
     """The optimum without constraints, but with unstable plants where these are allowed."""
     found = _one_step_optimum(task, problem, scales)
@@ -334,10 +342,10 @@ def _meets(parameters: ConstrainedParameters, bounded: Array, point: Array, near
 
 
 def _covariance(
-    errors: Errors, k_errors: Errors | KStepErrors, point: Array, fitted: Fitted
+    errors: Errors, k_errors: ErrorsInFocus, point: Array, fitted: Fitted
 ) -> ParameterCovariance | None:
     ahead = isinstance(k_errors, KStepErrors)
-    if ahead and errors.objective == "absolute":
+    if isinstance(k_errors, SimulationErrors) or (ahead and errors.objective == "absolute"):
         return None
     innovations = scored_residuals(errors, point)
     deviation = loss_deviation(innovations, fitted.tangent.shape[1], errors.objective)

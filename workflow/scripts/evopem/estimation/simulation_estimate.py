@@ -1,6 +1,6 @@
 """Estimates for errors of simulation: the plant first, then the noise model given the plant.
 
-The plant is the output-error model ``B_i / (A F_i)`` of smallest errors.  C and D follow by
+The plant ``B_i / (A F_i)`` has the smallest errors of simulation.  C and D follow by
 one-step errors, the plant held, for each way to divide its poles between A and F.
 """
 
@@ -42,6 +42,7 @@ from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.search.staged_descent import LINEAR_STEPS, solve_linear
 from evopem.estimation.search.starting_polynomials import noise_model
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import roots
 from evopem.models.structures import Orders
 
@@ -56,24 +57,21 @@ REFINED_DIVISIONS = 3
 
 def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
     """The estimate for simulation errors: output error, then the noise model given the plant."""
-    o = task.orders
-    if o.inputs > 1 and o.na:
-        raise InputError(
-            "focus",
-            "several inputs whose poles are those of one A are not fitted for simulation",
-            "use a structure without A, such as bj, or a state-space model (ss_bj)",
-        )
+    o, shared = task.orders, _has_shared_poles(task.orders)
     of_plant, of_noise = _divided_constraints(task.constraints, o)
-    plant_orders = Orders(nb=o.nb, nf=tuple(o.na + nf for nf in o.nf), nk=o.nk)
+    if shared:
+        plant_orders = Orders(na=o.na, nb=o.nb, nc=o.na, nf=o.nf, nk=o.nk)
+    else:
+        plant_orders = Orders(nb=o.nb, nf=tuple(o.na + nf for nf in o.nf), nk=o.nk)
     plant_errors = task.errors.of_orders(plant_orders)
     plant_task = replace(task, errors=plant_errors, constraints=of_plant, optimum=None)
-    plant, fit = prediction_estimate(plant_task, 1)
+    plant, fit = prediction_estimate(plant_task, None if shared else 1)
     errors = plant_errors.of_orders(o)  # on the same stretches
     scaled, scales = scaled_errors(errors)
     problem = PolynomialProblem(scaled)
     fitted = [
         (_noise_start(problem, scales, plant, division), division)
-        for division in _divisions(plant.model.F, o, of_plant, task.sampling_rate)
+        for division in _divisions(plant.model, o, of_plant, task.sampling_rate)
     ]
     values = [float(problem.values(point[None, :])[0]) for point, _ in fitted]
     best: SearchResult | None = None
@@ -107,7 +105,7 @@ def _divided_constraints(
         p for p in constraints.priors if p.quantity[0] in "cd" and p.quantity[1:].isdecimal()
     )
     plant_priors = tuple(p for p in constraints.priors if p not in noise_priors)
-    if orders.na:
+    if orders.na and not _has_shared_poles(orders):
         of_plant = {f"f{k[1:]}" if k[0] == "a" else k: v for k, v in of_plant.items()}
         plant_priors = tuple(
             replace(p, quantity=f"f{p.quantity[1:]}")
@@ -119,15 +117,20 @@ def _divided_constraints(
     return plant, Constraints(fixed_coefficients=of_noise, priors=noise_priors)
 
 
+def _has_shared_poles(orders: Orders) -> bool:
+    """Whether several inputs share the poles of A; of one input they are those of an F."""
+    return orders.inputs > 1 and orders.na > 0
+
+
 def _divisions(
-    denominators: tuple[Array, ...], orders: Orders, constraints: Constraints, sampling_rate: float
+    plant: PolynomialModel, orders: Orders, constraints: Constraints, sampling_rate: float
 ) -> Iterator[Plant]:
     """The ways to divide the plant's denominators into A and F_i with real coefficients."""
     one = np.ones(1)
-    if orders.na == 0:
-        yield one, denominators
+    if orders.na == 0 or _has_shared_poles(orders):
+        yield plant.A, plant.F
         return
-    denominator = denominators[0]
+    denominator = plant.F[0]
     if orders.single.nf == 0:
         yield denominator, (one,)
         return
@@ -171,7 +174,8 @@ def _noise_start(
         point[o.part("f", i)] = own[1:]
     point[parts["b"]] = np.concatenate(model.B) / scales[parts["b"]]
     levels = plant.levels or (model.level,) * errors.levels
-    point[parts["level"]] = np.array(levels) * float(np.sum(a)) / scales[parts["level"]]
+    at_one = float(np.sum(a)) / float(np.sum(model.A))
+    point[parts["level"]] = np.array(levels) * at_one / scales[parts["level"]]
     states = errors.linear("plant", "noise")
     if states.any():
         point = solve_linear(errors, point[None, :], states, LINEAR_STEPS[errors.objective])[0]
@@ -272,10 +276,14 @@ def _simulation_covariance(
 
 
 def _to_held(orders: Orders, division: Plant, levels: Array, size: int) -> Array:
-    """Derivatives of [a, b, f, levels] by the point [b, A F, levels, states] of output error.
+    """Derivatives of [a, b, f, levels] by the point of the plant.
 
-    Either there is one input, or no A.
+    That is [a, b, c, f, levels, states] of shared poles, else [b, A F, levels, states].
     """
+    if _has_shared_poles(orders):
+        places = np.arange(orders.na * 2 + sum(orders.nb) + sum(orders.nf) + len(levels))
+        of_c = orders.na + sum(orders.nb) + np.arange(orders.na)
+        return np.eye(size)[np.delete(places, of_c)]
     na, nb, nf, (a, f) = orders.na, sum(orders.nb), sum(orders.nf), division
     divided: Array = np.eye(na + nf)
     if na:
