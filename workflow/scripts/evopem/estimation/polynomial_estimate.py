@@ -18,15 +18,13 @@ from evopem.estimation.pem.covariance import (
     pseudo_inverse_factor,
 )
 from evopem.estimation.pem.least_squares import triangle_of
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.stretch_errors import Errors, StretchErrors
 from evopem.estimation.search.problem import SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.polynomials import max_root_radius
 
 Array = NDArray[np.float64]
-Errors = PolynomialErrors | StretchErrors
 
 # Structures that claim nothing of the noise, or whose noise model may be chosen too small.
 WITHOUT_NOISE_MODEL = ("fir", "oe", "general")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evopem.config.settings import OBJECTIVES, ScoringWindow, SearchSettings
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.stretch_errors import Errors, StretchErrors
 from evopem.estimation.search.armax_problem import INITIALIZATIONS
 from evopem.estimation.search.memetic import REFINE
 from evopem.models.polynomial import PolynomialModel
@@ -20,7 +20,6 @@ from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import LARGEST
 
 Array = NDArray[np.float64]
-Errors = PolynomialErrors | StretchErrors
 SomeErrors = TypeVar("SomeErrors", bound=Errors)
 
 

@@ -218,3 +218,6 @@ class StretchErrors(PolynomialPoints):
         return self._errors[0].feasible(points[:, self._positions[0]]) & np.all(
             np.isfinite(points), axis=1
         )
+
+
+Errors = PolynomialErrors | StretchErrors

@@ -8,11 +8,11 @@ only gain, and where the factor's roots lie decides how much.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem.stretch_errors import Errors
 from evopem.estimation.search.root_recombination import Sections, product_of, sections_of
 from evopem.estimation.search.section_hopping import (
     random_sections,
@@ -30,19 +30,6 @@ STATES_OF = {"plant": "f", "noise": "c"}
 # Share of the places that have two real roots, and how far these lie from the unit circle at most
 # and at least.
 REAL_SHARE, FARTHEST_REAL, NEAREST_REAL = 0.2, 0.9, 0.003
-
-
-class PartedErrors(Protocol):
-    """Prediction errors whose points have parts."""
-
-    orders: Orders
-
-    @property
-    def dimension(self) -> int:
-        """Length of a point."""
-
-    def parts(self) -> dict[str, slice]:
-        """Where the polynomials "a", "b", "c", "d" and "f" and the states stand in a point."""
 
 
 def growth(orders: Orders) -> list[tuple[Orders, str]]:
@@ -89,7 +76,7 @@ def places(count: int, generator: np.random.Generator) -> Array:
 
 
 def with_common_section(
-    point: Array, smaller: PartedErrors, larger: PartedErrors, shared: str, sections: Array
+    point: Array, smaller: Errors, larger: Errors, shared: str, sections: Array
 ) -> Array:
     """A point of smaller orders times each of some sections, (M, n).
 
@@ -116,9 +103,7 @@ def with_common_section(
     return np.array(points)
 
 
-def without_common_section(
-    point: Array, larger: PartedErrors, smaller: PartedErrors, shared: str
-) -> Array:
+def without_common_section(point: Array, larger: Errors, smaller: Errors, shared: str) -> Array:
     """A point without each section of the first of the polynomials that share, (M, n).
 
     The others lose the section that lies nearest to it.

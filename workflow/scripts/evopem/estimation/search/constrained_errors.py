@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
+from evopem.estimation.pem.k_step_errors import KStepErrors, SimulationErrors
 from evopem.estimation.pem.priors import Priors
-from evopem.estimation.search.staged_descent import PredictionErrors
+from evopem.estimation.pem.stretch_errors import Errors
 
 Array = NDArray[np.float64]
-
-
-class PointErrors(PredictionErrors, Protocol):
-    """Objective of points: :class:`.polynomial_objective.PolynomialErrors` or k-step errors."""
-
-    objective: str
 
 
 class ConstrainedErrors:
@@ -29,7 +22,7 @@ class ConstrainedErrors:
 
     def __init__(
         self,
-        errors: PointErrors,
+        errors: Errors | KStepErrors | SimulationErrors,
         parameters: ConstrainedParameters,
         priors: Priors,
         prior_weight: float,

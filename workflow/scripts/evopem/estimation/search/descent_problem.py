@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem import stretch_errors
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.search.section_coordinates import descend_in_sections
 from evopem.estimation.search.section_hopping import COMMON_DAMPING, PREDICTION_DAMPING
 from evopem.estimation.search.staged_descent import (
@@ -22,9 +21,10 @@ from evopem.estimation.search.staged_descent import (
     solve_linear,
     staged_descent,
 )
+from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
-Errors = TypeVar("Errors", bound=PolynomialErrors | StretchErrors)
+Errors = TypeVar("Errors", bound=stretch_errors.Errors)
 
 # Random points of a multistart check times samples, at least.
 MIN_MULTISTART = 2**17
@@ -49,6 +49,28 @@ class DescentProblem(ABC, Generic[Errors]):
     def min_multistart(self) -> int:
         """Points of a multistart check: shorter records have more optima and cheaper descents."""
         return MIN_MULTISTART // self.errors.samples
+
+    @abstractmethod
+    def of_orders(self, orders: Orders) -> Self:
+        """The problem of other orders."""
+
+    @abstractmethod
+    def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
+        """A population, (count, n), and the evaluations that it took."""
+
+    @abstractmethod
+    def random(self, count: int, generator: np.random.Generator) -> Array:
+        """Independent random points, (count, n)."""
+
+    @abstractmethod
+    def neighbours(
+        self, point: Array, value: float, count: int, generator: np.random.Generator
+    ) -> tuple[Array, int]:
+        """The most promising of random neighbours, (at most count, n), and the evaluations."""
+
+    def lowest_estimates(self, count: int) -> tuple[Array, int]:  # noqa: ARG002
+        """The lowest of estimates by linear algebra, (count, n), and their evaluations."""
+        return np.empty((0, self.errors.dimension)), 0
 
     def values(self, points: Array) -> Array:
         """Exact objective in percent, (M,)."""

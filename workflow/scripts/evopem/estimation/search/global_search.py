@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
-from evopem.errors import InputError
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.search.certificate import (
     AFTER_BATCHES,
@@ -28,22 +27,20 @@ from evopem.estimation.search.certificate import (
     Aim,
     enough_agree,
 )
+from evopem.estimation.search.descent_problem import DescentProblem
 from evopem.estimation.search.memetic import Recombination, memetic_search
 from evopem.estimation.search.problem import (
     SAME_COARSE_DESCENT,
-    CoarseProblem,
-    EstimatedProblem,
-    SearchDiagnostics,
+    SearchProgress,
     SearchResult,
     continuing,
     converged_values,
-    count_confirming,
     count_distinct,
     pooled,
     same_optimum,
     undiscovered,
 )
-from evopem.estimation.search.section_exchange import ExchangeProblem, SectionExchange
+from evopem.estimation.search.section_exchange import SectionExchange
 from evopem.estimation.search.section_hopping import HoppingProblem, hop
 
 Array = NDArray[np.float64]
@@ -66,16 +63,12 @@ FIRST_PASS, FIRST_BATCH = 0, 8
 FIRST_ESTIMATES = 4
 
 
-class _Record:
+class _Record(SearchProgress):
     """What a search has found so far."""
 
     def __init__(self, log: Callable[[str], None] | None) -> None:
-        self.point: Array | None = None
-        self.value = np.inf
-        self.minima: list[float] = []
-        self.optima: list[float] = []
-        self.convergence: list[tuple[int, float]] = []
-        self.spent = self.generations = self.points = 0
+        super().__init__()
+        self.points = 0
         self.undiscovered, self.one_optimum = 1.0, False
         self._log = log
 
@@ -103,9 +96,7 @@ class _Record:
     def lower(self, kind: str, point: Array, value: float, evaluations: int) -> None:
         """Count evaluations, and keep a point that is the lowest."""
         self.spent += evaluations
-        if value < self.value:
-            self.point, self.value = point.copy(), value
-        self.convergence.append((self.spent, self.value))
+        self.reach(point, value)
         if self._log is not None:
             self._log(f"{kind}: {value:.9g}, lowest {self.value:.9g}, {self.spent} evaluations")
 
@@ -179,31 +170,12 @@ def global_search(
             found.add("growth and exchange", hops.point, hops.value, hops.evaluations)
         else:
             _restart(problem, settings, generator, recombine, found, known_minimum)
-    if found.point is None:
-        raise InputError(
-            "search",
-            "no model that was tried predicts the output with finite errors",
-            "look for values that stand out by many orders of magnitude, and remove them",
-        )
-    return SearchResult(
-        point=found.point,
-        value=found.value,
-        diagnostics=SearchDiagnostics(
-            evaluations=found.spent,
-            generations=found.generations,
-            restart_minima=tuple(found.minima),
-            n_confirming=count_confirming(tuple(found.minima), found.value),
-            n_local_optima=count_distinct(found.optima),
-            n_multistart=found.points,
-            undiscovered_probability=found.undiscovered,
-            convergence=tuple(found.convergence),
-        ),
-    )
+    return found.result(found.points, found.undiscovered)
 
 
 def _exchange_of(problem: HoppingProblem) -> SectionExchange | None:
     """The exchange of sections, where the problem has some."""
-    exchange = SectionExchange(problem) if isinstance(problem, ExchangeProblem) else None
+    exchange = SectionExchange(problem) if isinstance(problem, DescentProblem) else None
     return exchange if exchange is not None and exchange.possible else None
 
 
@@ -261,12 +233,12 @@ def _descend_coarsely(
     random points may lead to an optimum that has exchanged the two.  The estimates of a record are
     always the same, so their descents are no independent restart.
     """
-    descend = problem.descend_coarsely if isinstance(problem, CoarseProblem) else problem.descend
+    descend = problem.descend_coarsely if isinstance(problem, DescentProblem) else problem.descend
     descents = descend(problem.random(FIRST_BATCH, generator))
     found.optima, found.points = converged_values(descents), FIRST_BATCH
     found.add("first pass", *_lowest_of(descents), descents.evaluations)
     found.undiscovered = undiscovered(found.optima, SAME_COARSE_DESCENT)
-    if isinstance(problem, EstimatedProblem):
+    if isinstance(problem, DescentProblem):
         estimates, used = problem.lowest_estimates(FIRST_ESTIMATES)
         if len(estimates):
             descents = descend(estimates)

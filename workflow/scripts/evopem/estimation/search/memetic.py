@@ -18,16 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
-from evopem.errors import InputError
 from evopem.estimation.search.certificate import enough_agree
 from evopem.estimation.search.problem import (
     SAME_DESCENT,
     Problem,
-    SearchDiagnostics,
+    SearchProgress,
     SearchResult,
     converged_values,
-    count_confirming,
-    count_distinct,
     same_optimum,
     undiscovered,
 )
@@ -152,58 +149,18 @@ def memetic_search(
             break
         confirming = until_certified and check is not None and agreeing() == len(found.minima)
         limit = (CONFIRMING if confirming else 1) * settings.evaluations
-    return found.result(check)
+    if check is None:
+        return found.result(0, 1.0)
+    return found.result(check.n_multistart, check.undiscovered_probability)
 
 
-class _Found:
-    """What a search has found and spent so far."""
-
-    def __init__(self) -> None:
-        self.point: Array | None = None
-        self.value = np.inf
-        self.minima: list[float] = []
-        self.optima: list[float] = []
-        self.convergence: list[tuple[int, float]] = []
-        self.spent = self.generations = 0
-
-    def reach(self, point: Array, value: float) -> None:
-        """Keep a point where it is lower, and note how low the search is by now."""
-        if value < self.value:
-            self.point, self.value = point.copy(), value
-        self.convergence.append((self.spent, self.value))
-
+class _Found(SearchProgress):
     def add_check(self, check: MultistartCheck) -> None:
         """A multistart check, which counts as a restart."""
         self.spent += check.evaluations
         self.optima.extend(check.optima)
         self.reach(check.point, check.value)
         self.minima.append(check.value)
-
-    def result(self, check: MultistartCheck | None) -> SearchResult:
-        """The best point of all, with diagnostics.
-
-        InputError when no value was finite.
-        """
-        if self.point is None:
-            raise InputError(
-                "search",
-                "no model that was tried predicts the output with finite errors",
-                "look for values that stand out by many orders of magnitude, and remove them",
-            )
-        return SearchResult(
-            point=self.point,
-            value=self.value,
-            diagnostics=SearchDiagnostics(
-                evaluations=self.spent,
-                generations=self.generations,
-                restart_minima=tuple(self.minima),
-                n_confirming=count_confirming(tuple(self.minima), self.value),
-                n_local_optima=count_distinct(self.optima),
-                n_multistart=check.n_multistart if check else 0,
-                undiscovered_probability=check.undiscovered_probability if check else 1.0,
-                convergence=tuple(self.convergence),
-            ),
-        )
 
 
 def _restart(

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.stretch_errors import Errors
 from evopem.estimation.search.descent_problem import DescentProblem
 from evopem.estimation.search.staged_descent import (
     LINEAR_STEPS,
@@ -38,7 +37,6 @@ from evopem.models.polynomials import reflect_into_disc
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
-Errors = PolynomialErrors | StretchErrors
 
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 4

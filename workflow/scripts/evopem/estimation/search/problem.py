@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from evopem.errors import InputError
 
 if TYPE_CHECKING:
     from evopem.estimation.pem.batch_bfgs import Descent
@@ -21,22 +23,6 @@ SAME_OPTIMUM = 1e-6
 SAME_DESCENT = 1e-5
 # The same for the coarse descents of a first pass.
 SAME_COARSE_DESCENT = 1e-4
-
-
-@runtime_checkable
-class CoarseProblem(Protocol):
-    """A problem with descents that a race of many orders can afford for each of them."""
-
-    def descend_coarsely(self, points: Array) -> Descent:
-        """Descend from each row to near its optimum."""
-
-
-@runtime_checkable
-class EstimatedProblem(Protocol):
-    """A problem with estimates by linear algebra."""
-
-    def lowest_estimates(self, count: int) -> tuple[Array, int]:
-        """The lowest of them, (count, n), and the evaluations that they took."""
 
 
 class Problem(Protocol):
@@ -123,6 +109,47 @@ class SearchResult:
     point: Array
     value: float
     diagnostics: SearchDiagnostics
+
+
+class SearchProgress:
+    """What a search has found and spent so far."""
+
+    def __init__(self) -> None:
+        self.point: Array | None = None
+        self.value = np.inf
+        self.minima: list[float] = []
+        self.optima: list[float] = []
+        self.convergence: list[tuple[int, float]] = []
+        self.spent = self.generations = 0
+
+    def reach(self, point: Array, value: float) -> None:
+        """Keep a point where it is lower, and note how low the search is by now."""
+        if value < self.value:
+            self.point, self.value = point.copy(), value
+        self.convergence.append((self.spent, self.value))
+
+    def result(self, n_multistart: int, undiscovered_probability: float) -> SearchResult:
+        """The best point of all, with diagnostics.
+
+        InputError when no value was finite.
+        """
+        if self.point is None:
+            raise InputError(
+                "search",
+                "no model that was tried predicts the output with finite errors",
+                "look for values that stand out by many orders of magnitude, and remove them",
+            )
+        diagnostics = SearchDiagnostics(
+            evaluations=self.spent,
+            generations=self.generations,
+            restart_minima=tuple(self.minima),
+            n_confirming=count_confirming(tuple(self.minima), self.value),
+            n_local_optima=count_distinct(self.optima),
+            n_multistart=n_multistart,
+            undiscovered_probability=undiscovered_probability,
+            convergence=tuple(self.convergence),
+        )
+        return SearchResult(self.point, self.value, diagnostics)
 
 
 def descended(problem: Problem, point: Array) -> SearchResult:

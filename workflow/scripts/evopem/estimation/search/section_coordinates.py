@@ -9,17 +9,16 @@ sides a root moves by its angle alone.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.kernels.sections import products_of_sections
+from evopem.estimation.pem.stretch_errors import Errors
 from evopem.estimation.search.root_recombination import sections_of
 from evopem.estimation.search.staged_descent import (
     POLISH_STAGES,
-    PredictionErrors,
     staged_descent,
 )
 
@@ -35,23 +34,10 @@ INSIDE = 1e-6
 DRAWN_IN = (1e-8, 1e-7, 1e-6, 1e-5)
 
 
-class BoundedErrors(PredictionErrors, Protocol):
-    """Prediction errors of points with parts, and the allowed radii of their roots."""
-
-    def polynomials(self) -> list[tuple[str, slice]]:
-        """Letter and place in a point of each of A, C, D and F_i."""
-
-    def radius_of(self, name: str) -> float:
-        """Largest allowed radius of the roots of a polynomial."""
-
-    def within_radius(self, radius: float) -> Self:
-        """The same problem with another allowed radius of all roots."""
-
-
 class SectionCoordinates:
     """Prediction errors as functions of the sections of A, C, D and F."""
 
-    def __init__(self, errors: BoundedErrors) -> None:
+    def __init__(self, errors: Errors) -> None:
         self._errors = errors.within_radius(ASKED_WITHIN)
         self._polynomials = [(part, errors.radius_of(name)) for name, part in errors.polynomials()]
 
@@ -132,7 +118,7 @@ class SectionCoordinates:
         return slopes
 
 
-def descend_in_sections(errors: BoundedErrors, points: Array, largest_value: float) -> Descent:
+def descend_in_sections(errors: Errors, points: Array, largest_value: float) -> Descent:
     """Descents to the last digits along the edge; never worse than where they began.
 
     ``errors``, ``points``, ``largest_value``: as for :func:`.staged_descent.staged_descent`.

@@ -9,26 +9,26 @@ without one of its sections, descended from again, gains one at another place.
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.search.common_sections import (
-    PartedErrors,
     growth,
     places,
     with_common_section,
     with_fewer_sections,
     without_common_section,
 )
+from evopem.estimation.search.descent_problem import DescentProblem
 from evopem.estimation.search.problem import converged_values, same_optimum
-from evopem.estimation.search.section_gains import ScoredErrors, gains, grid
-from evopem.estimation.search.section_hopping import HoppingProblem, Hops
+from evopem.estimation.search.section_gains import gains, grid
+from evopem.estimation.search.section_hopping import Hops
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
+AnyProblem = DescentProblem[Any]
 
 # Random points that the smallest orders are descended from, and optima that are kept.
 FIRST, KEPT = 8, 4
@@ -47,26 +47,6 @@ PATIENCE = 3
 POLISHES, LAST_GAIN = 5, 1e-7
 
 
-class ExchangeErrors(PartedErrors, ScoredErrors, Protocol):
-    """Prediction errors of points with parts, and the slopes of their loss."""
-
-
-@runtime_checkable
-class ExchangeProblem(HoppingProblem, Protocol):
-    """A problem of polynomials with sections that they may share."""
-
-    errors: ExchangeErrors
-
-    def of_orders(self, orders: Orders) -> ExchangeProblem:
-        """The problem of the same record in other orders."""
-
-    def promised(self, points: Array, value: float) -> Array:
-        """Objective that one Gauss-Newton step from each point predicts, (M,)."""
-
-    def descend_in_sections(self, points: Array) -> Descent:
-        """Descend from each row along the edge of the stability region."""
-
-
 class Optimum(NamedTuple):
     """Value and point, (n,), of an optimum."""
 
@@ -77,7 +57,7 @@ class Optimum(NamedTuple):
 class SectionExchange:
     """Searches of a problem by growth and exchange, each independent of the others."""
 
-    def __init__(self, problem: ExchangeProblem) -> None:
+    def __init__(self, problem: AnyProblem) -> None:
         self.problem = problem
         self._steps = growth(problem.errors.orders)
         self._shared = tuple(dict.fromkeys(shared for _, shared in self._steps[1:]))
@@ -106,7 +86,7 @@ class SectionExchange:
         found = _Found(self.problem, generator, by_gains=False)
         return self._exchanged([Optimum(value, point)], found, max_evaluations)
 
-    def _of(self, orders: Orders) -> ExchangeProblem:
+    def _of(self, orders: Orders) -> AnyProblem:
         """The problem of some orders on the way."""
         if orders == self.problem.errors.orders:
             return self.problem
@@ -147,7 +127,7 @@ class _Found:
     """
 
     def __init__(
-        self, problem: ExchangeProblem, generator: np.random.Generator, by_gains: bool = True
+        self, problem: AnyProblem, generator: np.random.Generator, by_gains: bool = True
     ) -> None:
         self.problem, self.generator, self._by_gains = problem, generator, by_gains
         self.evaluations = 0
@@ -156,8 +136,8 @@ class _Found:
     def with_sections(
         self,
         optima: list[Optimum],
-        smaller: ExchangeProblem,
-        larger: ExchangeProblem,
+        smaller: AnyProblem,
+        larger: AnyProblem,
         shared: str,
     ) -> list[Optimum]:
         """Optima of larger orders from the most promising places of a further section."""
@@ -170,7 +150,11 @@ class _Found:
         return self.descents(larger, np.concatenate(starts)[best])
 
     def _most_promising(
-        self, optimum: Optimum, smaller: ExchangeProblem, larger: ExchangeProblem, shared: str
+        self,
+        optimum: Optimum,
+        smaller: AnyProblem,
+        larger: AnyProblem,
+        shared: str,
     ) -> tuple[Array, Array]:
         """An optimum with a further section at the best of random places, and what is promised.
 
@@ -200,7 +184,7 @@ class _Found:
         best = np.argsort(promised, kind="stable")[:OF_EACH]
         return grown[best], promised[best]
 
-    def descents(self, problem: ExchangeProblem, starts: Array) -> list[Optimum]:
+    def descents(self, problem: AnyProblem, starts: Array) -> list[Optimum]:
         """The lowest optima that descents from some starts lead to."""
         if not len(starts):
             return []

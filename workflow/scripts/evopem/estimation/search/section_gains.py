@@ -8,15 +8,14 @@ resonance.  How far these explain the slopes of the loss is a score test of each
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from functools import lru_cache
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.filtering import filter_rows
-from evopem.models.structures import Orders
+from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.stretch_errors import Errors
 
 Array = NDArray[np.float64]
 
@@ -31,29 +30,6 @@ BINS = 1257
 DAMPING = 1e-3
 # Mean second derivative of the absolute value of Gaussian residuals is this over their mean.
 CURVATURE_OF_ABSOLUTE = 2.0 / np.pi
-
-
-class StretchScores(Protocol):
-    """Prediction errors of a stretch whose loss has slopes."""
-
-    input: Array
-    samples: int
-    orders: Orders
-
-    def parts(self) -> dict[str, slice]:
-        """Where the polynomials "a", "b", "c", "d" and "f" and the states stand in a point."""
-
-    def residuals_and_slopes(self, point: Array) -> tuple[Array, Array]:
-        """Residuals, (N,), and the slopes of their losses, zero where these do not count."""
-
-
-class ScoredErrors(Protocol):
-    """Prediction errors of one or several stretches."""
-
-    objective: str
-
-    def of_stretches(self, point: Array) -> Iterable[tuple[StretchScores, Array]]:
-        """The errors of each stretch alone, and its point."""
 
 
 @lru_cache(maxsize=1)
@@ -81,7 +57,7 @@ def _responses(bins: int) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
     return response.astype(np.complex64), (np.abs(response) ** 2).astype(np.float32)
 
 
-def gains(errors: ScoredErrors, point: Array, shared: str, places: NDArray[np.intp]) -> Array:
+def gains(errors: Errors, point: Array, shared: str, places: NDArray[np.intp]) -> Array:
     """Part of the objective that a shared section explains at each of some places, (M,).
 
     ``point`` (n,): an optimum.  ``shared``: the polynomials that share the section.  ``places``
@@ -129,7 +105,7 @@ def gains(errors: ScoredErrors, point: Array, shared: str, places: NDArray[np.in
     return explained / float(slopes @ slopes)
 
 
-def _slopes_and_signals(errors: StretchScores, point: Array, shared: str) -> list[Array]:
+def _slopes_and_signals(errors: PolynomialErrors, point: Array, shared: str) -> list[Array]:
     """Slopes; residuals and input as the coefficients of the shared polynomials would add them."""
     residuals, slopes = errors.residuals_and_slopes(point)
     parts = errors.parts()
