@@ -27,7 +27,7 @@ from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.files.job import interrupt_on_hangup
-from evopem.pipeline.planned_fits import check_planned_fits
+from evopem.pipeline.constraint_plan import check_planned_fits
 from evopem.pipeline.provider import IDENTIFY, LIST, Provider
 from evopem.pipeline.stage_rules import FILES as files
 from evopem.pipeline.stage_rules import modules_of

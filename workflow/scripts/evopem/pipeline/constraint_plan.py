@@ -1,11 +1,8 @@
-"""Focus and constraints that contradict the orders of a search, refused before it.
-
-Nothing here imports numpy, so preparation does not depend on the code of estimation.
-"""
+"""Focus and constraints that contradict the orders of a search, refused before it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
@@ -85,3 +82,29 @@ def _without_frequencies(constraints: Constraints) -> Constraints:
         fixed_poles=tuple(pole for pole in constraints.fixed_poles if pole.real is not None),
         priors=tuple(p for p in constraints.priors if p.quantity not in ("frequency", "damping")),
     )
+
+
+def check_planned_fits(datasets: Mapping[str, DatasetSettings], source: str) -> None:
+    """Check focus and constraints of every data set, as far as the configuration shows it.
+
+    Raises InputError naming the key.
+    """
+    for name, settings in datasets.items():
+        if not settings.fit.changes_model:
+            continue
+        rate, place, grid = known_rate(settings), f"datasets.{name}.", settings.order_grid
+        check_fit(settings.fit, grid, rate, source, place)
+        if settings.fit.constraints is not None and rate is not None:
+            for orders in selectable_orders(grid):
+                with naming_key(orders, source, place):
+                    _check_region(settings, settings.fit.constraints, orders, rate)
+
+
+def _check_region(
+    settings: DatasetSettings, constraints: Constraints, orders: Orders, rate: float
+) -> None:
+    """Refuse constraints that leave no pole, or no polynomial with what is fixed."""
+    # Imports numpy, which only a configuration with constraints needs before its first job.
+    from evopem.estimation.constrained_model import constrained_parameters
+
+    constrained_parameters(constraints, orders, rate, settings.search.max_root_radius)
