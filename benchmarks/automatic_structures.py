@@ -25,7 +25,7 @@ from threadpoolctl import threadpool_limits
 from evopem import PolynomialModel
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings, fit
 from evopem.automatic.identify import identify_recordings
-from evopem.automatic.preparation import PreparedRecord
+from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.polynomial_estimate import covariance_of
 from evopem.models.response_tables import response_standard_errors

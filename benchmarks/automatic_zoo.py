@@ -25,8 +25,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import chirp, lfilter
 
+from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.identify import identify_recordings
-from evopem.automatic.simulation import simulated
 from evopem.estimation.search.starting_polynomials import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc

@@ -7,8 +7,8 @@ import pytest
 from records import noisy, output_error_record
 from scipy.signal import lfilter
 
-from evopem.automatic.drift import decide_differences
-from evopem.automatic.preparation import GivenPreparation, decide_preparation, prepare
+from evopem.automatic.preparation.drift import decide_differences
+from evopem.automatic.preparation.plan import GivenPreparation, decide_preparation, prepare
 from evopem.errors import InputError
 from evopem.signals.recording import Recording, Segment
 from evopem.synthesis.flexible_arm import flexible_arm

@@ -8,8 +8,8 @@ from records import output_error_record
 from scipy.signal import lfilter
 
 from evopem.automatic.decision import Decision
-from evopem.automatic.preparation import GivenPreparation, PreparationPlan
-from evopem.automatic.transforms import decide_transforms, spread_test
+from evopem.automatic.preparation.plan import GivenPreparation, PreparationPlan
+from evopem.automatic.preparation.transforms import decide_transforms, spread_test
 from evopem.config.channels import ChannelSettings
 from evopem.config.defaults import complete
 from evopem.config.yaml_form import yaml_text

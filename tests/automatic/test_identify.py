@@ -8,10 +8,10 @@ from scipy.signal import lfilter
 from evopem.automatic.candidates import Scorer, StructureSearch
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FitSettings
-from evopem.automatic.folds import FoldPlan, decide_folds
+from evopem.automatic.held_out.folds import FoldPlan, decide_folds
+from evopem.automatic.held_out.repetition import decide_repetition
+from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.identify import identify
-from evopem.automatic.repetition import decide_repetition
-from evopem.automatic.simulation import simulated
 from evopem.automatic.structures import Choice, compare_structures
 from evopem.files.json_form import from_json, to_json
 from evopem.models.structures import Orders

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from evopem.automatic.decimation import decimated
-from evopem.automatic.preparation import PreparationPlan, PreparedRecord, prepare
-from evopem.automatic.prepared_data import prepared_data
+from evopem.automatic.preparation.decimation import decimated
+from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord, prepare
+from evopem.automatic.preparation.prepared_data import prepared_data
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.signals.joining import joined

@@ -5,7 +5,7 @@ from scipy.signal import lfilter
 
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.fit import FitSettings
-from evopem.automatic.folds import decide_folds
+from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.structures import Choice
 from evopem.models.structures import Orders

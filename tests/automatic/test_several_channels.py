@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.delays import decide_delays
 from evopem.automatic.fit import FitSettings
-from evopem.automatic.folds import HeldOutScores, decide_folds, held_out_scores
+from evopem.automatic.held_out.folds import HeldOutScores, decide_folds, held_out_scores
 from evopem.automatic.limits import OrderLimits
 from evopem.automatic.orders import numbers_of_states, search_structure
 from evopem.automatic.remedies import act_on_checks

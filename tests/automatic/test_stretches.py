@@ -8,8 +8,8 @@ from records import error_percent, output_error_record
 from scipy.optimize import approx_fprime
 
 from evopem.automatic.fit import FitSettings, fit
-from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import folds_of
+from evopem.automatic.held_out.simulation import simulated
+from evopem.automatic.held_out.stretches import folds_of
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors

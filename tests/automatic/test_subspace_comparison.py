@@ -7,7 +7,7 @@ from records import output_error_record
 
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.fit import FitSettings
-from evopem.automatic.folds import decide_folds
+from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.subspace_comparison import with_subspace_estimate
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment

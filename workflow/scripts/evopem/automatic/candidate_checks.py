@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtri
 
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings
-from evopem.automatic.simulation import Model, prediction_errors
+from evopem.automatic.held_out.simulation import Model, prediction_errors
 from evopem.config.structures import OF_SIMULATION
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.pem.stretch_errors import StretchErrors

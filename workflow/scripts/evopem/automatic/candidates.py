@@ -10,11 +10,11 @@ import numpy as np
 from evopem.automatic.candidate_checks import CandidateChecks, check_model
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FOLD_STAGES, Fit, FitSettings, fit, log_loss
-from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.held_out.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.held_out.simulation import Model, simulated
+from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.limits import OrderLimits
-from evopem.automatic.simulation import Model, simulated
 from evopem.automatic.state_space import refit
-from evopem.automatic.stretches import MOST_SAMPLES, first_samples
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.stabilization import OrderModel, OrderModels

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evopem.automatic.candidates import Candidate as ScoredCandidate
 from evopem.automatic.fit import NOISE_RADIUS, fit_at
-from evopem.automatic.preparation import PreparedRecord
+from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice
 from evopem.config.settings import ScoringWindow, SearchSettings

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.automatic.stretches import MOST_SAMPLES, first_samples
+from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.config.settings import InputRanges
 from evopem.estimation.delays import ORDERS, delays_by_criterion, longest_delay
 from evopem.signals.recording import Segment

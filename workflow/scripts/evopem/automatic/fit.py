@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.simulation import Model
+from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import OutputWeighting
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem

@@ -12,16 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.automatic.candidates import Scorer, StructureSearch
 from evopem.automatic.decision import Decision
 from evopem.automatic.delays import decide_delays
-from evopem.automatic.folds import decide_folds
+from evopem.automatic.held_out.folds import decide_folds
+from evopem.automatic.held_out.simulation import prediction_errors, simulated
 from evopem.automatic.orders import NESTED, search_structure
-from evopem.automatic.preparation import (
+from evopem.automatic.preparation.plan import (
     PreparedRecord,
     decide_preparation,
     prepare,
 )
 from evopem.automatic.record import Trial
 from evopem.automatic.remedies import act_on_checks
-from evopem.automatic.simulation import prediction_errors, simulated
 from evopem.automatic.structures import Choice, Purpose, compare_structures
 from evopem.blas_threads import one_blas_thread
 from evopem.models.polynomial import PolynomialModel

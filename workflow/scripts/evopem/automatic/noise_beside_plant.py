@@ -9,7 +9,7 @@ import numpy as np
 
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.fit import FitSettings, fit, log_loss
-from evopem.automatic.simulation import simulated
+from evopem.automatic.held_out.simulation import simulated
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples

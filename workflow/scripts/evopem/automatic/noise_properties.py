@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.fit import log_loss
-from evopem.automatic.simulation import Model, prediction_errors
+from evopem.automatic.held_out.simulation import Model, prediction_errors
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from evopem.automatic.fit import Fit, FitSettings
-from evopem.automatic.folds import is_large, is_long
-from evopem.automatic.simulation import Model
+from evopem.automatic.held_out.folds import is_large, is_long
+from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.config.structures import OF_ABSOLUTE_ERRORS, VARIANTS
 from evopem.estimation import order_scan

@@ -10,8 +10,8 @@ import numpy as np
 
 from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.folds import HeldOutScores
-from evopem.automatic.level_decision import Level, decide_level
+from evopem.automatic.held_out.folds import HeldOutScores
+from evopem.automatic.held_out.level_decision import Level, decide_level
 from evopem.automatic.noise_properties import feedback_probability, heaviness
 from evopem.automatic.orders import refine_orders
 from evopem.automatic.subspace_comparison import with_subspace_estimate

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.held_out.folds import FoldPlan, HeldOutScores, held_out_scores
 from evopem.estimation.search.starting_polynomials import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc

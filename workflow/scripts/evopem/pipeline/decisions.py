@@ -7,8 +7,8 @@ import numpy as np
 from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.delays import DelayChoice
-from evopem.automatic.folds import FoldPlan
-from evopem.automatic.preparation import PreparationPlan
+from evopem.automatic.held_out.folds import FoldPlan
+from evopem.automatic.preparation.plan import PreparationPlan
 from evopem.automatic.record import DecisionRecord, OtherModel
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Comparison

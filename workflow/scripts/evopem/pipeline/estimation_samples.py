@@ -9,9 +9,9 @@ from dataclasses import replace
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.delays import DelayChoice
 from evopem.automatic.fit import FitSettings
-from evopem.automatic.folds import FoldPlan
+from evopem.automatic.held_out.folds import FoldPlan
 from evopem.automatic.limits import OrderLimits
-from evopem.automatic.preparation import PreparationPlan, PreparedRecord
+from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.config.settings import AutomaticSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load

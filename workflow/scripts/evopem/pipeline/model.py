@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import cast
 
 from evopem.automatic.chosen import window_of
-from evopem.automatic.preparation import PreparationPlan
+from evopem.automatic.preparation.plan import PreparationPlan
 from evopem.automatic.remedies import Remedied
 from evopem.config.settings import FitSettings, Objective, ScoringWindow, SearchSettings
 from evopem.estimation.candidate import PhaseSelection

@@ -10,14 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from evopem.automatic.preparation import (
+from evopem.automatic.preparation.plan import (
     GivenPreparation,
     PreparationPlan,
     decide_preparation,
     stretches_as_recorded,
 )
-from evopem.automatic.prepared_data import prepared_data
-from evopem.automatic.transforms import TransformPlan, decide_transforms
+from evopem.automatic.preparation.prepared_data import prepared_data
+from evopem.automatic.preparation.transforms import TransformPlan, decide_transforms
 from evopem.blas_threads import one_blas_thread
 from evopem.config.order_grid import check_samples
 from evopem.config.settings import FitSettings, OrderGrid, PreparationSettings, SampleRequirements

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from evopem.automatic.candidates import StructureSearch, order_models, without_covariances
 from evopem.automatic.delays import decide_delays
 from evopem.automatic.fit import FitSettings
-from evopem.automatic.folds import decide_folds as decide_common_folds
+from evopem.automatic.held_out.folds import decide_folds as decide_common_folds
 from evopem.automatic.orders import search_structure as search
 from evopem.automatic.remedies import act_on_checks as act
 from evopem.automatic.structures import Comparison, compare_structures

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.repetition import Repetition, decide_repetition
-from evopem.automatic.response_parts import REASON, response_parts
-from evopem.automatic.simulation import (
+from evopem.automatic.held_out.repetition import Repetition, decide_repetition
+from evopem.automatic.held_out.response_parts import REASON, response_parts
+from evopem.automatic.held_out.simulation import (
     Model,
     errors_simulated_on,
     in_state_space,
     prediction_errors,
 )
-from evopem.automatic.stretches import Fold, folds_of
+from evopem.automatic.held_out.stretches import Fold, folds_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment, total_samples
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.drift import differenced
-from evopem.automatic.preparation import PreparationPlan, means_of, stretches_of
+from evopem.automatic.preparation.drift import differenced
+from evopem.automatic.preparation.plan import PreparationPlan, means_of, stretches_of
 from evopem.errors import InputError
 from evopem.signals.prepared_data import PreparedData, Rows, StretchOrigin
 from evopem.signals.recording import Recording, Segment

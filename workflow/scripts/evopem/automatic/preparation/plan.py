@@ -9,13 +9,22 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.breaks import decide_clipping, decide_starts, decide_stuck, standing_still
-from evopem.automatic.decimation import MOST_DECIMATED, decide_decimation, decimated_stretch
 from evopem.automatic.decision import Decision, given_by_configuration
-from evopem.automatic.drift import decide_differences, differenced
 from evopem.automatic.fit import FitSettings
-from evopem.automatic.objective import decide_objective
-from evopem.automatic.stretches import MOST_SAMPLES, SHORTEST_STRETCH, first_samples
+from evopem.automatic.held_out.stretches import MOST_SAMPLES, SHORTEST_STRETCH, first_samples
+from evopem.automatic.preparation.breaks import (
+    decide_clipping,
+    decide_starts,
+    decide_stuck,
+    standing_still,
+)
+from evopem.automatic.preparation.decimation import (
+    MOST_DECIMATED,
+    decide_decimation,
+    decimated_stretch,
+)
+from evopem.automatic.preparation.drift import decide_differences, differenced
+from evopem.automatic.preparation.objective import decide_objective
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import PolynomialModel

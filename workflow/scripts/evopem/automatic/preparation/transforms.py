@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
-from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import MOST_SAMPLES, first_samples, folds_of
+from evopem.automatic.held_out.simulation import simulated
+from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples, folds_of
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.structures import Orders

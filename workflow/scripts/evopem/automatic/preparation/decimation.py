@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, lowest
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
-from evopem.automatic.folds import SHORTEST_BLOCK
-from evopem.automatic.simulation import simulated
-from evopem.automatic.stretches import SHORTEST_STRETCH, folds_of
+from evopem.automatic.held_out.folds import SHORTEST_BLOCK
+from evopem.automatic.held_out.simulation import simulated
+from evopem.automatic.held_out.stretches import SHORTEST_STRETCH, folds_of
 from evopem.errors import InputError
 from evopem.estimation.state_space.local_estimates import StateSpaceTask, two_fold_simulation_errors
 from evopem.models.structures import Orders

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.simulation import simulated
+from evopem.automatic.held_out.simulation import simulated
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment, total_samples
 

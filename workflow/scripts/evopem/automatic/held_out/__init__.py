@@ -1,0 +1,1 @@
+"""Held-out samples, and simulations of them that models are scored by."""

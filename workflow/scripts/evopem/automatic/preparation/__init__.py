@@ -1,0 +1,1 @@
+"""What is done to the samples before anything is estimated, decided from the estimation samples."""
