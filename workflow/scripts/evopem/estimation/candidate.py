@@ -27,14 +27,13 @@ Array = NDArray[np.float64]
 class Candidate:
     """The estimate of one order, as it passes between the jobs of an order search.
 
-    ``phase``: phase of the order search.  ``model``: without the covariance of its parameters.
-    ``with_level``: whether a constant was estimated along.  ``plant_state`` (nf,): contribution of
-    the past to the first equations of ``F x = -B u``.  ``noise_state`` (max(nc, nd),): contribution
-    of the past to the first equations of ``C e = D v``.  ``minimum``: what the search minimised, at
-    its best point.  ``at_stability_bound``: whether a root of A, C, D or F lies at the largest
-    radius allowed.  ``pruned``: why it was left before the end of its search; empty where it was
-    not.  ``further_levels``: of the second and later recordings, where there are several with a
-    level.
+    ``model``: without the covariance of its parameters. ``with_level``: whether a constant was
+    estimated along.  ``plant_state`` (nf,): contribution of the past to the first equations of
+    ``F x = -B u``.  ``noise_state`` (max(nc, nd),): contribution of the past to the first equations
+    of ``C e = D v``.  ``minimum``: what the search minimised, at its best point.
+    ``at_stability_bound``: whether a root of A, C, D or F lies at the largest radius allowed.
+    ``pruned``: why it was left before the end of its search; empty where it was not.
+    ``further_levels``: of the second and later recordings, where there are several with a level.
     """
 
     phase: str
@@ -91,7 +90,7 @@ class Candidate:
 class PhaseSelection:
     """The outcome of one phase of the order search.
 
-    ``orders``: of the selected candidate.  ``reason``: why it was selected, in a sentence.
+    ``reason``: why it was selected, in a sentence.
     """
 
     phase: str

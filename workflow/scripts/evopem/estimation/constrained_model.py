@@ -32,11 +32,10 @@ def constrained_parameters(
 ) -> ConstrainedParameters:
     """Coordinates of the points that meet checked constraints.
 
-    ``sampling_rate``: Hz.  ``radius``: largest radius of poles where stability is required.
-    ``names``: of the inputs.  ``b_scales``: what B_i of a point are to be multiplied by, for the
-    units of the constraints; 1 by default.  ``rest``: levels and states of a point.  ``levels``:
-    those of them that are fixed, in the units of a point.  InputError when no polynomial has the
-    fixed poles and coefficients, or no pole the frequencies.
+    ``radius``: largest radius of poles where stability is required.  ``b_scales``: what B_i of a
+    point are to be multiplied by, for the units of the constraints; 1 by default.  ``rest``: levels
+    and states of a point.  ``levels``: those of them that are fixed, in the units of a point.
+    InputError when no polynomial has the fixed poles and coefficients, or no pole the frequencies.
     """
     o = orders
     names = tuple(names) or ("",) * o.inputs

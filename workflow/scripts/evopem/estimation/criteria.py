@@ -33,8 +33,8 @@ class Criteria:
 def criteria_of(residuals: Array, output: Array, objective: str, parameters: int) -> Criteria:
     """Criteria of residuals, (N,), and of the output of the same samples.
 
-    ``residuals``, ``output`` (N,): the samples of the loss.  ``objective`` {"absolute",
-    "quadratic"}.  ``parameters``: number of estimated parameters n.
+    ``residuals``, ``output`` (N,): the samples of the loss.  ``parameters``: number of estimated
+    parameters n.
     """
     square_sum, count = float(residuals @ residuals), len(residuals)
     rss = 100.0 * square_sum / float(output @ output)

@@ -45,10 +45,9 @@ def refine_delay(
 ) -> DelayRefinement:
     """Follow the smallest BIC from a model to its neighbours, as long as it falls.
 
-    ``start``: the model of the last phase.  ``samples``: N, the number of scored samples.
-    ``shortest_delay``: lower end of the range of delays.  A longer delay with the same last lag is
-    a special case of the model and is compared whatever the range.  ``estimate``: estimates a model
-    of given orders on the same scored samples.
+    ``start``: the model of the last phase. ``shortest_delay``: lower end of the range of delays.  A
+    longer delay with the same last lag is a special case of the model and is compared whatever the
+    range.  ``estimate``: estimates a model of given orders on the same scored samples.
     """
     best = start
     tried: dict[Orders, float] = {}
@@ -68,8 +67,6 @@ def delay_alternatives(model: PolynomialModel, samples: int, shortest_delay: int
     """Orders to compare a model with: B without its first or its last lag, or with an earlier one.
 
     A lag is kept without comparison where its coefficient is clearly significant.
-
-    ``samples``: N, the number of scored samples.
     """
     orders, nb, nk = model.orders, model.orders.single.nb, model.orders.single.nk
     limit = math.sqrt(SCREENING * math.log(samples))

@@ -37,7 +37,7 @@ class OrderLimits:
     def of(cls, ranges: OrderRanges, names: Sequence[str]) -> OrderLimits:
         """The limits that a configuration gives.
 
-        ``names``: of the inputs.  InputError when it names other inputs.
+        InputError when it names other inputs.
         """
         groups = {"nb": "orders", "nf": "orders", "nk": "delay"}
         return cls(
@@ -101,8 +101,6 @@ def joint_orders(
 
     na = nb = nc = k; of structures with F_i, nb = nf = k.  Where D stands beside C or A, their
     orders are at most :data:`MOST_NOISE`.  What has limits follows k within them.
-
-    ``delays``: one for each input.
 
     Examples
     --------

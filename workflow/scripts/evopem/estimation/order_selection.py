@@ -44,8 +44,8 @@ def estimate_candidates(
 
     ``data``: the prepared estimation samples.  ``phase``: name of the phase, carried into the
     candidates.  ``window``: the same for all phases of a data set.  ``log``: receives a line at the
-    start and the end of each estimate and one a generation.  ``level``: whether a constant is
-    estimated along.  InputError when the record is too short for an order.
+    start and the end of each estimate and one a generation.  InputError when the record is too
+    short for an order.
     """
     candidates = []
     for position, order in enumerate(orders):
@@ -172,10 +172,9 @@ def select_candidate(
     candidate that would be selected although no restart confirmed its optimum is searched once
     more before the selection stands.
 
-    ``candidates``: all of the phase, in any order.  ``data``, ``settings``, ``window``, ``log``: as
-    for :func:`estimate_candidates`.  ``min_delay``: given in the last phase: its selection is
-    compared with models of one coefficient of B less at either end, and with earlier delays down to
-    this one.
+    ``candidates``: all of the phase, in any order.  ``min_delay``: given in the last phase: its
+    selection is compared with models of one coefficient of B less at either end, and with earlier
+    delays down to this one.
     """
 
     def repeat(candidate: Candidate) -> Candidate:

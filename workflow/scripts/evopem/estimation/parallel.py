@@ -45,10 +45,8 @@ def estimate_in_parallel(
 ) -> list[Candidate]:
     """Estimate every order of a phase, on several cores where there are some.
 
-    ``data``, ``orders``, ``phase``, ``settings``, ``window``, ``log``, ``level``: as for
-    :func:`estimate_candidates`. On several cores the log is the package's logger.  ``cores``:
-    number of processes.  Returns in the order of ``orders``.  InputError when the record is too
-    short for an order, or a process was killed.
+    On several cores the log is the package's logger.  Returns in the order of ``orders``.
+    InputError when the record is too short for an order, or a process was killed.
     """
     if cores <= 1 or len(orders) <= 2:
         return estimate_candidates(data, orders, phase, settings, window, log, level)

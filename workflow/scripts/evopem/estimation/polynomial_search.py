@@ -68,14 +68,14 @@ def estimate_polynomial(
     "simulation"}: errors of one step, of simulation, or of predictions that many samples ahead.
     ``earlier``: result of an earlier search of the same problem, to be combined with this one.
     ``optimum``: of one-step prediction without constraints, where these or a focus are given: to
-    start from instead of searching it.  ``log``: receives one line a generation.  ``aim``: what the
-    search is made for: it ends once it is unlikely to get so low.  ``criteria`` and
-    ``residuals`` are those of one step; ``focus_objective`` is that of the errors in focus.  The
-    covariance is zero across active constraints, counts priors as observations, and allows for the
-    colour of k-step and simulation errors by the noise model. It is None for these errors under the
-    absolute objective.  Intervals near a bound that is not active do not know of it.  InputError
-    when constraints contradict each other, the structure or the focus.  ValueError when the record
-    is too short for the orders, or a setting is outside its range.
+    start from instead of searching it.  ``aim``: what the search is made for: it ends once it is
+    unlikely to get so low.  ``criteria`` and ``residuals`` are those of one step;
+    ``focus_objective`` is that of the errors in focus.  The covariance is zero across active
+    constraints, counts priors as observations, and allows for the colour of k-step and simulation
+    errors by the noise model. It is None for these errors under the absolute objective.  Intervals
+    near a bound that is not active do not know of it.  InputError when constraints contradict each
+    other, the structure or the focus.  ValueError when the record is too short for the orders, or a
+    setting is outside its range.
     """
     settings = settings or SearchSettings()
     rate, names = data.sampling_rate, data.input_names
@@ -163,8 +163,7 @@ def descended_from(
     """The estimate after one descent, pooled with an earlier search of the problem.
 
     ``start`` (n,): A point in the problem's own units, or of several segments a model of smaller
-    orders.  ``data``, ``orders``, ``settings``, ``window``, ``level``: as for
-    :func:`prediction_errors`.
+    orders.
     """
     with one_blas_thread():
         errors = prediction_errors(data, orders, settings, window, level)

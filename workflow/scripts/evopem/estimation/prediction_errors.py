@@ -125,10 +125,7 @@ def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states
 
 
 def check_search_settings(settings: SearchSettings) -> None:
-    """Refuse words that no search knows, and a radius outside the unit circle.
-
-    Raises ValueError.
-    """
+    """Refuse words that no search knows, and a radius outside the unit circle."""
     for name, known in (
         ("objective", OBJECTIVES),
         ("refine", REFINE),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from evopem.config.constraints import Constraints, FixedPole, Prior
+from evopem.config.constraints import Constraints, Prior
 from evopem.errors import InputError
+from evopem.models.fixed_pole_checks import check_fixed_pole, refused
 from evopem.models.structures import Orders
 
 Focus = str | int
@@ -56,22 +57,20 @@ def check_named_inputs(constraints: Constraints, names: Sequence[str]) -> None:
         given = getattr(constraints, key)
         unknown = [name for name in given if name not in names] if isinstance(given, dict) else []
         if unknown:
-            raise _refused(
-                key, f"there is no input {unknown[0]}", f"name one of {', '.join(names)}"
-            )
+            raise refused(key, f"there is no input {unknown[0]}", f"name one of {', '.join(names)}")
 
 
 def _check_several_inputs(constraints: Constraints, orders: Orders) -> None:
     """Refuse what does not say which of several inputs it is of."""
     for key in ("static_gain", "static_gain_bounds"):
         if not isinstance(getattr(constraints, key), dict | None):
-            raise _refused(
+            raise refused(
                 key,
                 "there are several inputs, each with a gain of its own",
                 "write a mapping from their names, such as {hot: 2.0}",
             )
     if constraints.fixed_poles and any(orders.nf):
-        raise _refused(
+        raise refused(
             "fixed_poles",
             "it does not say which of the denominators F_i has the poles",
             "use a structure with A alone, such as armax",
@@ -80,7 +79,7 @@ def _check_several_inputs(constraints: Constraints, orders: Orders) -> None:
     named += [(f"priors[{k}]", prior.quantity) for k, prior in enumerate(constraints.priors)]
     for key, name in named:
         if name == "static_gain" or (name[:1] in ("b", "f") and name[1:].isdecimal()):
-            raise _refused(
+            raise refused(
                 key,
                 f"each of several inputs has {name}",
                 "leave it out, or identify one input alone",
@@ -94,12 +93,12 @@ def _check_path(constraints: Constraints, orders: Orders, sampling_rate: float) 
     _check_gain(constraints, orders)
     _check_coefficients(constraints, orders)
     for number, pole in enumerate(constraints.fixed_poles):
-        _check_fixed_pole(pole, f"fixed_poles[{number}]", constraints, orders, sampling_rate)
+        check_fixed_pole(pole, f"fixed_poles[{number}]", constraints, orders, sampling_rate)
     if sum(2 if pole.real is None else 1 for pole in constraints.fixed_poles) > (
         orders.single.nf or orders.na
     ):
         name = "nf" if orders.single.nf else "na"
-        raise _refused(
+        raise refused(
             "fixed_poles",
             f"there are more of them than {name} = {orders.single.nf or orders.na}",
             f"raise {name}, or fix fewer poles",
@@ -131,7 +130,7 @@ def _horizon(focus: Focus, orders: Orders) -> int | None:
 def _check_simulation(constraints: Constraints, orders: Orders) -> None:
     """Refuse what a fit for simulation, in two stages, cannot meet."""
     if constraints.stability == "free":
-        raise _refused(
+        raise refused(
             "stability",
             "simulation errors need a stable plant",
             "fit for prediction, or fix the pole that is not stable",
@@ -145,7 +144,7 @@ def _check_simulation(constraints: Constraints, orders: Orders) -> None:
     letters += [name[0] for name in quantities if name[1:].isdecimal()]
     for key, letter in zip(named, letters, strict=True):
         if letter in "af":
-            raise _refused(
+            raise refused(
                 key,
                 "a fit for simulation determines only the product of A and F",
                 "leave it out, or use a structure with one of the two",
@@ -162,32 +161,28 @@ def coefficient_index(name: str, orders: Orders) -> tuple[str, int] | None:
     return (letter, index) if 0 <= index < count else None
 
 
-def _refused(key: str, problem: str, remedy: str) -> InputError:
-    return InputError("constraints", problem, remedy, key)
-
-
 def _check_words(constraints: Constraints, orders: Orders) -> None:
     if constraints.stability not in ("required", "free"):
-        raise _refused("stability", f"is {constraints.stability!r}", 'use "required" or "free"')
+        raise refused("stability", f"is {constraints.stability!r}", 'use "required" or "free"')
     if constraints.real_poles not in ("any", "positive", "none"):
-        raise _refused(
+        raise refused(
             "real_poles", f"is {constraints.real_poles!r}", 'use "any", "positive" or "none"'
         )
     plant = orders.single.nb > 0 and (orders.na > 0 or orders.single.nf > 0)
     for key, given in _of_plant(constraints):
         if given and not plant:
-            raise _refused(
+            raise refused(
                 key, f"a model of orders {orders} has no plant with poles", "leave it out"
             )
     if constraints.stability == "free" and orders.na == 0 and plant:
-        raise _refused(
+        raise refused(
             "stability",
             "the poles of F must be stable, because the predictor filters through 1/F",
             'use a structure with A, such as "armax", or fix the pole that is not stable',
         )
     for key, value in _numbers(constraints):
         if not math.isfinite(value):
-            raise _refused(key, f"{value} is not a finite number", "give a number")
+            raise refused(key, f"{value} is not a finite number", "give a number")
 
 
 def _of_plant(constraints: Constraints) -> Iterator[tuple[str, bool]]:
@@ -220,15 +215,15 @@ def _numbers(constraints: Constraints) -> Iterator[tuple[str, float]]:
 def _check_poles(constraints: Constraints, orders: Orders, sampling_rate: float) -> None:
     radius, damping = constraints.max_pole_radius, constraints.min_damping_ratio
     if radius is not None and radius <= 0.0:
-        raise _refused("max_pole_radius", f"{radius} is not positive", "give a radius above 0")
+        raise refused("max_pole_radius", f"{radius} is not positive", "give a radius above 0")
     if radius is not None and radius >= 1.0 and constraints.stability == "required":
-        raise _refused(
+        raise refused(
             "max_pole_radius",
             f"{radius} allows poles that are not stable, and stability is required",
             'give a radius below 1, or set stability to "free"',
         )
     if damping is not None and not 0.0 <= damping < 1.0:
-        raise _refused(
+        raise refused(
             "min_damping_ratio", f"{damping} is not a damping ratio", "give one from 0 to below 1"
         )
     nyquist = sampling_rate / 2.0
@@ -236,9 +231,9 @@ def _check_poles(constraints: Constraints, orders: Orders, sampling_rate: float)
     for key, band in [*bands, *(("forbidden_bands", b) for b in constraints.forbidden_bands)]:
         lower, upper = band or (0.0, 0.0)
         if not 0.0 <= lower < upper:
-            raise _refused(key, f"{lower} to {upper} Hz is no band", "give lower below upper")
+            raise refused(key, f"{lower} to {upper} Hz is no band", "give lower below upper")
         if lower >= nyquist:
-            raise _refused(
+            raise refused(
                 key,
                 f"{lower} to {upper} Hz lies above half the sampling rate, {nyquist} Hz",
                 "give frequencies in Hz",
@@ -247,7 +242,7 @@ def _check_poles(constraints: Constraints, orders: Orders, sampling_rate: float)
         2 if pole.real is None else 1 for pole in constraints.fixed_poles
     )
     if constraints.real_poles == "none" and (odd % 2 or (orders.single.nf and orders.na % 2)):
-        raise _refused(
+        raise refused(
             "real_poles",
             "a plant with an odd number of free poles has a real one",
             "use even orders",
@@ -255,7 +250,7 @@ def _check_poles(constraints: Constraints, orders: Orders, sampling_rate: float)
     if constraints.of_free_poles:
         for name in constraints.fixed_coefficients:
             if name[:1] in ("a", "f"):
-                raise _refused(
+                raise refused(
                     f"fixed_coefficients.{name}",
                     "coefficients of A and F cannot be fixed while the positions of poles are "
                     "restricted",
@@ -273,30 +268,28 @@ def _check_gain(constraints: Constraints, orders: Orders) -> None:
     if not given:
         return
     if len(given) == 2:
-        raise _refused("static_gain_bounds", "the static gain is given already", "leave out one")
+        raise refused("static_gain_bounds", "the static gain is given already", "leave out one")
     if orders.single.nb == 0:
-        raise _refused(given[0], "a model without input has no static gain", "leave it out")
+        raise refused(given[0], "a model without input has no static gain", "leave it out")
     if bounds is not None:
         lower, upper = bounds
         if lower is None and upper is None:
-            raise _refused(given[0], "there is neither a lower nor an upper bound", "give one")
+            raise refused(given[0], "there is neither a lower nor an upper bound", "give one")
         if lower is not None and upper is not None and lower > upper:
-            raise _refused(
+            raise refused(
                 given[0], f"the lower bound {lower} exceeds the upper one {upper}", "swap"
             )
     if any(pole.real == 1.0 for pole in constraints.fixed_poles):
-        raise _refused(
-            given[0], "a plant with a fixed pole at 1 has no static gain", "leave it out"
-        )
+        raise refused(given[0], "a plant with a fixed pole at 1 has no static gain", "leave it out")
     if all(f"b{index}" in constraints.fixed_coefficients for index in range(orders.single.nb)):
-        raise _refused(given[0], "all coefficients of B are fixed", "leave one of them free")
+        raise refused(given[0], "all coefficients of B are fixed", "leave one of them free")
 
 
 def _check_coefficients(constraints: Constraints, orders: Orders) -> None:
     for name, value in constraints.fixed_coefficients.items():
         found = coefficient_index(name, orders)
         if found is None:
-            raise _refused(
+            raise refused(
                 f"fixed_coefficients.{name}",
                 f"a model of orders {orders} has no such coefficient",
                 "name one such as a1, b0 or f2; b0 is the first of B",
@@ -308,86 +301,12 @@ def _check_coefficients(constraints: Constraints, orders: Orders) -> None:
         order = getattr(orders.single, f"n{letter}")
         # A sum of products of roots, each within the unit circle.
         if abs(value) >= math.comb(order, index + 1):
-            raise _refused(
+            raise refused(
                 f"fixed_coefficients.{name}",
                 f"{value} is more than any polynomial of degree {order} with roots inside the unit "
                 "circle has",
                 "check the value",
             )
-
-
-def _check_fixed_pole(
-    pole: FixedPole,
-    key: str,
-    constraints: Constraints,
-    orders: Orders,
-    sampling_rate: float,
-) -> None:
-    pair = pole.frequency_hz is not None and pole.damping_ratio is not None
-    if (pole.real is None) != pair or (
-        pole.real is not None and (pole.frequency_hz, pole.damping_ratio) != (None, None)
-    ):
-        raise _refused(
-            key,
-            "it is neither a real pole nor a pair",
-            "give real, or frequency_hz and damping_ratio",
-        )
-    if pole.real is not None:
-        radius = _radius_of_real_pole(pole.real, key, constraints)
-    else:
-        radius = _radius_of_pair(pole, key, sampling_rate)
-    if orders.single.nf and radius > 1.0:
-        raise _refused(
-            key,
-            "a pole of F outside the unit circle makes the predictor unstable",
-            'use a structure with A, such as "armax"',
-        )
-    limit = constraints.max_pole_radius
-    if limit is not None and radius > limit:
-        raise _refused(
-            key, f"its radius {radius:.6g} exceeds max_pole_radius {limit}", "change one of the two"
-        )
-    if pair:
-        _check_pair(pole.frequency_hz or 0.0, pole.damping_ratio or 0.0, key, constraints)
-
-
-def _radius_of_real_pole(pole: float, key: str, constraints: Constraints) -> float:
-    if not math.isfinite(pole):
-        raise _refused(key, f"{pole} is not a finite number", "give a number")
-    if pole <= 0.0 and constraints.real_poles == "positive":
-        raise _refused(key, "real poles must be positive", "leave out one of the two")
-    if constraints.real_poles == "none":
-        raise _refused(key, "real poles are forbidden", "leave out one of the two")
-    return abs(pole)
-
-
-def _radius_of_pair(pole: FixedPole, key: str, sampling_rate: float) -> float:
-    frequency, damping = pole.frequency_hz or 0.0, pole.damping_ratio or 0.0
-    turn = 2.0 * math.pi * frequency / sampling_rate
-    if not (0.0 <= damping < 1.0 and 0.0 < turn * math.sqrt(1.0 - damping**2) < math.pi):
-        raise _refused(
-            key,
-            f"{frequency} Hz with a damping ratio of {damping} is no mode below half the "
-            f"sampling rate, {sampling_rate / 2.0} Hz",
-            "give a frequency in Hz and a damping ratio from 0 to below 1",
-        )
-    return math.exp(-turn * damping)
-
-
-def _check_pair(frequency: float, damping: float, key: str, constraints: Constraints) -> None:
-    """Refuse a pair of poles that the constraints of modes forbid."""
-    least = constraints.min_damping_ratio
-    if least is not None and damping < least:
-        raise _refused(
-            key,
-            f"its damping ratio {damping} is below min_damping_ratio {least}",
-            "change one of the two",
-        )
-    band = constraints.frequency_band
-    if band is not None and not band[0] <= frequency <= band[1]:
-        raise _refused(key, "it lies outside frequency_band", "change one of the two")
-    if any(lower < frequency < upper for lower, upper in constraints.forbidden_bands):
-        raise _refused(key, "it lies in a forbidden band", "change one of the two")
 
 
 def _check_prior(
@@ -398,33 +317,33 @@ def _check_prior(
     sampling_rate: float,
 ) -> None:
     if not (prior.standard_deviation > 0.0 and math.isfinite(prior.standard_deviation)):
-        raise _refused(key, "its standard deviation is not positive", "give one above 0")
+        raise refused(key, "its standard deviation is not positive", "give one above 0")
     if not math.isfinite(prior.mean):
-        raise _refused(key, "its mean is not a finite number", "give a number")
+        raise refused(key, "its mean is not a finite number", "give a number")
     if prior.quantity == "static_gain":
         if orders.single.nb == 0:
-            raise _refused(key, "a model without input has no static gain", "leave it out")
+            raise refused(key, "a model without input has no static gain", "leave it out")
         if constraints.static_gain is not None:
-            raise _refused(key, "the static gain is given already", "leave out one of the two")
+            raise refused(key, "the static gain is given already", "leave out one of the two")
         if any(pole.real == 1.0 for pole in constraints.fixed_poles):
-            raise _refused(key, "a plant with a fixed pole at 1 has no static gain", "leave it out")
+            raise refused(key, "a plant with a fixed pole at 1 has no static gain", "leave it out")
     elif prior.quantity in ("frequency", "damping"):
         if max(orders.na, orders.single.nf) < 2 or orders.single.nb == 0:
-            raise _refused(key, f"a model of orders {orders} has no mode", "leave it out")
+            raise refused(key, f"a model of orders {orders} has no mode", "leave it out")
         if prior.quantity == "damping" and prior.mode_hz is None:
-            raise _refused(key, "it does not say which mode", "give mode_hz, in Hz")
+            raise refused(key, "it does not say which mode", "give mode_hz, in Hz")
         near = prior.mean if prior.mode_hz is None else prior.mode_hz
         if not 0.0 < near < sampling_rate / 2.0:
-            raise _refused(
+            raise refused(
                 key,
                 f"{near} Hz does not lie between 0 and half the sampling rate",
                 "give a frequency in Hz",
             )
     elif coefficient_index(prior.quantity, orders) is None:
-        raise _refused(
+        raise refused(
             key,
             f"a model of orders {orders} has no {prior.quantity!r}",
             "name a coefficient such as a1 or b0, static_gain, frequency or damping",
         )
     elif prior.quantity in constraints.fixed_coefficients:
-        raise _refused(key, f"{prior.quantity} is fixed already", "leave out one of the two")
+        raise refused(key, f"{prior.quantity} is fixed already", "leave out one of the two")

@@ -90,7 +90,6 @@ def descend_by(
     ``advance``: ``advance(state, trials, few)`` lets the active descents of a :class:`State` try
     points, until they have made so many trials or no more than ``few`` are active.  No trials are
     the values and gradients of the starts.  Returns the trials and the evaluations that were made.
-    ``starts``, ``inverse_hessians``, ``refresh``, ``wait``: as for :func:`descend`.
     """
     state, count = state_at(starts.copy()), len(starts)
     advance(state, 0, 0)

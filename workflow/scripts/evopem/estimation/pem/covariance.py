@@ -46,7 +46,7 @@ def estimate_covariance(
     ``triangle`` (m, m): R of the QR decomposition of J.  ``residuals``, ``output`` (N,): the scored
     ones.  ``parameters``: coefficients, the first of the estimates.  ``of_noise`` (k,): places of
     the coefficients of C and D.  Where the residuals are rounding errors of the output, these are
-    not identifiable.  ``objective`` {"absolute", "quadratic"}.
+    not identifiable.
     """
     estimated = triangle.shape[1]
     inverse, null_space = pseudo_inverse_factor(triangle)

@@ -17,7 +17,7 @@ def mean_residuals(values: Array, total: float, samples: int, objective: str) ->
     """Mean, or of the quadratic objective root mean square, residual of values in percent, (M,).
 
     ``values`` (M,): ``100 sum loss(e) / total``.  ``total``: of the outputs, as :func:`total_loss`
-    gives it.  ``samples``: residuals that count.  ``objective`` {"absolute", "quadratic"}.
+    gives it.  ``samples``: residuals that count.
     """
     mean = values / 100.0 * total / samples
     return mean if objective == "absolute" else np.sqrt(mean)

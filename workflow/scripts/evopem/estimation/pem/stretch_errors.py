@@ -24,12 +24,10 @@ class StretchErrors(PolynomialPoints):
     It answers what :class:`.polynomial_objective.PolynomialErrors` answers, so that the same
     descents and the same search serve both.
 
-    ``stretches``: with one output; those too short for the orders are left out.  ``orders``,
-    ``objective``, ``plant_radius``, ``noise_radius``: as of
-    :class:`.polynomial_objective.PolynomialErrors`.  ``level``: whether a constant is estimated for
-    each recording.  ``window``: first residual of each stretch and first one that counts; by
-    default the first whose past is measured.  ValueError when no stretch is long enough for the
-    orders.
+    ``stretches``: with one output; those too short for the orders are left out.  ``level``: whether
+    a constant is estimated for each recording.  ``window``: first residual of each stretch and
+    first one that counts; by default the first whose past is measured.  ValueError when no stretch
+    is long enough for the orders.
     """
 
     loss_start = 0

@@ -116,9 +116,8 @@ def continued_search(
     ``problem``: in scaled units.  ``scales`` (n,): of its parameters; points of results have the
     units of the signals.  ``key``: what is searched. The draws come from
     ``SeedSequence(seed, spawn_key=key)``, with the number of restarts of the earlier search
-    appended.  ``log``: receives one line a restart.  ``recombine``: see
-    :func:`.memetic.memetic_search`.  ``aim``: the search ends once it is unlikely to get so low.
-    InputError when no value was finite.
+    appended.  ``aim``: the search ends once it is unlikely to get so low. InputError when no value
+    was finite.
     """
     sequence = np.random.SeedSequence(settings.seed, spawn_key=(*key, *continuing(earlier)))
     known = np.inf if earlier is None else earlier.value
@@ -139,10 +138,9 @@ def global_search(
 ) -> SearchResult:
     """Minimise the objective of an identification globally.
 
-    ``generator``: source of every random draw of the search.  ``log``: receives one line a restart.
     ``known_minimum``: A value that an earlier search reached.  Restarts that agree on a higher one
-    do not end the search.  ``recombine``: see :func:`.memetic.memetic_search`.  ``aim``: the search
-    ends once it is unlikely to get so low.  InputError when no value was finite.
+    do not end the search.  ``aim``: the search ends once it is unlikely to get so low.  InputError
+    when no value was finite.
     """
     found, exchange = _Record(log), _exchange_of(problem)
     if settings.evaluations == FIRST_PASS:

@@ -43,8 +43,8 @@ def random_pairs(count: int, generator: np.random.Generator) -> NDArray[np.compl
 def with_factor(errors: PolynomialErrors, point: Array, roots: NDArray[np.complex128]) -> Array:
     """A point times quadratic factors in A, B, C and the noise state: equal residuals.
 
-    ``errors``: of the point's orders.  ``point`` (n,), ``roots`` (M,): the upper root of each
-    factor.  Returns (M, n + 8): points of the orders two higher in na, nb and nc.
+    ``point`` (n,), ``roots`` (M,): the upper root of each factor.  Returns (M, n + 8): points of
+    the orders two higher in na, nb and nc.
     """
     o, start = errors.orders, errors.residual_start
     a = np.concatenate([[1.0], point[: o.na]])

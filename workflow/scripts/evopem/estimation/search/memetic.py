@@ -112,11 +112,10 @@ def memetic_search(
     """Minimise an objective globally.
 
     ``settings``: of these ``mu``, ``lambda_``, ``nu``, ``refine`` and ``evaluations`` are used.
-    ``generator``: source of every random draw of the search.  ``log``: receives one line a
-    generation.  ``known_minimum``: A value that an earlier search reached. Restarts that agree on a
-    higher one do not end the search.  ``agreeing_restarts``: restarts that must end at the lowest
-    value before the search stops early.  ``recombine``: ``recombine(parents, count, generator)``:
-    offspring, (count, n), of parents, (mu, n), and the evaluations that they took.
+    ``known_minimum``: A value that an earlier search reached. Restarts that agree on a higher one
+    do not end the search.  ``agreeing_restarts``: restarts that must end at the lowest value before
+    the search stops early.  ``recombine``: ``recombine(parents, count, generator)``: offspring,
+    (count, n), of parents, (mu, n), and the evaluations that they took.
     :func:`discrete_recombination` by default.  ``until_certified``: whether restarts go on after
     the check until they are what a certificate asks for; where all agree so far, with up to twice
     the evaluations.  InputError when no value was finite.

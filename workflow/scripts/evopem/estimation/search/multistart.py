@@ -30,9 +30,8 @@ NEAR, REFINED = 1e-3, 8
 def multistart(errors: PredictionErrors, starts: Array, largest_value: float) -> SearchResult:
     """Descend from every start, refine the lowest, and count how many agree.
 
-    ``starts`` (M, n): those without a finite value are left out.  ``largest_value``: see
-    :func:`.staged_descent.staged_descent`.  ``restart_minima`` has one value for each
-    start; descents count as restarts.  InputError when no start has a finite value.
+    ``starts`` (M, n): those without a finite value are left out.  ``restart_minima`` has one value
+    for each start; descents count as restarts.  InputError when no start has a finite value.
     """
     values = errors.values(starts)
     evaluations = len(starts)

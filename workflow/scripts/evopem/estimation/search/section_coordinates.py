@@ -119,10 +119,7 @@ class SectionCoordinates:
 
 
 def descend_in_sections(errors: Errors, points: Array, largest_value: float) -> Descent:
-    """Descents to the last digits along the edge; never worse than where they began.
-
-    ``errors``, ``points``, ``largest_value``: as for :func:`.staged_descent.staged_descent`.
-    """
+    """Descents to the last digits along the edge; never worse than where they began."""
     sections = SectionCoordinates(errors)
     found = staged_descent(
         sections, sections.of_points(points), POLISH_STAGES, largest_value, wait=None

@@ -60,8 +60,7 @@ def _responses(bins: int) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
 def gains(errors: Errors, point: Array, shared: str, places: NDArray[np.intp]) -> Array:
     """Part of the objective that a shared section explains at each of some places, (M,).
 
-    ``point`` (n,): an optimum.  ``shared``: the polynomials that share the section.  ``places``
-    (M,): rows of :func:`grid`.
+    ``shared``: the polynomials that share the section.  ``places`` (M,): rows of :func:`grid`.
     """
     stretches = list(errors.of_stretches(point))
     samples = max(each.samples for each, _ in stretches)

@@ -69,8 +69,7 @@ def hop(
 ) -> Hops:
     """Move from optimum to lower neighbouring optimum until none is found for some time.
 
-    ``point`` (n,): an optimum.  ``value``: its objective.  ``max_evaluations``: evaluations after
-    which no further hop starts.
+    ``max_evaluations``: evaluations after which no further hop starts.
     """
     evaluations = failed = 0
     optima: list[float] = []

@@ -78,7 +78,6 @@ def staged_descent(
 
     ``points`` (M, n): feasible.  ``largest_value``: values of the objective that weigh the barrier
     are cut off here.  ``first_damping``: damping of the Gauss-Newton matrix in the first stage.
-    ``wait``: see :func:`.batch_bfgs.descend`.
     """
     values = errors.values(points)
     evaluations = len(points)
@@ -94,10 +93,7 @@ def staged_descent(
 
 
 def coarse_descent(errors: PredictionErrors, points: Array, largest_value: float) -> Descent:
-    """Descents to 1e-4 of the value; the lowest goes a little further.
-
-    ``errors``, ``points``, ``largest_value``: as for :func:`staged_descent`.
-    """
+    """Descents to 1e-4 of the value; the lowest goes a little further."""
     found = staged_descent(errors, points, COARSE_STAGES, largest_value)
     lowest = [int(np.argmin(found.values))]
     polished = polish(errors, found.points[lowest], largest_value, LAST_COARSE_STAGES)
@@ -112,10 +108,7 @@ def polish(
     stages: tuple[Stage, ...] = POLISH_STAGES,
     wait: float | None = WAIT,
 ) -> Descent:
-    """Descents with ever less smoothing; never worse than where they began.
-
-    ``errors``, ``points``, ``largest_value``, ``stages``, ``wait``: as for :func:`staged_descent`.
-    """
+    """Descents with ever less smoothing; never worse than where they began."""
     polished = staged_descent(errors, points, stages, largest_value, wait=wait)
     before = errors.values(points)
     worse = ~(polished.values <= before)
@@ -166,7 +159,7 @@ def promised_values(
     """Objective that one Gauss-Newton step from each feasible point predicts, (M,).
 
     ``points`` (M, n).  ``value``: the size of the values, which smoothing and barrier depend on.
-    ``largest_value``: see :func:`staged_descent`.  ``damping``: of the Gauss-Newton matrix.
+    ``damping``: of the Gauss-Newton matrix.
     """
     smoothing, barriers = stage_weights(
         errors, DESCENT_STAGES[0], np.full(len(points), value), largest_value

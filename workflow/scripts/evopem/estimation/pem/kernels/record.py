@@ -134,8 +134,8 @@ def record_of(
     """A record as the kernels read it.
 
     ``output`` (N,), ``inputs`` (N, m).  ``orders``: nb, nf and nk with one number for each input.
-    ``level``: whether a constant is estimated.  ``residual_start``: first residual, at least na
-    and all ``nk + nb - 1``.  ``loss_start``: first residual that counts.
+    ``residual_start``: first residual, at least na and all ``nk + nb - 1``.  ``loss_start``: first
+    residual that counts.
     """
     na, nb, nc, nd, nf, nk = orders
     rows_c = max(nc, MIN_NC) if nc else 0
