@@ -23,20 +23,24 @@ from evopem.estimation.state_space.local_estimates import (
 )
 from evopem.estimation.state_space.point_model import PointModel, model_of, parameter_covariance
 from evopem.estimation.state_space.search import Rung, converted, descended, reductions, searched
-from evopem.estimation.state_space.section_signals import SectionSignals
 from evopem.estimation.state_space.sections import (
     Layout,
+    SectionSignals,
     inside,
     largest_radius,
     moved,
     normalised,
-    point_of,
-    poles_only,
     sections_of,
     state_matrix,
 )
 from evopem.estimation.state_space.starting_models import StartingModels
-from evopem.estimation.state_space.starting_points import extended, from_poles, random_poles
+from evopem.estimation.state_space.starting_points import (
+    extended,
+    from_poles,
+    point_of,
+    poles_only,
+    random_poles,
+)
 from evopem.estimation.vector_autoregression import autoregression_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import simulate_from_first
@@ -332,7 +336,7 @@ def test_decayed_responses_leave_no_subnormal_numbers():
 
 def test_an_output_error_model_is_an_innovations_model_without_gain():
     errors, point = problem("ss_oe", 4)
-    other = errors.of_structure("ss")
+    other = replace(errors, structure="ss")
     value = errors.criterion(errors.projection(point).covariance)
     there = converted(other, errors, point)
     # Its initial states are fitted anew, to the first samples.
@@ -511,7 +515,7 @@ def test_a_sweep_never_rises_with_the_order_by_much_and_finds_the_true_one():
 
 def test_a_pair_left_out_of_a_larger_order_gives_the_smaller_one_back():
     errors, point = problem("ss", 5)
-    larger = errors.of_order(7)
+    larger = replace(errors, order=7)
     left = errors.projection(point).errors
     grown = extended(larger, errors, point, left, random_poles(2, np.random.default_rng(3)))
     reduced = [
@@ -526,7 +530,7 @@ def test_an_order_is_reached_from_two_states_more():
     """An optimum that is not the lowest is left for the one that the larger order begins with."""
     u, y, _ = recorded(system(), 400, 0.3, 8)
     errors = StateSpaceErrors(scaled_recording(record_of([u], [y]), [1, 1], True), 4, "ss")
-    larger = errors.of_order(6)
+    larger = replace(errors, order=6)
     generator = np.random.default_rng(3)
     starts = list(StartingModels(errors, 6, thorough=True).points(errors))
     best, *_ = descended(errors, starts, 8)

@@ -147,7 +147,7 @@ def meeting(
 def _allowed(problem: EntryProblem, point: Array, settings: SearchSettings) -> Iterator[Start]:
     """Models of allowed poles, those of a point and random ones, whose inputs fit."""
     errors = problem.plain
-    plant = errors.of_structure("ss_oe")
+    plant = replace(errors, structure="ss_oe")
     key = (errors.order, int(errors.innovations), CONSTRAINED)
     generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
     own = zip(problem.blocks, problem.own, strict=True)

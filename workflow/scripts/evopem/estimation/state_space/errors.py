@@ -15,9 +15,8 @@ those signals, whose size does not depend on the number of outputs, gives the no
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +24,11 @@ from scipy.linalg import block_diag, qr
 from scipy.linalg.blas import dgemm
 
 from evopem.config.settings import OutputWeighting
-from evopem.estimation.state_space.section_signals import SectionSignals, StateDerivatives
 from evopem.estimation.state_space.sections import (
     Layout,
     Sections,
+    SectionSignals,
+    StateDerivatives,
     input_matrix,
     inside,
     largest_radius,
@@ -201,6 +201,7 @@ class Projection:
     covariance: Array  # (ny, ny): errors' errors / N
 
 
+@dataclass(frozen=True, eq=False)
 class StateSpaceErrors:
     """Criterion, normal equations and feasibility of models of one order on a recording.
 
@@ -211,23 +212,39 @@ class StateSpaceErrors:
     ``radius`` is the largest one allowed of the eigenvalues of A and of ``A - K C``.
     """
 
-    def __init__(
-        self,
-        data: ScaledRecording,
-        order: int,
-        structure: PlainStructure,
-        weighting: OutputWeighting = "determinant",
-        radius: float = 0.9999,
-    ) -> None:
-        self.data, self.order, self.structure = data, order, structure
-        self.weighting, self.radius = weighting, radius
-        self.innovations = structure == "ss"
-        driving = [data.inputs, data.outputs] if self.innovations else [data.inputs]
-        signals = np.column_stack(driving)
-        self.driving = signals.shape[1]
-        self.layout = Layout(order, self.driving + data.segments)
-        self.signals = SectionSignals(self.layout, signals, data.bounds)
-        self.direct = [data.inputs[:, data.feedthrough], data.constants, data.drift]
+    data: ScaledRecording
+    order: int
+    structure: PlainStructure
+    weighting: OutputWeighting = "determinant"
+    radius: float = 0.9999
+
+    @property
+    def innovations(self) -> bool:
+        """Whether there is a K."""
+        return self.structure == "ss"
+
+    @property
+    def driving(self) -> int:
+        """Number of signals that drive the states."""
+        return self.signals.driving
+
+    @property
+    def layout(self) -> Layout:
+        """Of a point."""
+        return self.signals.layout
+
+    @cached_property
+    def signals(self) -> SectionSignals:
+        """The signals that drive the states, and a pulse for each segment."""
+        outputs = [self.data.outputs] if self.innovations else []
+        driving = np.column_stack([self.data.inputs, *outputs])
+        layout = Layout(self.order, driving.shape[1] + self.data.segments)
+        return SectionSignals(layout, driving, self.data.bounds)
+
+    @cached_property
+    def direct(self) -> tuple[Array, ...]:
+        """Regressors beside the states."""
+        return self.data.inputs[:, self.data.feedthrough], self.data.constants, self.data.drift
 
     @property
     def dimension(self) -> int:
@@ -263,22 +280,6 @@ class StateSpaceErrors:
     def logarithmic(self) -> bool:
         """Whether N times the criterion is comparable with twice a log likelihood."""
         return self.weighting != "power"
-
-    def of_order(self, order: int) -> StateSpaceErrors:
-        """The same problem for another order."""
-        return self._changed(order=order)
-
-    def with_outputs(self, outputs: Array) -> StateSpaceErrors:
-        """The same problem for other scaled outputs, (N, ny)."""
-        return self._changed(data=replace(self.data, outputs=outputs))
-
-    def of_structure(self, structure: PlainStructure) -> StateSpaceErrors:
-        """The same problem for another form."""
-        return self._changed(structure=structure)
-
-    def _changed(self, **changes: Any) -> StateSpaceErrors:
-        names = ("data", "order", "structure", "weighting", "radius")
-        return StateSpaceErrors(**{name: getattr(self, name) for name in names} | changes)
 
     def projection(self, point: Array) -> Projection:
         """Errors with the best C, D and constants."""

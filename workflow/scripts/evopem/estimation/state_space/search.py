@@ -192,7 +192,7 @@ def rungs(
     for order in orders:
         if log is not None:
             log(f"{errors.structure}: order {order} of at most {orders[-1]}")
-        problem = errors.of_order(order)
+        problem = replace(errors, order=order)
         starts = lowest(problem, list(models.points(problem)), width)
         for below in [rung for rung in reached if rung.optima][-2:]:
             starts += extensions(
@@ -336,7 +336,7 @@ def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
     """The problem of the other form, whose optima are starts, where it is not too large."""
     if errors.data.inputs.shape[1] == 0:
         return ()
-    other = errors.of_structure("ss_oe" if errors.innovations else "ss")
+    other = replace(errors, structure="ss_oe" if errors.innovations else "ss")
     return () if other.cost > HEAVY else (other,)
 
 
@@ -352,13 +352,13 @@ def swept(
     """The best optimum of each order that the rungs of a ladder reach."""
     plain = without_outliers(problem_for(errors, settings))
     usual = min(orders[-1], USUAL_ORDER)
-    models = StartingModels(plain, orders[-1], errors.of_order(usual).cost <= HEAVY)
+    models = StartingModels(plain, orders[-1], replace(errors, order=usual).cost <= HEAVY)
     generator = generator_of(settings, errors, usual, 1 + fold)
     for rung in rungs(plain, models, generator, width, orders, steps, log):
         if not rung.optima:
             continue
         order = rung.problem.order
-        problem = problem_for(errors.of_order(order), settings)
+        problem = problem_for(replace(errors, order=order), settings)
         point, value, used = problem.lowest_of(rung.optima)
         spent = sum(optimum.evaluations for optimum in rung.optima) + used
         if log is not None:
@@ -381,7 +381,8 @@ def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
     if not optima:
         return errors
     left = problem.projection(problem.lowest_of(optima)[0]).errors
-    return errors.with_outputs(errors.data.outputs - (left - problem.limited(left)))
+    outputs = errors.data.outputs - (left - problem.limited(left))
+    return replace(errors, data=replace(errors.data, outputs=outputs))
 
 
 def problem_for(errors: StateSpaceErrors, settings: SearchSettings) -> StateSpaceProblem:

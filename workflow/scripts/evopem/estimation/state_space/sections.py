@@ -9,6 +9,11 @@ poles, changes of basis move the state matrix in all directions but the block-di
 Sections are therefore local coordinates of A, and what is left of the freedom is two directions a
 section, which Levenberg-Marquardt steps never take: the errors do not depend on them.  The output
 matrices are no coordinates: given the states, they follow by linear least squares.
+
+With a signal z sections follow ``p+ = sigma p + back r + z, r+ = coupling p + sigma r``.  The
+derivative by a coordinate moves at most two states, each by one of a few signals times a factor.
+Products of derivatives follow from those of the signals, whose number does not depend on that of
+the outputs.
 """
 
 from __future__ import annotations
@@ -18,14 +23,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.state_space.kernels import derivative_signals, section_states
+
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Least magnitude of delta for which s = sqrt(|delta|), which makes a section's two states of one
 # size; s stays as it is below.
 SMALLEST_DELTA = 1e-6
-# Half the distance that two real poles of a section get at least when a model is converted.
-SEPARATION = 2e-3
 
 
 @dataclass(frozen=True)
@@ -201,63 +205,148 @@ def input_matrix(sections: Sections, layout: Layout) -> Array:
     return B
 
 
-def grouped_poles(poles: Complex) -> tuple[Complex, Array]:
-    """Upper poles of complex pairs, and real poles in ascending order."""
-    upper = poles[poles.imag > 0.0]
-    real = np.sort(poles[poles.imag == 0.0].real)
-    return upper, real
-
-
-def separated(poles: Complex) -> Complex:
-    """Poles with the real ones moved apart where they almost coincide."""
-    upper, real = grouped_poles(poles)
-    real = real.copy()
-    for k in range(1, len(real)):
-        real[k] = max(real[k], real[k - 1] + 2.0 * SEPARATION)
-    return np.concatenate([upper, upper.conj(), real])
-
-
-def poles_only(layout: Layout, poles: Complex) -> Array:
-    """A point with some poles, (order,), complex ones in conjugate pairs, and no inputs."""
-    upper, real = grouped_poles(separated(poles))
-    point = np.zeros(layout.dimension)
-    if layout.single:
-        # The real pole farthest from the origin stays alone; neighbours share a section.
-        alone = int(np.argmax(np.abs(real)))
-        layout.single_row(point)[0] = real[alone]
-        real = np.delete(real, alone)
+def with_drives(layout: Layout, point: Array, drives: slice, B: Array) -> Array:
+    """The point with other columns, (n, drives), by which some drives enter the states."""
+    point, pairs = point.copy(), 2 * layout.pairs
     rows = layout.pair_rows(point)
-    rows[: len(upper), 0], rows[: len(upper), 1] = upper.real, -(upper.imag**2)
-    low, high = real[0::2], real[1::2]
-    rows[len(upper) :, 0] = 0.5 * (low + high)
-    rows[len(upper) :, 1] = 0.25 * (high - low) ** 2
-    return point
-
-
-def point_of(layout: Layout, A: Array, B: Array) -> Array:
-    """The point of a state matrix, (n, n), and the columns of its drives, (n, drives).
-
-    Poles that coincide are moved apart a little, so that the conversion exists.
-    """
-    poles, vectors = np.linalg.eig(A)
-    driven = np.linalg.lstsq(vectors, B.astype(complex), rcond=1e-12)[0]
-    upper = np.flatnonzero(poles.imag > 0.0)
-    real = np.flatnonzero(poles.imag == 0.0)
-    real = real[np.argsort(poles[real].real, kind="stable")]
-    apart = separated(poles)
-    point = poles_only(layout, apart)
-    rows, drives = layout.pair_rows(point), layout.drives
-    for row, k in zip(rows, upper, strict=False):
-        # x = 2 Re(v q): the states (Re q, -Im q) turn by [[Re, Im], [-Im, Re]].
-        row[2 : 2 + drives] = driven[k].real
-        row[2 + drives :] = -driven[k].imag * (poles[k].imag / scale_of(row[1]))
-    values = apart[2 * len(upper) :].real
+    rows[:, 2 : 2 + layout.drives][:, drives] = B[0:pairs:2]
+    rows[:, 2 + layout.drives :][:, drives] = B[1:pairs:2]
     if layout.single:
-        alone = int(np.argmax(np.abs(values)))
-        layout.single_row(point)[1:] = driven[real[alone]].real
-        real = np.delete(real, alone)
-    for row, low, high in zip(rows[len(upper) :], real[0::2], real[1::2], strict=True):
-        # q_low = p - r, q_high = p + r up to a factor of 2.
-        row[2 : 2 + drives] = (driven[high] + driven[low]).real
-        row[2 + drives :] = (driven[high] - driven[low]).real
+        layout.single_row(point)[1:][drives] = B[-1]
     return point
+
+
+class SectionSignals:
+    """What the drives of a recording give when they pass through sections.
+
+    The drives of a layout are the signals ``driving``, (N, signals), then a pulse at the beginning
+    of each segment; ``bounds``, (segments + 1,), are the first samples of the segments, and N.
+    """
+
+    def __init__(self, layout: Layout, driving: Array, bounds: NDArray[np.int64]) -> None:
+        self.layout, self.bounds = layout, bounds
+        self.driving = driving.shape[1]
+        # The last column, of zeros, drives the responses to initial states.
+        self._signals = np.column_stack([driving, np.zeros(len(driving))])
+
+    def states(self, sections: Sections) -> Array:
+        """States driven by all signals, (N, n): one response for each instead of each drive."""
+        inputs = np.vstack([sections.b1, sections.b2])
+        states: Array = section_states(
+            sections.sigma,
+            sections.coupling,
+            sections.back,
+            sections.ratio,
+            np.ascontiguousarray(inputs[:, self.driving :].T),
+            self._signals[:, : self.driving] @ inputs[:, : self.driving].T,
+            self.bounds,
+            self.layout.order,
+        )
+        return states
+
+    def responses(self, sections: Sections) -> Array:
+        """Responses of each section to each drive, (N, 2 sections drives)."""
+        none = np.empty(0, dtype=np.intp), np.empty(0), np.empty((len(self._signals), 0))
+        responses: Array = derivative_signals(*self._driven(sections), *none, self.bounds)
+        return responses
+
+    def derivatives(self, sections: Sections, states: Array) -> Array:
+        """Signals that derivatives of :meth:`states`, (N, n), by the coordinates consist of."""
+        layout = self.layout
+        section = np.minimum(np.arange(layout.order) // 2, layout.sections - 1)
+        ratio = np.repeat(sections.ratio, layout.drives)
+        signals: Array = derivative_signals(
+            *(*self._driven(sections), section * layout.drives, ratio, states, self.bounds)
+        )
+        return signals
+
+    def _driven(self, sections: Sections) -> tuple[NDArray, ...]:
+        """Of each section and drive: its sigma, coupling and back, its signal, and its pulses."""
+        layout, segments = self.layout, len(self.bounds) - 1
+        drives = layout.drives
+        driven_by = np.minimum(np.arange(drives), self.driving)
+        pulses = np.zeros((segments, layout.sections, drives))
+        for k in range(segments):
+            pulses[k, :, self.driving + k] = 1.0
+        return (
+            np.repeat(sections.sigma, drives),
+            np.repeat(sections.coupling, drives),
+            np.repeat(sections.back, drives),
+            np.tile(driven_by, layout.sections),
+            pulses.reshape(segments, -1),
+            self._signals,
+        )
+
+
+class StateDerivatives:
+    """Sums and products of derivatives over the n coordinates of a layout.
+
+    Each derivative is a sum of two terms: a signal that moves a state, times a factor.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self.dimension = layout.dimension
+        pairs, drives = layout.pairs, layout.drives
+        count = layout.sections * drives
+        extra = 2 * count
+        # Of each term and coordinate.
+        signals = np.zeros((2, self.dimension), dtype=np.intp)
+        states = np.zeros((2, self.dimension), dtype=np.intp)
+        # The section whose ratio is the factor of the second term, or -1 for 1.
+        self._ratio_of = np.full(self.dimension, -1, dtype=np.intp)
+        for m in range(pairs):
+            at = m * layout.pair_length
+            p = np.arange(m * drives, (m + 1) * drives)
+            b1, b2 = slice(at + 2, at + 2 + drives), slice(at + 2 + drives, at + 2 + 2 * drives)
+            signals[:, at] = extra + m, extra + pairs + m
+            signals[:, at + 1] = extra + 2 * pairs + m, extra + 3 * pairs + m
+            signals[:, b1] = p, count + p
+            signals[:, b2] = count + p, p
+            self._ratio_of[b1] = m
+            states[:, at : at + layout.pair_length] = [[2 * m], [2 * m + 1]]
+        self._single = slice(pairs * layout.pair_length, self.dimension)
+        if layout.single:
+            at = self._single.start
+            signals[0, at] = extra + 4 * pairs
+            signals[0, at + 1 :] = np.arange(pairs * drives, (pairs + 1) * drives)
+            states[:, at:] = layout.order - 1
+        self._signals, self._states = signals.ravel(), states.ravel()
+
+    def _terms(self, sections: Sections) -> tuple[NDArray, NDArray, Array]:
+        """Signals, states and factors of the first terms, then of the second ones, (2 n,)."""
+        factors = np.ones((2, self.dimension))
+        factors[1] = np.where(self._ratio_of < 0, 1.0, sections.ratio[self._ratio_of])
+        # The single pole moves one state.
+        factors[1, self._single] = 0.0
+        return self._signals, self._states, factors.ravel()
+
+    def summed(self, sections: Sections, products: Array) -> Array:
+        """Vector over coordinates, (n,), of products of signals and states, (signals, order)."""
+        signals, states, factors = self._terms(sections)
+        terms = factors * products[signals, states]
+        return np.asarray(terms[: self.dimension] + terms[self.dimension :])
+
+    def of_output(self, sections: Sections, signals: Array, c: Array) -> Array:
+        """Derivatives by the coordinates, (N, n), of an output with the row ``c`` of C."""
+        columns, states, factors = self._terms(sections)
+        terms = signals[:, columns] * (factors * c[states])
+        return np.asarray(terms[:, : self.dimension] + terms[:, self.dimension :])
+
+    def contracted(self, sections: Sections, gram: Array, by_state: Array) -> Array:
+        """Matrix over coordinates, (n, n), of the Gram matrix of signals and one of states."""
+        signals, states, factors = self._terms(sections)
+        terms = np.outer(factors, factors) * gram[np.ix_(signals, signals)]
+        terms *= by_state[np.ix_(states, states)]
+        n = self.dimension
+        return np.asarray(terms[:n, :n] + terms[:n, n:] + terms[n:, :n] + terms[n:, n:])
+
+    def by_linear(self, sections: Sections, cross: Array, by_state: Array) -> Array:
+        """Matrix over coordinates and linear coefficients output by output, (n, ny q).
+
+        Of the products of signals and regressors, (signals, q), and a matrix over states and
+        outputs, (order, ny).
+        """
+        signals, states, factors = self._terms(sections)
+        products = by_state[states][:, :, None] * cross[signals][:, None, :]
+        terms = factors[:, None] * products.reshape(len(factors), -1)
+        return np.asarray(terms[: self.dimension] + terms[self.dimension :])

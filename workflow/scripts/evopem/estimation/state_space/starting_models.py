@@ -40,13 +40,7 @@ _Estimates = tuple[list[list["PredictorModel"]], list[list[Complex]]]
 class StartingModels:
     """Estimates by linear algebra of one recording, for all orders and both forms.
 
-    Parameters
-    ----------
-    errors : StateSpaceErrors
-        Of any order and form.
-    largest_order : int
-    thorough : bool
-        Several lags and horizons instead of one.
+    Thorough ones take several lags and horizons instead of one.
     """
 
     def __init__(self, errors: StateSpaceErrors, largest_order: int, thorough: bool) -> None:
@@ -164,13 +158,7 @@ def canonical_variates(
 ) -> list[PredictorModel]:
     """Predictors of all orders 1 ... largest_order from states that predict the future best.
 
-    Parameters
-    ----------
-    data : ScaledRecording
-    arx : LongArx
-    future : int
-        Samples ahead whose predictions the states are chosen for.
-    largest_order : int
+    ``future`` are the samples ahead whose predictions the states are chosen for.
     """
     u, y = data.inputs, data.outputs
     joint = np.column_stack([u, y])

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.sections import (
+    Layout,
     inside,
     normalised,
-    point_of,
-    poles_only,
+    scale_of,
     sections_of,
+    state_matrix,
+    with_drives,
 )
 
 Array = NDArray[np.float64]
@@ -21,6 +26,8 @@ Complex = NDArray[np.complex128]
 NEAREST, FARTHEST, REAL_PAIRS = 0.003, 0.6, 0.2
 # Ridge of the full residues of given poles, relative to the mean square of the regressors.
 RESIDUE_RIDGE = 1e-8
+# Half the distance that two real poles of a section get at least when a model is converted.
+SEPARATION = 2e-3
 
 
 def random_poles(order: int, generator: np.random.Generator) -> Complex:
@@ -43,22 +50,78 @@ def random_poles(order: int, generator: np.random.Generator) -> Complex:
     return np.array(poles)
 
 
+def grouped_poles(poles: Complex) -> tuple[Complex, Array]:
+    """Upper poles of complex pairs, and real poles in ascending order."""
+    upper = poles[poles.imag > 0.0]
+    real = np.sort(poles[poles.imag == 0.0].real)
+    return upper, real
+
+
+def separated(poles: Complex) -> Complex:
+    """Poles with the real ones moved apart where they almost coincide."""
+    upper, real = grouped_poles(poles)
+    real = real.copy()
+    for k in range(1, len(real)):
+        real[k] = max(real[k], real[k - 1] + 2.0 * SEPARATION)
+    return np.concatenate([upper, upper.conj(), real])
+
+
+def poles_only(layout: Layout, poles: Complex) -> Array:
+    """A point with some poles, (order,), complex ones in conjugate pairs, and no inputs."""
+    upper, real = grouped_poles(separated(poles))
+    point = np.zeros(layout.dimension)
+    if layout.single:
+        # The real pole farthest from the origin stays alone; neighbours share a section.
+        alone = int(np.argmax(np.abs(real)))
+        layout.single_row(point)[0] = real[alone]
+        real = np.delete(real, alone)
+    rows = layout.pair_rows(point)
+    rows[: len(upper), 0], rows[: len(upper), 1] = upper.real, -(upper.imag**2)
+    low, high = real[0::2], real[1::2]
+    rows[len(upper) :, 0] = 0.5 * (low + high)
+    rows[len(upper) :, 1] = 0.25 * (high - low) ** 2
+    return point
+
+
+def point_of(layout: Layout, A: Array, B: Array) -> Array:
+    """The point of a state matrix, (n, n), and the columns of its drives, (n, drives).
+
+    Poles that coincide are moved apart a little, so that the conversion exists.
+    """
+    poles, vectors = np.linalg.eig(A)
+    driven = np.linalg.lstsq(vectors, B.astype(complex), rcond=1e-12)[0]
+    upper = np.flatnonzero(poles.imag > 0.0)
+    real = np.flatnonzero(poles.imag == 0.0)
+    real = real[np.argsort(poles[real].real, kind="stable")]
+    apart = separated(poles)
+    point = poles_only(layout, apart)
+    rows, drives = layout.pair_rows(point), layout.drives
+    for row, k in zip(rows, upper, strict=False):
+        # x = 2 Re(v q): the states (Re q, -Im q) turn by [[Re, Im], [-Im, Re]].
+        row[2 : 2 + drives] = driven[k].real
+        row[2 + drives :] = -driven[k].imag * (poles[k].imag / scale_of(row[1]))
+    values = apart[2 * len(upper) :].real
+    if layout.single:
+        alone = int(np.argmax(np.abs(values)))
+        layout.single_row(point)[1:] = driven[real[alone]].real
+        real = np.delete(real, alone)
+    for row, low, high in zip(rows[len(upper) :], real[0::2], real[1::2], strict=True):
+        # q_low = p - r, q_high = p + r up to a factor of 2.
+        row[2 : 2 + drives] = (driven[high] + driven[low]).real
+        row[2 + drives :] = (driven[high] - driven[low]).real
+    return point
+
+
 def from_poles(errors: StateSpaceErrors, poles: Complex) -> Array:
     """Point with given poles of the predictor whose inputs come from full residues.
 
     Least squares gives a full matrix of residues at each pole.  Its best approximation by one
-    column times one row gives the row by which the signals drive that pole.
-
-    Parameters
-    ----------
-    errors : StateSpaceErrors
-    poles : (order,) array
-        Complex ones in conjugate pairs; moved inside the radius where they are not.
+    column times one row gives the row by which the signals drive that pole.  ``poles``, (order,),
+    are conjugate pairs or real; those beyond the radius are moved inside.
     """
     layout = errors.layout
     point = inside(layout, poles_only(layout, poles), errors.radius * (1.0 - 1e-6))
-    alpha, beta = _residues(errors, point, errors.data.outputs)
-    return with_inputs(errors, point, alpha, beta, range(layout.sections))
+    return _with_inputs(errors, point, errors.data.outputs)
 
 
 def _residues(errors: StateSpaceErrors, point: Array, outputs: Array) -> tuple[Array, Array]:
@@ -79,20 +142,21 @@ def _residues(errors: StateSpaceErrors, point: Array, outputs: Array) -> tuple[A
     return solution[:count].reshape(shape), solution[count : 2 * count].reshape(shape)
 
 
-def with_inputs(
-    errors: StateSpaceErrors, point: Array, alpha: Array, beta: Array, which: range
-) -> Array:
-    """The point with inputs of some sections from the leading vectors of their residues.
+def _with_inputs(errors: StateSpaceErrors, point: Array, outputs: Array) -> Array:
+    """The point with the inputs of its sections from the leading vectors of their residues.
 
-    ``alpha`` and ``beta`` (sections, drives, ny) belong to the responses p and r.  With
-    ``ratio = -1`` the residues of a pair of complex poles are ``alpha + i beta``, with
-    ``ratio = 1`` those of the two real ones ``alpha + beta`` and ``alpha - beta``.
+    With alpha and beta of the responses p and r the residues of a pair of complex poles, with
+    ``ratio = -1``, are ``alpha + i beta``, with ``ratio = 1`` those of the two real ones
+    ``alpha + beta`` and ``alpha - beta``.
     """
     layout = errors.layout
+    alpha, beta = _residues(errors, point, outputs)
     point = point.copy()
     rows, drives = layout.pair_rows(point), layout.drives
-    weight = _drive_sizes(errors)
-    for m in which:
+    # A pulse has the energy of one sample, a scaled signal that of all.
+    weight = np.full(drives, np.sqrt(errors.data.samples))
+    weight[errors.driving :] = 1.0
+    for m in range(layout.sections):
         if m >= layout.pairs:
             layout.single_row(point)[1:] = _leading(alpha[m], weight).real
             continue
@@ -105,16 +169,6 @@ def with_inputs(
             low = _leading(alpha[m] - beta[m], weight).real
             row[2 : 2 + drives], row[2 + drives :] = 0.5 * (high + low), 0.5 * (high - low)
     return normalised(layout, point)
-
-
-def _drive_sizes(errors: StateSpaceErrors) -> Array:
-    """How much a drive counts in the approximation of residues, (drives,).
-
-    A pulse has the energy of one sample, a scaled signal that of all.
-    """
-    sizes = np.full(errors.layout.drives, np.sqrt(errors.data.samples))
-    sizes[errors.driving :] = 1.0
-    return sizes
 
 
 def _leading(residues: NDArray, weight: Array) -> NDArray:
@@ -134,46 +188,23 @@ def from_matrices(errors: StateSpaceErrors, A: Array, B: Array) -> Array:
 
 def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
     """The point with the initial states of least squares, C, D and constants as they are."""
-    layout = errors.layout
-    point = point.copy()
+    layout, bounds, n = errors.layout, errors.data.bounds, errors.order
     pulses = slice(errors.driving, layout.drives)
-    rows = layout.pair_rows(point)
-    drives = layout.drives
-    first, second = rows[:, 2 : 2 + drives], rows[:, 2 + drives :]
-    single = layout.single_row(point)
-    first[:, pulses] = 0.0
-    second[:, pulses] = 0.0
-    if layout.single:
-        single[1:][pulses] = 0.0
-    projection = errors.projection(point)
-    c = projection.linear[: errors.order]
-    count = layout.sections * drives
-    ratio = projection.sections.ratio
-    responses = errors.signals.responses(projection.sections)
-    for k in range(errors.data.segments):
-        rows_of = slice(errors.data.bounds[k], errors.data.bounds[k + 1])
-        # Free responses of the states: a pulse into the first and into the second of a pair.
-        p = responses[rows_of, :count].reshape(-1, layout.sections, drives)
-        r = responses[rows_of, count:].reshape(-1, layout.sections, drives)
-        p, r = p[:, :, errors.driving + k], r[:, :, errors.driving + k]
-        length = min(len(p), max(200, 4 * errors.order))
-        columns = []
-        for m in range(layout.pairs):
-            into_first = np.outer(p[:length, m], c[2 * m]) + ratio[m] * np.outer(
-                r[:length, m], c[2 * m + 1]
-            )
-            into_second = np.outer(r[:length, m], c[2 * m]) + np.outer(p[:length, m], c[2 * m + 1])
-            columns += [into_first.ravel(), into_second.ravel()]
-        if layout.single:
-            columns.append(np.outer(p[:length, -1], c[-1]).ravel())
-        target = projection.errors[rows_of][:length].ravel()
-        state = np.linalg.lstsq(np.column_stack(columns), target, rcond=1e-6)[0]
-        pairs = layout.pairs
-        first[:, errors.driving + k] = state[0 : 2 * pairs : 2]
-        second[:, errors.driving + k] = state[1 : 2 * pairs : 2]
-        if layout.single:
-            single[1 + errors.driving + k] = state[-1]
-    return normalised(layout, point)
+    at_rest = with_drives(layout, point, pulses, np.zeros((n, errors.data.segments)))
+    projection = errors.projection(at_rest)
+    dynamics = state_matrix(projection.sections, layout)
+    longest = min(int(np.diff(bounds).max()), max(200, 4 * n))
+    free = np.empty((longest, errors.data.outputs.shape[1], n))
+    response = projection.linear[:n].T
+    for t in range(longest):
+        free[t] = response
+        response = response @ dynamics
+    states = []
+    for first, stop in pairwise(bounds):
+        target = projection.errors[first:stop][:longest]
+        columns = free[: len(target)].reshape(target.size, n)
+        states.append(np.linalg.lstsq(columns, target.ravel(), rcond=1e-6)[0])
+    return normalised(layout, with_drives(layout, at_rest, pulses, np.array(states).T))
 
 
 def extended(
@@ -183,23 +214,13 @@ def extended(
     remainder: Array,
     poles: Complex,
 ) -> Array:
-    """The point of a smaller order with more poles, whose inputs fit what was left.
+    """The point of a smaller order with more poles, whose inputs fit its errors, (N, ny).
 
-    Parameters
-    ----------
-    larger, smaller : StateSpaceErrors
-        Problems of the two orders.
-    point : (n,) array
-        Of the smaller order.
-    remainder : (N, ny) array
-        Its errors.
-    poles : array
-        As many as the orders differ: two, or one where the smaller order is even.
+    As many as the orders differ: two, or one where the smaller order is even.
     """
-    added = larger.of_order(len(poles))
+    added = replace(larger, order=len(poles))
     bare = poles_only(added.layout, poles)
-    alpha, beta = _residues(added, bare, remainder)
-    extra = with_inputs(added, bare, alpha, beta, range(added.layout.sections))
+    extra = _with_inputs(added, bare, remainder)
     into, from_, more = larger.layout, smaller.layout, added.layout
     result = np.zeros(into.dimension)
     result_rows = into.pair_rows(result)
