@@ -31,21 +31,11 @@ class Estimated(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class OrderModel:
-    """The model of one order.
+    """The model of one order."""
 
-    Attributes
-    ----------
-    order : int
-        The order that was searched; a model with a noise model beside the plant has more states.
-    bic : float
-    model : StateSpaceModel
-        Without its covariance, which is large and behind the standard errors of the modes.
-    modes : tuple of Mode
-    """
-
-    order: int
+    order: int  # that was searched: with a noise model beside the plant there are more states
     bic: float
-    model: StateSpaceModel
+    model: StateSpaceModel  # without its covariance: large, and behind the errors of the modes
     modes: tuple[Mode, ...]
 
     @classmethod
@@ -91,13 +81,8 @@ Status = Literal["new", "frequency", "stable"]
 class StabilizationPole:
     """An oscillating pole at one order of a stabilization diagram.
 
-    Attributes
-    ----------
-    order : int
-    frequency_hz, damping_ratio : float
-    status : {"new", "frequency", "stable"}
-        Compared with the poles of the next lower order: none at this frequency, one at this
-        frequency, or one at this frequency and damping ratio.
+    Its status compares it with the poles of the next lower order: none at this frequency, one at
+    this frequency, or one at this frequency and damping ratio.
     """
 
     order: int
@@ -107,17 +92,10 @@ class StabilizationPole:
 
 
 def stabilization(models: Iterable[tuple[int, PolynomialModel, float]]) -> list[StabilizationPole]:
-    """Compare the poles of models of increasing order, each with those of the next lower order.
+    """Compare the poles of models, each with those of the next lower order, na.
 
-    Parameters
-    ----------
-    models : iterable of (order, model, BIC)
-        Of several models of one order, the one with the smallest BIC is used. The order is na.
-
-    Returns
-    -------
-    list of StabilizationPole
-        By order, then by frequency.
+    ``models`` are (order, model, BIC), of one order that with the smallest BIC counts.
+    The poles come by order, then by frequency.
     """
     best: dict[int, tuple[float, PolynomialModel]] = {}
     for order, model, bic in models:

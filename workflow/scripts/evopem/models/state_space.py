@@ -135,14 +135,10 @@ class StateSpaceModel:
         return np.asarray(np.linalg.eigvals(self.predictor), dtype=complex)
 
     def simulate(self, inputs: ArrayLike, initial: ArrayLike | None = None) -> Array:
-        """Noise-free response, (N, ny), that never sees a measured output.
+        """Noise-free response to (N, nu) inputs, (N, ny), that never sees a measured output.
 
-        Parameters
-        ----------
-        inputs : (N, nu) array_like
-            ``numpy.empty((N, 0))`` for a model without input.
-        initial : (n,) array_like, optional
-            State at the first sample, at rest by default; see :meth:`simulation_state`.
+        ``inputs`` are ``numpy.empty((N, 0))`` for a model without input; ``initial``, (n,), is the
+        state at the first sample, at rest by default; see :meth:`simulation_state`.
         """
         u = self._delayed(inputs)
         states = _states(self.A, u @ self.B.T, initial)
@@ -152,14 +148,10 @@ class StateSpaceModel:
     def residuals(
         self, inputs: ArrayLike, outputs: ArrayLike, initial: ArrayLike | None = None
     ) -> Array:
-        """One-step prediction errors e, (N, ny).
+        """One-step prediction errors e of (N, nu) inputs and (N, ny) outputs, (N, ny).
 
-        Parameters
-        ----------
-        inputs : (N, nu) array_like
-        outputs : (N, ny) array_like
-        initial : (n,) array_like, optional
-            State at the first sample, at rest by default; see :meth:`prediction_state`.
+        ``initial``, (n,), is the state at the first sample, at rest by default; see
+        :meth:`prediction_state`.
         """
         u, y = self._signals(inputs, outputs)
         drive = u @ (self.B - self.K @ self.D).T + (y - self.level) @ self.K.T
@@ -177,16 +169,8 @@ class StateSpaceModel:
         """Prediction from inputs, and from outputs ``horizon`` samples ago, (N, ny).
 
         ``y_t`` less the innovations of the last ``horizon`` samples through the noise filter
-        (Ljung 1999, eq. 3.29).  The first predictions rest on the initial state alone.
-
-        Parameters
-        ----------
-        inputs : (N, nu) array_like
-        outputs : (N, ny) array_like
-        horizon : int
-            Samples, at least 1.
-        initial : (n,) array_like, optional
-            State at the first sample, at rest by default; see :meth:`prediction_state`.
+        (Ljung 1999, eq. 3.29).  The first predictions rest on the initial state alone.  Arguments
+        as of :meth:`residuals`; the horizon is 1 sample at least.
         """
         if horizon < 1:
             raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
@@ -238,18 +222,9 @@ class StateSpaceModel:
 
         Of normal states with the second moments of a simulation from rest, in noise of the size
         that the least-squares state leaves over the first outputs: the rule of
-        :func:`evopem.models.polynomial_states.simulate_from_first`.
-
-        Parameters
-        ----------
-        inputs : (N, nu) array_like
-        outputs : (N, ny) array_like
-        known : int
-            Samples whose outputs count, at least 1.
-        free_level : bool
-            Whether a constant is fitted to the first outputs as well.
-        robust : bool
-            Whether the state has the least absolute instead of the least squared errors.
+        :func:`evopem.models.polynomial_states.simulate_from_first`.  Of (N, nu) inputs and (N, ny)
+        outputs the first ``known`` samples count, at least 1.  With ``free_level`` a constant is
+        fitted to them as well; ``robust`` takes the least absolute instead of squared errors.
         """
         u, y = self._signals(inputs, outputs)
         n, ny = self.order, self.outputs
@@ -273,13 +248,7 @@ class StateSpaceModel:
         return np.asarray(rest + free @ fitted_state(rows, (target / noise).ravel(), robust, prior))
 
     def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        """``G = C (zI - A)^-1 B + D`` with its delays, (..., ny, nu).
-
-        Parameters
-        ----------
-        frequencies : (...) array_like
-            Hz.
-        """
+        """``G = C (zI - A)^-1 B + D`` with its delays at frequencies in Hz, (..., ny, nu)."""
         z = self._unit_circle(frequencies)
         delays = np.asarray(self.input_delays or (0,) * self.inputs, dtype=float)
         shift = z[..., None, None] ** -delays

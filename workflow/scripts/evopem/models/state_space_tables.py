@@ -57,13 +57,7 @@ def gain_intervals(model: StateSpaceModel, frequencies: Array) -> tuple[Array, A
     """Lower and upper ends of 95 % intervals of the gains, (frequencies, ny, nu).
 
     To first order in the entries of the model for ``ln |G|``, so that no end is negative; NaN
-    without a covariance and where the gain is zero.
-
-    Parameters
-    ----------
-    model : StateSpaceModel
-    frequencies : (m,) array
-        Hz.
+    without a covariance and where the gain is zero.  Frequencies in Hz.
     """
     response = model.frequency_response(frequencies)
     errors = np.full(response.shape, np.nan)
