@@ -27,7 +27,7 @@ from evopem.config.keys import (  # noqa: E402
     SYNTHESIS,
     mapping,
 )
-from evopem.config.schema import adapter  # noqa: E402
+from evopem.config.schema import adapter, described  # noqa: E402
 from evopem.config.settings import (  # noqa: E402
     SearchSettings,
     SpectrumSettings,
@@ -86,7 +86,8 @@ def table(keys: dict, kinds: tuple[type, ...]) -> str:
     def add(name: str, about: dict, level: str) -> None:
         reference = about.get("$ref", "").rpartition("/")[2]
         below = schema["$defs"][reference]["properties"] if name in GROUPS and not level else {}
-        text, built_in = about.get("description", ""), _built_in(about, name, kinds)
+        text = ". ".join(filter(None, described(about)))
+        built_in = _built_in(about, name, kinds)
         rows.append(f"| {level}`{name}` | {text} | {built_in} |")
         for key, inner in below.items():
             add(key, inner, "&nbsp; ")

@@ -308,7 +308,7 @@ def test_complete_keys_come_back(tmp_path):
             "datasets.a.orders.nb",
             "give one of nx",
         ),
-        ("output_unit: [m, s]", "datasets.a.output_unit", "write structure: state_space"),
+        ("output_unit: [m, s]", "datasets.a.output_unit", "2 units and 1 outputs"),
         (
             "output: [2, 3]\n    split: {estimation: 1.0}",
             "datasets.a.split.estimation",

@@ -146,7 +146,7 @@ def test_another_project_s_file_of_the_same_name_replaces_no_results(folder, mon
     [
         (["no.csv", *RUN[1:]], "no.csv: there is no such file"),
         (["data.csv", "--input", "q", *RUN[3:]], 'data.csv: there is no column "q"'),
-        ([*RUN[:5], "--rate", "-3"], "--rate: -3 is not above 0"),
+        ([*RUN[:5], "--rate", "-3"], "--rate: -3 is below 1e-09"),
         ([*RUN[:5], "--rate", "50", "--config", "no.yaml"], "no.yaml: there is no such file"),
         (["data.csv", "--input", "u", "--output", "u"], "--output: u is both input and output"),
         ([*RUN, "--results", "x" * 300], "--results: cannot be the name of a folder"),

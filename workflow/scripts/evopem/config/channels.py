@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
+
+
+def key(description: str, built_in: str = "", **bounds: Any) -> Any:
+    """What a field says of its key: a clause that ends an error, text for the documentation behind
+    its first full stop, what is taken where it is not written, and bounds."""
+    extra: Any = {"built_in": built_in} if built_in else None
+    return Field(description=description, json_schema_extra=extra, **bounds)
+
 
 Reference = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
 """A channel: its number from 1, or its name, in which a ``*`` stands for any text."""
 
-Rate = Annotated[
-    float,
-    Field(ge=1e-9, le=1e12, description="the sampling rate in Hz, a number above 0"),
-]
-Seed = Annotated[
-    int, Field(ge=0, description="the seed of all random draws, a whole number of at least 0")
-]
+Rate = Annotated[float, key("the sampling rate in Hz", ge=1e-9, le=1e12)]
+Seed = Annotated[int, key("the seed of all random draws", ge=0)]
 Synthesis = Literal["flexible_arm", "armax"]
 UnevenTime = Literal["refuse", "interpolate"]
 TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "d"]
@@ -51,51 +54,38 @@ class ChannelSettings:
     outputs: tuple[Reference, ...] = (2,)
     sampling_rate: Annotated[
         Rate | None,
-        Field(
-            description="the sampling rate in Hz, a number above 0. It may be left out where the"
-            " file states it or has time stamps"
+        key(
+            "the sampling rate in Hz. It may be left out where the file states it or has time"
+            " stamps"
         ),
     ] = None
     time: Annotated[
         Reference | None,
-        Field(
-            description="the number or name of the column that holds the time. Instead of"
-            " `sampling_rate`; it is checked to be uniform",
-            json_schema_extra={
-                "built_in": "where no rate is stated, the channel whose name holds a word for time"
-                " (`t`, `Time [s]`, `timestamp`, ...), with uniform stamps in a known unit"
-            },
+        key(
+            "the number or name of the column that holds the time. Instead of `sampling_rate`;"
+            " it is checked to be uniform",
+            "where no rate is stated, the channel whose name holds a word for time (`t`, `Time"
+            " [s]`, `timestamp`, ...), with uniform stamps in a known unit",
         ),
     ] = None
     time_unit: Annotated[
-        TimeUnit | None,
-        Field(
-            description="the unit of the time column, s, ms, us, ns, min, h or d",
-            json_schema_extra={"built_in": "that in the file"},
-        ),
+        TimeUnit | None, key("the unit of the time column", "that in the file")
     ] = None
     input_units: UnitSettings = UnitSettings()
     output_units: UnitSettings = UnitSettings()
     header_lines: Annotated[
         Annotated[int, Field(ge=0)] | None,
-        Field(
-            description="the number of lines above the first row of numbers, a whole number of"
-            " at least 0. Of text tables",
-            json_schema_extra={"built_in": "found"},
-        ),
+        key("the number of lines above the first row of numbers. Of text tables", "found"),
     ] = None
     decimal_mark: Annotated[
         Literal[".", ","] | None,
-        Field(
-            description='the decimal mark of the numbers, "." or ",". Of text tables',
-            json_schema_extra={"built_in": "found"},
-        ),
+        key("the decimal mark of the numbers. Of text tables", "found"),
     ] = None
     uneven_time: Annotated[
         UnevenTime,
-        Field(
-            description="what is done where the time stamps are not uniform, refuse or interpolate."
-            " `interpolate`: signals whose stamps are late or missing at times are [brought to even"
+        key(
+            "what is done where the time stamps are not uniform. `interpolate`: signals whose"
+            " stamps are late or missing at times are [brought to even"
             " times](formats.md#time-stamps)"
         ),
     ] = "refuse"
@@ -137,25 +127,17 @@ class SyntheticSource:
 
     synthesis: Annotated[
         Synthesis,
-        Field(
-            description="the simulated system, flexible_arm or armax. `flexible_arm` is a"
-            " physical arm on a servomotor, `armax` a known ARMAX process"
+        key(
+            "the simulated system. `flexible_arm` is a physical arm on a servomotor, `armax` a"
+            " known ARMAX process"
         ),
     ]
     seed: Seed = 1
-    samples: Annotated[
-        int,
-        Field(
-            ge=200, le=10**9, description="the number of samples, a whole number of at least 200"
-        ),
-    ] = 5000
+    samples: Annotated[int, key("the number of samples", ge=200, le=10**9)] = 5000
     sampling_rate: Rate = 100.0
     noise: Annotated[
         Annotated[float, Field(ge=0, le=1e6)] | None,
-        Field(
-            description="the ratio of noise to output, a number of at least 0. Of `armax` alone",
-            json_schema_extra={"built_in": "0.1"},
-        ),
+        key("the ratio of noise to output. Of `armax` alone", "0.1"),
     ] = None
 
     @property

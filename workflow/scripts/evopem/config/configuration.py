@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from evopem.config.channels import key
 from evopem.config.resources import recording_seconds
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
@@ -22,47 +23,42 @@ class RunSettings:
 
     candidates_per_job: Annotated[
         Number,
-        Field(
-            description="the candidates that one job estimates, a whole number of at least 1, or"
-            " auto. `auto`: all of a phase, in parallel on the cores of the job"
+        key(
+            "the candidates that one job estimates. `auto`: all of a phase, in parallel on the"
+            " cores of the job"
         ),
     ] = "auto"
     one_job_per: Annotated[
         Literal["auto", "stage", "recording"],
-        Field(
-            description="one job for each stage of a data set or for all stages of a recording,"
-            " stage, recording or auto. With `stage` a change reruns only what depends on it;"
-            " `recording` saves most of the start-up time of [many recordings](fleets.md)."
-            " `auto`: `recording` for ten data sets and more"
+        key(
+            "one job for each stage of a data set or for all stages of a recording. With `stage`"
+            " a change reruns only what depends on it; `recording` saves most of the start-up"
+            " time of [many recordings](fleets.md). `auto`: `recording` for ten data sets and"
+            " more"
         ),
     ] = "auto"
     report: Annotated[
-        Literal["html", "none"],
-        Field(
-            description="the report of each data set, html or none. With `none` no figures are made"
-        ),
+        Literal["html", "none"], key("the report of each data set. With `none` no figures are made")
     ] = "html"
     shard: Annotated[
         Annotated[str, Field(pattern=r"^[1-9][0-9]{0,8}/[1-9][0-9]{0,8}$")] | None,
-        Field(
-            description="the number of a shard and of all shards, such as 3/40. Without the list"
-            " of all data sets; for [runs in parallel](fleets.md)"
+        key(
+            "the number of a shard and of all shards, such as 3/40. Without the list of all data"
+            " sets; for [runs in parallel](fleets.md)"
         ),
     ] = None
     follow: Annotated[
         Annotated[str, Field(min_length=1)] | None,
-        Field(
-            description="the name of a condition that every data set has, such as temperature."
-            " Recordings are ordered by it where their [modes are"
-            " followed](fleets.md#modes-over-the-recordings)"
+        key(
+            "the name of a condition that every data set has, such as temperature. Recordings are"
+            " ordered by it where their [modes are followed](fleets.md#modes-over-the-recordings)"
         ),
     ] = None
     recordings_per_job: Annotated[
         Number | None,
-        Field(
-            description="the recordings that [one job"
-            " identifies](fleets.md#several-recordings-a-job), a whole number of at least 1, or"
-            " auto. With `report: none`"
+        key(
+            "the recordings that [one job identifies](fleets.md#several-recordings-a-job). With"
+            " `report: none`"
         ),
     ] = None
 
@@ -178,8 +174,7 @@ def check_batches(run: RunSettings, source: str) -> None:
 
 
 def batches_of(
-    datasets: Mapping[str, DatasetSettings],
-    per_job: int | Literal["auto"] | None,
+    datasets: Mapping[str, DatasetSettings], per_job: int | Literal["auto"] | None
 ) -> dict[str, tuple[str, ...]]:
     """Divide data sets into batches of neighbours, numbered from 1; none for None.
 
@@ -197,9 +192,7 @@ def batches_of(
     return {str(number): batch for number, batch in enumerate(divided, start=1)}
 
 
-def _by_work(
-    datasets: Mapping[str, DatasetSettings],
-) -> Iterator[tuple[str, ...]]:
+def _by_work(datasets: Mapping[str, DatasetSettings]) -> Iterator[tuple[str, ...]]:
     most = max(1, len(datasets) // LEAST_BATCHES)
     batch: list[str] = []
     seconds = 0.0

@@ -7,8 +7,10 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
+from evopem.config.channels import key
+
 Hertz = Annotated[float, Field(ge=0, le=1e12)]
-Band = Annotated[tuple[Hertz, Hertz], Field(description="two frequencies in Hz, [lower, upper]")]
+Band = Annotated[tuple[Hertz, Hertz], key("two frequencies in Hz, [lower, upper]")]
 Bounds = tuple[float | None, float | None]
 """Lower and upper bound; either may be None."""
 
@@ -91,69 +93,51 @@ class Constraints:
     priors : tuple of Prior
     """
 
-    stability: Annotated[
-        Literal["required", "free"],
-        Field(description="the stability of the plant, required or free"),
-    ] = "required"
+    stability: Annotated[Literal["required", "free"], key("the stability of the plant")] = (
+        "required"
+    )
     max_pole_radius: Annotated[
         Annotated[float, Field(gt=0, le=1000)] | None,
-        Field(description="the largest radius of a pole of the plant, a number above 0"),
+        key("the largest radius of a pole of the plant"),
     ] = None
     min_damping_ratio: Annotated[
-        Annotated[float, Field(ge=0, lt=1)] | None,
-        Field(description="the least damping ratio of a mode, a number of at least 0 and below 1"),
+        Annotated[float, Field(ge=0, lt=1)] | None, key("the least damping ratio of a mode")
     ] = None
-    frequency_band: Annotated[
-        Band | None, Field(description="two frequencies in Hz, [lower, upper]")
-    ] = None
+    frequency_band: Annotated[Band | None, key("two frequencies in Hz, [lower, upper]")] = None
     forbidden_bands: Annotated[
-        tuple[Band, ...], Field(description="a list of bands in Hz, such as [[9, 11]]")
+        tuple[Band, ...], key("a list of bands in Hz, such as [[9, 11]]")
     ] = ()
     real_poles: Annotated[
-        Literal["any", "positive", "none"],
-        Field(description="the real poles that the plant may have, any, positive or none"),
+        Literal["any", "positive", "none"], key("the real poles that the plant may have")
     ] = "any"
     static_gain: Annotated[
         float | dict[str, float] | None,
-        Field(
-            description="a number; of several inputs a mapping from their names, such as {hot: 2.0}"
-        ),
+        key("a number; of several inputs a mapping from their names, such as {hot: 2.0}"),
     ] = None
     static_gain_bounds: Annotated[
         Bounds | dict[str, Bounds] | None,
-        Field(
-            description="two numbers, [lower, upper], either of which may be null; of several"
-            " inputs a mapping from their names"
+        key(
+            "two numbers, [lower, upper], either of which may be null; of several inputs a"
+            " mapping from their names"
         ),
     ] = None
     fixed_coefficients: Annotated[
-        dict[str, float], Field(description="coefficients with their values, such as {a1: -1.5}")
+        dict[str, float], key("coefficients with their values, such as {a1: -1.5}")
     ] = field(default_factory=dict)
     fixed_poles: Annotated[
         tuple[
-            Annotated[
-                FixedPole,
-                Field(description="{real: ...} or {frequency_hz: ..., damping_ratio: ...}"),
-            ],
-            ...,
+            Annotated[FixedPole, key("{real: ...} or {frequency_hz: ..., damping_ratio: ...}")], ...
         ],
-        Field(
-            description="a list of poles, such as [{real: 1.0}] or"
-            " [{frequency_hz: 12.0, damping_ratio: 0.01}]"
+        key(
+            "a list of poles, such as [{real: 1.0}] or [{frequency_hz: 12.0, damping_ratio: 0.01}]"
         ),
     ] = ()
     priors: Annotated[
         tuple[
-            Annotated[
-                Prior,
-                Field(description="a mapping of quantity, mean, standard_deviation and mode_hz"),
-            ],
+            Annotated[Prior, key("a mapping of quantity, mean, standard_deviation and mode_hz")],
             ...,
         ],
-        Field(
-            description="a list of priors, such as"
-            " [{quantity: b0, mean: 2.0, standard_deviation: 0.1}]"
-        ),
+        key("a list of priors, such as [{quantity: b0, mean: 2.0, standard_deviation: 0.1}]"),
     ] = ()
 
     @property

@@ -109,6 +109,7 @@ def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSett
     """Fill in every value of one data set."""
     at = Place(source, f"datasets.{name}")
     written = {key: each for key, each in entry.items() if key != "conditions"}
+    check_source(written, at)
     structure = {key: defaults[key] for key in ("structure",) if key in defaults}
     if has_several_channels(structure | written):
         inherited = _of_several_channels(defaults, structure | written)
@@ -126,7 +127,6 @@ def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSett
         else:
             check_automatic(inherited, Place(source, "defaults"))
             check_automatic(written, at)
-    check_source(written, at)
     check_analysis(written, keys, at)
     check_something_left(keys, at)
     settings = settings_of(name, keys)

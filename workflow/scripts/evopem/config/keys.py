@@ -25,6 +25,7 @@ from evopem.config.channels import (
     SyntheticSource,
     UnitSettings,
     Vector,
+    key,
 )
 from evopem.config.configuration import RunSettings
 from evopem.config.constraints import Constraints
@@ -77,8 +78,7 @@ def _without_none(hint: Any) -> Any:
 
 
 def _about(kind: Any, description: str, built_in: str = "") -> Any:
-    extra = {"built_in": built_in} if built_in else None
-    return Annotated[kind, Field(description=description, json_schema_extra=extra)]  # type: ignore[arg-type]
+    return Annotated[kind, key(description, built_in)]
 
 
 def _both_ends(value: Any) -> Any:
@@ -202,8 +202,8 @@ GEOMETRY = mapping(
         ),
         "channels": _about(
             Annotated[dict[str, _Place], Field(min_length=1)],
-            "the outputs by name with their points and directions, such as"
-            " {acc1: {point: tip, direction: z}}",
+            "the outputs by name with their points and directions, such as {acc1: {point: tip,"
+            " direction: z}}",
         ),
     },
     ("points", "channels"),
@@ -216,10 +216,7 @@ def geometry_of(keys: Keys) -> Geometry:
     return Geometry(dict(keys["points"]), tuple(keys.get("lines", ())), places)
 
 
-COLUMNS = (
-    *("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"),
-    "uneven_time",
-)
+COLUMNS = (*("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"), "uneven_time")
 """Keys of a recorded file beside its channels."""
 
 SOURCE: dict[str, Any] = {
@@ -255,20 +252,19 @@ SYNTHESIS = keys_of_fields(SyntheticSource)
 ANALYSIS: dict[str, Any] = {
     "recipe": _about(
         Recipe,
-        "how a model is found, auto or chapter. `chapter`: a structure that is given, and the"
-        " chapter's phases of its orders; `auto`: the [automatic recipe](automatic.md)",
+        "how a model is found. `chapter`: a structure that is given, and the chapter's phases of"
+        " its orders; `auto`: the [automatic recipe](automatic.md)",
         "`auto`; of `arma` and `general` `chapter`",
     ),
     "purpose": _about(
         Purpose,
-        "what the model is for, auto, simulation, prediction or modes. `auto` is simulation, or"
-        " prediction without an input",
+        "what the model is for. `auto` is simulation, or prediction without an input",
         "`auto`",
     ),
     "resample": _about(
         Rate | Literal["none"],
-        "the new sampling rate in Hz, a number above 0, or none. Below that of the recording,"
-        " with an anti-alias filter; with `none` nothing is decimated",
+        "the new sampling rate in Hz. Below that of the recording, with an anti-alias filter;"
+        " with `none` nothing is decimated",
         "`none`",
     ),
     "transforms": _about(
@@ -286,23 +282,18 @@ ANALYSIS: dict[str, Any] = {
     ),
     "structure": _about(
         Structure | Literal["state_space"],
-        "the [structure](#the-structure-of-the-model) of the model, fir, arx, arma, armax, ararx,"
-        " ararmax, oe, bj, general or state_space",
+        "the [structure](#the-structure-of-the-model) of the model",
         "`armax`",
     ),
     "form": _about(
-        StateSpaceForm,
-        "the [form](structures.md#state-space) of a state-space model, ss (innovations), ss_oe"
-        " (output error), ss_oe_drift or ss_bj",
-        "decided",
+        StateSpaceForm, "the [form](structures.md#state-space) of a state-space model", "decided"
     ),
     "weighting": _about(
         OutputWeighting,
-        "[how](structures.md#what-is-minimised) the outputs of a state-space model are weighed,"
-        " determinant, noise or power",
+        "[how](structures.md#what-is-minimised) the outputs of a state-space model are weighed",
         "`determinant`, of output error `noise`",
     ),
-    "level": _about(bool, "whether a constant is estimated along, true or false", "`false`"),
+    "level": _about(bool, "whether a constant is estimated along", "`false`"),
     "delay": _about(
         mapping(
             "Delay",
@@ -344,8 +335,8 @@ ANALYSIS: dict[str, Any] = {
                 ),
                 "nb": _about(
                     _input_ranges(1, 60),
-                    f"the orders of B, {_ends(1, 60)}; of several inputs also a list of ranges or a"
-                    " mapping from names. The last phase",
+                    f"the orders of B, {_ends(1, 60)}; of several inputs also a list of ranges or"
+                    " a mapping from names. The last phase",
                     "[2, 16]",
                 ),
                 "nf": _about(
@@ -370,10 +361,7 @@ ANALYSIS: dict[str, Any] = {
         "the search for the parameters of a model, a mapping of its settings",
     ),
     "focus": _about(
-        Focus,
-        "the errors that the model is [fitted for](structures.md#focus), prediction, simulation"
-        " or a whole number of samples of at least 1",
-        "`prediction`",
+        Focus, "the errors that the model is [fitted for](structures.md#focus)", "`prediction`"
     ),
     "constraints": _about(
         mapping("Constraints", keys_of_fields(Constraints)),
@@ -389,7 +377,7 @@ SOURCE_OF_ANY: dict[str, Any] = {
         dict[str, _about(int | float | str, "a number, or a date such as 2026-03-01T12:30")],
         "names of conditions with their numbers or dates, such as temperature with 21.5. See"
         " `follow`",
-    ),
+    )
 }
 _DATASET = _about(
     mapping("Dataset", SOURCE_OF_ANY | SYNTHESIS | SOURCE | ANALYSIS),

@@ -179,8 +179,8 @@ def _is_of_other_kind(error: Mapping[str, Any]) -> bool:
 def _explained(error: Mapping[str, Any], path: list[str | int], schema: Keys) -> tuple[str, str]:
     """Turn what was found into a problem and a remedy."""
     node, limits, given = _below(schema, path), error.get("ctx", {}), error["input"]
-    about = _LINK.sub(r"\1", node.get("description") or "a value of the right kind")
-    remedy = f"give {about.partition('. ')[0]}"
+    about = _LINK.sub(r"\1", described(node)[0])
+    remedy = f"give {about or 'a value of the right kind'}"
     value = _shown(given)
     match error["type"]:
         case "extra_forbidden" | "unexpected_keyword_argument":
@@ -232,6 +232,37 @@ def _below(schema: Keys, path: Iterable[str | int]) -> dict[str, Any]:
             found = schema["$defs"][found.pop("$ref").rpartition("/")[2]] | found
         node = {"description": node.get("description", "")} | found
     return node
+
+
+def described(node: Keys) -> tuple[str, str]:
+    """The clause about a value with what it may be, and what else the documentation says of it."""
+    clause, _, more = node.get("description", "").partition(". ")
+    listed = [_member_in_words(each) for each in node.get("anyOf", [node])]
+    words = [word for each in listed for word in each]
+    kinds = {each.get("type") for each in node.get("anyOf", ())}
+    if all(listed) and words and not kinds >= {"integer", "number"}:  # a fraction of samples
+        clause += ", " + " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+    return clause, more
+
+
+def _member_in_words(node: Keys) -> list[str]:
+    """What a value may be, where that is one of some words or a number."""
+    low, high = node.get("minimum"), node.get("maximum")
+    match node.get("type"):
+        case "boolean":
+            return ["true", "false"]
+        case "integer" | "number" as kind:
+            said = "a whole number" if kind == "integer" else "a number"
+            if "exclusiveMinimum" in node or (low is not None and 0 < low < 1e-6):
+                said += f" above {node.get('exclusiveMinimum', 0)}"
+            elif low is not None and high is not None and high < 1e6:
+                return [f"{said} from {low:g} to {high}"]
+            elif low is not None:
+                said += f" of at least {low}"
+            if "exclusiveMaximum" in node:
+                said += f" and below {node['exclusiveMaximum']}"
+            return [said]
+    return _words(node)
 
 
 def _words(node: Keys) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from evopem.config.channels import ChannelSettings, Geometry, RecordedSource, SyntheticSource
+from evopem.config.channels import ChannelSettings, Geometry, RecordedSource, SyntheticSource, key
 from evopem.config.constraints import Constraints
 from evopem.errors import InputError
 
@@ -44,19 +44,13 @@ class TransformSettings:
 
     box_cox: Annotated[
         Annotated[float, Field(ge=-100, le=100)] | Literal["auto", "none"],
-        Field(
-            description="the parameter λ of the Box-Cox transform of the output, a number from -100"
-            " to 100, auto or none. `auto` is the λ of largest likelihood"
+        key(
+            "the parameter λ of the Box-Cox transform of the output. `auto` is the λ of largest"
+            " likelihood"
         ),
     ] = 1.1
-    difference: Annotated[
-        Differences,
-        Field(description="the number of times to difference the output, a whole number up to 4"),
-    ] = 2
-    difference_input: Annotated[
-        Differences,
-        Field(description="the number of times to difference the input, a whole number up to 4"),
-    ] = 0
+    difference: Annotated[Differences, key("the number of times to difference the output")] = 2
+    difference_input: Annotated[Differences, key("the number of times to difference the input")] = 0
 
 
 @dataclass(frozen=True)
@@ -65,25 +59,24 @@ class SplitSettings:
 
     discard: Annotated[
         Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0)],
-        Field(
-            description="the samples left out at the start, a whole number of at least 0 or a"
-            " fraction between 0 and 1"
+        key(
+            "the samples left out at the start, a whole number of at least 0 or a fraction"
+            " between 0 and 1"
         ),
     ] = 500
     estimation: Annotated[
         Annotated[int, Field(gt=0)] | Share,
-        Field(
-            description="the samples for estimation, a whole number of at least 1 or a fraction"
-            " between 0 and 1. The rest validates. Less where the [input"
-            " rests](#an-input-that-rests) in the rest. `1.0`, all of them, needs a"
-            " `validation_file`, and is then built in"
+        key(
+            "the samples for estimation, a whole number of at least 1 or a fraction between 0 and"
+            " 1. The rest validates. Less where the [input rests](#an-input-that-rests) in the"
+            " rest. `1.0`, all of them, needs a `validation_file`, and is then built in"
         ),
     ] = 0.8
     by: Annotated[
         Literal["recordings", "samples"],
-        Field(
-            description="what is held out of several recordings, the last recordings or the last"
-            " samples of each, recordings or samples"
+        key(
+            "what is held out of several recordings, the last recordings or the last samples of"
+            " each"
         ),
     ] = "recordings"
 
@@ -102,22 +95,9 @@ class SpectrumSettings:
     """The multitaper estimate of the spectrum."""
 
     time_halfbandwidth: Annotated[
-        float,
-        Field(
-            ge=1.5,
-            le=1000,
-            description="the time-halfbandwidth product NW of the tapers, a number from 1.5 to"
-            " 1000",
-        ),
+        float, key("the time-halfbandwidth product NW of the tapers", ge=1.5, le=1000)
     ] = 4.0
-    nfft: Annotated[
-        int,
-        Field(
-            ge=16,
-            le=2**26,
-            description="the length of the Fourier transforms, a whole number from 16 to 67108864",
-        ),
-    ] = 8192
+    nfft: Annotated[int, key("the length of the Fourier transforms", ge=16, le=2**26)] = 8192
 
 
 @dataclass(frozen=True)
@@ -153,10 +133,7 @@ class OrderGrid:
 
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
-Seed = Annotated[
-    int,
-    Field(ge=0, description="the seed of all random draws, a whole number of at least 0"),
-]
+Seed = Annotated[int, key("the seed of all random draws", ge=0)]
 
 
 @dataclass(frozen=True)
@@ -190,72 +167,56 @@ class SearchSettings:
 
     objective: Annotated[
         Objective,
-        Field(
-            description="the loss of the prediction errors, absolute or quadratic. `absolute`,"
-            " their sum, is robust to outliers; `quadratic` is efficient for Gaussian noise"
+        key(
+            "the loss of the prediction errors. `absolute`, their sum, is robust to outliers;"
+            " `quadratic` is efficient for Gaussian noise"
         ),
     ] = "absolute"
     initialization: Annotated[
         Initialization,
-        Field(
-            description="the first individuals of the search, arx or incremental_order. `arx`: A"
-            " and B of an ARX model by least squares, C at random; `incremental_order`: models of"
-            " smaller orders, extended by pairs of roots, which on long records with too many"
-            " parameters and the quadratic objective usually end lower, [on others"
-            " not](evidence/search.md)"
+        key(
+            "the first individuals of the search. `arx`: A and B of an ARX model by least"
+            " squares, C at random; `incremental_order`: models of smaller orders, extended by"
+            " pairs of roots, which on long records with too many parameters and the quadratic"
+            " objective usually end lower, [on others not](evidence/search.md)"
         ),
     ] = "arx"
-    mu: Annotated[
-        Count, Field(description="the number of parents, a whole number of at least 1")
-    ] = 15
-    lambda_: Annotated[
-        Count, Field(description="the number of offspring, a whole number of at least 1")
-    ] = 100
-    nu: Annotated[
-        Count,
-        Field(
-            description="the number of offspring that BFGS refines in each generation, a whole"
-            " number of at least 1"
-        ),
-    ] = 10
-    refine: Annotated[
-        Refine,
-        Field(description="the offspring that BFGS refines, worst, all, best or random"),
-    ] = "worst"
+    mu: Annotated[Count, key("the number of parents")] = 15
+    lambda_: Annotated[Count, key("the number of offspring")] = 100
+    nu: Annotated[Count, key("the number of offspring that BFGS refines in each generation")] = 10
+    refine: Annotated[Refine, key("the offspring that BFGS refines")] = "worst"
     seed: Seed = 1
     evaluations: Annotated[
         int,
-        Field(
+        key(
+            "the number of evaluations of the objective in a search, after which no new restart"
+            " begins",
             ge=1,
             le=10**12,
-            description="the number of evaluations of the objective in a search, after which no new"
-            " restart begins, a whole number of at least 1",
         ),
     ] = 20000
     max_root_radius: Annotated[
         float,
-        Field(
+        key(
+            "the largest modulus of a root of A, C, D or F. Of state-space models that of the"
+            " eigenvalues of A and A − K C",
             gt=0,
             lt=1,
-            description="the largest modulus of a root of A, C, D or F, a number above 0 and"
-            " below 1. Of state-space models that of the eigenvalues of A and A − K C",
         ),
     ] = 0.9999
     n_initial_discard: Annotated[
         int,
-        Field(
+        key(
+            "the first residuals that the loss leaves out. The initial state of the noise is"
+            " estimated with the model and fits the first nc",
             ge=0,
-            description="the first residuals that the loss leaves out, a whole number of at"
-            " least 0. The initial state of the noise is estimated with the model and fits the"
-            " first nc",
         ),
     ] = 20
     prune: Annotated[
         bool,
-        Field(
-            description="whether candidates that are unlikely to be selected are left after a"
-            " first pass of their search, true or false. `false` searches [all](theory.md#search)"
-            " to the end"
+        key(
+            "whether candidates that are unlikely to be selected are left after a first pass of"
+            " their search. `false` searches [all](theory.md#search) to the end"
         ),
     ] = True
 
