@@ -110,7 +110,7 @@ def fitted_state(
 ) -> Array:
     """Least squares, or by reweighting nearly least absolute errors, (K,).
 
-    ``columns``, ``target`` (N, K), ``prior`` (M, K): further rows, of target 0, that are not
+    ``columns`` (N, K), ``target`` (N,), ``prior`` (M, K): further rows, of target 0, that are not
     reweighted.
     """
     further = np.zeros((0, columns.shape[1])) if prior is None else prior

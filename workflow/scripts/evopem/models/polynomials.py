@@ -12,26 +12,14 @@ Array = NDArray[np.float64]
 
 
 def roots(coefficients: Array) -> NDArray[np.complex128]:
-    """Roots z of ``z^m + x_1 z^(m-1) + ... + x_m``; (m,) complex.
-
-    Examples
-    --------
-    >>> roots(np.array([-1.2, 0.8])).round(3)
-    array([0.6+0.663j, 0.6-0.663j])
-    """
+    """Roots z of ``z^m + x_1 z^(m-1) + ... + x_m``; (m,) complex."""
     if len(coefficients) == 0:
         return np.empty(0, dtype=complex)
     return np.roots(np.concatenate([[1.0], coefficients])).astype(complex)
 
 
 def max_root_radius(coefficients: Array) -> float:
-    """Largest root radius; 0 for an empty polynomial.
-
-    Examples
-    --------
-    >>> round(max_root_radius(np.array([-1.2, 0.8])), 3)
-    0.894
-    """
+    """Largest root radius; 0 for an empty polynomial."""
     found = roots(coefficients)
     return float(np.max(np.abs(found))) if len(found) else 0.0
 
@@ -41,14 +29,7 @@ def powers_of_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
 
     The delay is then the difference of the degrees.
 
-    ``numerator``, ``denominator`` (m,): coefficients from lag 0 on; the denominator begins with 1.
-
-    Examples
-    --------
-    2 q^-2 / (1 - 0.5 q^-1) = 2 / (z² - 0.5 z):
-
-    >>> powers_of_z(np.array([0.0, 0.0, 2.0]), np.array([1.0, -0.5]))
-    (array([2.]), array([ 1. , -0.5,  0. ]))
+    ``numerator`` (m,), ``denominator`` (n,): coefficients from lag 0 on; the denominator begins with 1.
     """
     length = max(len(numerator), len(denominator))
     above = np.pad(numerator, (0, length - len(numerator)))
@@ -65,14 +46,6 @@ def reflect_into_disc(coefficients: Array, radius: float) -> Array:
     roots that still lie beyond ``radius`` are drawn in to it along their ray.
 
     ``coefficients`` (M, m).  Returns (M, m).
-
-    Examples
-    --------
-    The root 2 is reflected to 0.5, and the root 0.995 is moved to the bound:
-
-    >>> reflect_into_disc(np.array([[-2.0], [-0.995]]), radius=0.99)
-    array([[-0.5 ],
-           [-0.99]])
     """
     count, m = coefficients.shape
     companions = np.zeros((count, m, m))
@@ -96,13 +69,6 @@ def root_gradient(coefficients: Array, root: complex) -> NDArray[np.complex128]:
 
     For p(z) = Σ c_i z^(n−i) and p(r) = 0: dr/dc_i = −r^(n−i) / p'(r). Not finite at a repeated
     root, which has no derivative.
-
-    Examples
-    --------
-    The root 2 of z² - 3z + 2:
-
-    >>> root_gradient(np.array([1.0, -3.0, 2.0]), 2.0)
-    array([-4., -2., -1.])
     """
     degree = coefficients.size - 1
     powers = root ** np.arange(degree, -1, -1)

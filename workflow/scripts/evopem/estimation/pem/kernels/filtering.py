@@ -14,7 +14,8 @@ def filter_rows(signals, denominator, states):
     The transposed direct form, operation by operation that of ``scipy.signal.lfilter``, whose
     import takes longer than a small estimate.
 
-    ``signals`` (rows, samples), ``denominator`` (m + 1,), ``states`` (rows, m).
+    ``signals`` (rows, samples) and ``states`` (rows, m), both C-contiguous; ``denominator``
+    (m + 1,) with its leading 1.
     """
     m = states.shape[1]
     z = np.zeros(m + 1)

@@ -227,7 +227,7 @@ def sum_of_losses(e, absolute, begin, end, s):
 def feasible_rows(record, objective, points):
     """Whether all roots of each row lie where the objective allows them, and all is finite.
 
-    ``record``: of the points' orders.  ``points`` (models, n).  Returns (models,) bool.
+    ``points`` (models, n), C-contiguous, of the orders of the record.  Returns (models,) bool.
     """
     parts, radii = monic_parts(record, objective)
     order = np.max(parts[:, 1] - parts[:, 0])

@@ -104,7 +104,7 @@ def barrier_curvature(coefficients, radius, work, slopes, next_slopes, curvature
 def schur_stable(coefficients, radius):
     """Whether all roots of ``1 + x_1 q^-1 + ... + x_m q^-m`` lie within ``radius``, row by row.
 
-    ``coefficients`` (models, m).  Returns (models,) bool.
+    ``coefficients`` (models, m), C-contiguous, without the leading 1.  Returns (models,) bool.
     """
     count, m = coefficients.shape
     stable = np.empty(count, dtype=np.bool_)
@@ -121,9 +121,9 @@ def stability_barriers(coefficients, radius):
     It grows without bound as a root approaches ``radius``, and is the logarithm of the variance
     of white noise filtered through the polynomial's inverse, roots divided by ``radius``.
 
-    ``coefficients`` (models, m).  Returns values (models,), infinite where a root lies outside;
-    gradients (models, m), and Gauss-Newton parts of the second derivatives (models, m, m), zero
-    where a root lies outside.
+    ``coefficients`` (models, m), C-contiguous, without the leading 1.  Returns values (models,),
+    infinite where a root lies outside; gradients (models, m), and Gauss-Newton parts of the second
+    derivatives (models, m, m), zero where a root lies outside.
     """
     count, m = coefficients.shape
     values = np.empty(count)
