@@ -29,7 +29,7 @@ def powers_of_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
 
     The delay is then the difference of the degrees.
 
-    ``numerator`` (m,), ``denominator`` (n,): coefficients from lag 0 on; the denominator begins with 1.
+    ``numerator`` (m,), ``denominator`` (n,): coefficients from lag 0 on; the latter begins with 1.
     """
     length = max(len(numerator), len(denominator))
     above = np.pad(numerator, (0, length - len(numerator)))

@@ -16,7 +16,8 @@ def products_of_sections(reflections, radius):
     is a single root, ``1 + radius k q^-1``.
 
     ``reflections`` (models, m), C-contiguous: ``k_1`` and ``k_2`` of each section in turn.
-    Returns coefficients (models, m), without the leading 1; derivatives by the reflections (models, m, m).
+    Returns coefficients (models, m), without the leading 1, and their derivatives by the
+    reflections (models, m, m).
     """
     count, m = reflections.shape
     coefficients, derivatives = np.empty((count, m)), np.zeros((count, m, m))
