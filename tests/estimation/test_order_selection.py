@@ -21,7 +21,12 @@ from evopem.estimation.order_selection import (
     settle,
 )
 from evopem.estimation.parallel import estimate_in_parallel
-from evopem.estimation.search.certificate import AFTER_FEW_OPTIMA, AFTER_FIRST_PASS, FEW_OPTIMA, Aim
+from evopem.estimation.search.certificate import (
+    AFTER_FEW_OPTIMA,
+    AFTER_FIRST_PASS,
+    FEW_OPTIMA,
+    Target,
+)
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import to_json
 from evopem.models.polynomial import PolynomialModel
@@ -304,7 +309,7 @@ def certified(orders, bic):
 
 
 def searched_on(searched, gain=0.0):
-    def search(each, aim):
+    def search(each, target):
         searched.append(each.orders)
         spent = replace(each.diagnostics, evaluations=SETTINGS.evaluations)
         bic = each.criteria.bic - gain
@@ -354,18 +359,18 @@ def test_a_search_is_told_where_the_lowest_bic_lies_and_may_end_before():
     near = open_search((3, 3, 3, 0), 1.0 + lack)
     told = []
 
-    def ends_early(each, aim):
-        told.append(aim)
+    def ends_early(each, target):
+        told.append(target)
         return each
 
     found = race([best, near], "joint", RACE_SAMPLES, SETTINGS, ends_early, list)
     assert [bool(each.pruned) for each in found] == [False, True]
     assert "more than the rest of its search" in found[1].pruned
-    (aim,) = told
+    (target,) = told
     power = 1 if SETTINGS.objective == "absolute" else 2
-    assert power * np.log(near.minimum / aim.value) == pytest.approx(lack)
-    assert not aim.is_unlikely(near.minimum, 1.01 * lack * RACE_SAMPLES / 9)
-    assert aim.is_unlikely(near.minimum, 0.99 * lack * RACE_SAMPLES / 9)
+    assert power * np.log(near.minimum / target.value) == pytest.approx(lack)
+    assert not target.is_unlikely(near.minimum, 1.01 * lack * RACE_SAMPLES / 9)
+    assert target.is_unlikely(near.minimum, 0.99 * lack * RACE_SAMPLES / 9)
 
 
 def test_a_search_that_is_unlikely_to_reach_its_aim_ends(short):
@@ -373,8 +378,8 @@ def test_a_search_that_is_unlikely_to_reach_its_aim_ends(short):
     orders = armax_orders(9, 9, 9, 3)
     (first,) = estimate_candidates(short, [orders], "joint", first_pass(search), LATE)
     whole = continue_search(first, short, search, LATE)
-    out_of_reach = Aim(0.5 * whole.minimum, orders.parameters / len(short.output))
-    ended = continue_search(first, short, search, LATE, aim=out_of_reach)
+    out_of_reach = Target(0.5 * whole.minimum, orders.parameters / len(short.output))
+    ended = continue_search(first, short, search, LATE, target=out_of_reach)
     assert ended.diagnostics.evaluations < whole.diagnostics.evaluations
     assert ended.minimum <= first.minimum
 

@@ -16,13 +16,13 @@ import numpy as np
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.candidate import Candidate
-from evopem.estimation.search.certificate import Aim, gain_after_first_pass, is_certified
+from evopem.estimation.search.certificate import Target, gain_after_first_pass, is_certified
 from evopem.estimation.search.global_search import FIRST_PASS
 
 # Powers of the residuals that the objectives sum.
 POWERS = {"quadratic": 2, "absolute": 1}
 
-SearchOn = Callable[[Candidate, Aim | None], Candidate]
+SearchOn = Callable[[Candidate, Target | None], Candidate]
 Settle = Callable[[Sequence[Candidate]], list[Candidate]]
 
 
@@ -54,18 +54,20 @@ def race(
             0.0 if done else _likely_gain(each, samples)
             for each, done in zip(settled, finished, strict=True)
         ]
-        lacks = _lacks_of_delays(settled, gains) if phase == "delay" else _lacks(settled)
+        excesses = _excesses_of_delays(settled, gains) if phase == "delay" else _excesses(settled)
         contending = [
-            row for row, lack in enumerate(lacks) if not finished[row] and lack <= gains[row]
+            row for row, excess in enumerate(excesses) if not finished[row] and excess <= gains[row]
         ]
         if not contending:
             break
-        row = min(contending, key=lambda row: (lacks[row], settled[row].orders))
-        aim = None if phase == "delay" else _aim(settled[row], lacks[row], samples, settings)
-        settled[row], finished[row] = search_on(settled[row], aim), True
+        row = min(contending, key=lambda row: (excesses[row], settled[row].orders))
+        target = (
+            None if phase == "delay" else _target(settled[row], excesses[row], samples, settings)
+        )
+        settled[row], finished[row] = search_on(settled[row], target), True
     return [
-        each if _finished(each, settings) else replace(each, pruned=_reason(phase, lack, gain))
-        for each, lack, gain in zip(settled, lacks, gains, strict=True)
+        each if _finished(each, settings) else replace(each, pruned=_reason(phase, excess, gain))
+        for each, excess, gain in zip(settled, excesses, gains, strict=True)
     ]
 
 
@@ -79,20 +81,20 @@ def _likely_gain(candidate: Candidate, samples: int) -> float:
     return gain * candidate.orders.parameters / samples
 
 
-def _aim(candidate: Candidate, lack: float, samples: int, settings: SearchSettings) -> Aim:
+def _target(candidate: Candidate, excess: float, samples: int, settings: SearchSettings) -> Target:
     """The objective at which a candidate's BIC is the lowest."""
     power = POWERS[settings.objective]
-    value = candidate.minimum * np.exp(-lack / power)
-    return Aim(value, candidate.orders.parameters / samples / power)
+    value = candidate.minimum * np.exp(-excess / power)
+    return Target(value, candidate.orders.parameters / samples / power)
 
 
-def _lacks(candidates: Sequence[Candidate]) -> list[float]:
+def _excesses(candidates: Sequence[Candidate]) -> list[float]:
     """How far each candidate's BIC lies above the lowest."""
     lowest = min(each.criteria.bic for each in candidates)
     return [each.criteria.bic - lowest for each in candidates]
 
 
-def _lacks_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) -> list[float]:
+def _excesses_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) -> list[float]:
     """How far the mean BIC of each candidate's delay lies above the lowest, less other gains.
 
     The candidates of the leading delay have to be searched only when another one may overtake it.
@@ -106,17 +108,17 @@ def _lacks_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) ->
     }
     reach = {nk: float(np.mean([gains[row] for row in rows])) for nk, rows in by_delay.items()}
     leader = min(sorted(means), key=lambda nk: means[nk])
-    lacks = {nk: means[nk] - means[leader] for nk in means}
-    rivals = [nk for nk in means if nk != leader and lacks[nk] <= reach[nk]]
+    excesses = {nk: means[nk] - means[leader] for nk in means}
+    rivals = [nk for nk in means if nk != leader and excesses[nk] <= reach[nk]]
     may_win = {*rivals, leader} if rivals else set()
     return [0.0 if each.orders.single.nk in may_win else np.inf for each in candidates]
 
 
-def _reason(phase: str, lack: float, gain: float) -> str:
+def _reason(phase: str, excess: float, gain: float) -> str:
     """Why a candidate was left, ``gain`` being 0 where its search had begun."""
     if phase == "delay":
         return "no likely gain of it changes the choice of the delay"
-    above = f"its BIC lies {lack:.4f} above the lowest"
+    above = f"its BIC lies {excess:.4f} above the lowest"
     if not gain:
         return f"{above}, more than the rest of its search is likely to gain"
     return f"{above}; full searches rarely gain more than {gain:.4f}"

@@ -21,7 +21,7 @@ from evopem.estimation.polynomial_search import (
     described,
     estimate_polynomial,
 )
-from evopem.estimation.search.certificate import Aim, is_certified
+from evopem.estimation.search.certificate import Target, is_certified
 from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.problem import same_optimum
 from evopem.models.structures import Orders
@@ -95,7 +95,7 @@ def continue_search(
     settings: SearchSettings,
     window: ScoringWindow,
     log: Callable[[str], None] | None = None,
-    aim: Aim | None = None,
+    target: Target | None = None,
 ) -> Candidate:
     """Search on, independently of what was found so far, and keep the better."""
     found = estimate_polynomial(
@@ -106,7 +106,7 @@ def continue_search(
         level=candidate.with_level,
         earlier=candidate.search,
         log=log,
-        aim=aim,
+        target=target,
     )
     return Candidate.of(found, candidate.phase)
 
@@ -183,8 +183,8 @@ def select_candidate(
     def reoptimize(nested: Candidate, candidate: Candidate) -> Candidate:
         return reoptimize_from(nested, candidate, data, settings, window)
 
-    def search_on(candidate: Candidate, aim: Aim | None) -> Candidate:
-        return continue_search(candidate, data, settings, window, log, aim)
+    def search_on(candidate: Candidate, target: Target | None) -> Candidate:
+        return continue_search(candidate, data, settings, window, log, target)
 
     ordered = sorted(candidates, key=lambda candidate: candidate.orders)
     if settings.prune:

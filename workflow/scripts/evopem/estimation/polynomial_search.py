@@ -27,7 +27,7 @@ from evopem.estimation.prediction_estimate import (
     search_key,
 )
 from evopem.estimation.search.armax_problem import ArmaxProblem
-from evopem.estimation.search.certificate import Aim
+from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.global_search import continued_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
@@ -52,7 +52,7 @@ def estimate_polynomial(
     earlier: SearchResult | None = None,
     optimum: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
-    aim: Aim | None = None,
+    target: Target | None = None,
 ) -> PolynomialEstimate:
     """Find the polynomial model of given orders with the smallest errors in focus, globally.
 
@@ -68,7 +68,7 @@ def estimate_polynomial(
     "simulation"}: errors of one step, of simulation, or of predictions that many samples ahead.
     ``earlier``: result of an earlier search of the same problem, to be combined with this one.
     ``optimum``: of one-step prediction without constraints, where these or a focus are given: to
-    start from instead of searching it.  ``aim``: what the search is made for: it ends once it is
+    start from instead of searching it.  ``target``: what the search is made for: it ends once it is
     unlikely to get so low.  ``criteria`` and ``residuals`` are those of one step;
     ``focus_objective`` is that of the errors in focus.  The covariance is zero across active
     constraints, counts priors as observations, and allows for the colour of k-step and simulation
@@ -84,7 +84,7 @@ def estimate_polynomial(
         errors = checked_errors(data, orders, settings, window, level)
         horizon = check_fit(focus, constraints, orders, rate, names)
         if constraints is None and focus == "prediction":
-            found = _searched(errors, settings, earlier, log, aim, rate)
+            found = _searched(errors, settings, earlier, log, target, rate)
         else:
             if earlier is not None:
                 raise ValueError("an earlier search is not continued with a focus or constraints")
@@ -105,7 +105,7 @@ def _searched(
     settings: SearchSettings,
     earlier: SearchResult | None,
     log: Callable[[str], None] | None,
-    aim: Aim | None,
+    target: Target | None,
     sampling_rate: float,
 ) -> PolynomialEstimate:
     """The optimum of one-step prediction without constraints."""
@@ -121,7 +121,7 @@ def _searched(
         earlier = earlier and replace(earlier, point=earlier.point * scales)
         if settings.evaluations == 0 and earlier is not None:
             return describe(errors, earlier, sampling_rate, shortest=True)
-    found = continued_search(problem, scales, key, settings, earlier, log, recombine, aim)
+    found = continued_search(problem, scales, key, settings, earlier, log, recombine, target)
     del problem, scaled  # their tables are as large as those that follow
     return describe(errors, found, sampling_rate, shortest=True)
 

@@ -13,7 +13,7 @@ from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.polynomial_search import estimate_polynomial
-from evopem.estimation.search.certificate import Aim
+from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import STRUCTURES, StateSpaceEstimate
@@ -60,7 +60,7 @@ def estimate(
     constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
-    aim: Aim | None = None,
+    target: Target | None = None,
 ) -> PolynomialEstimate: ...
 
 
@@ -79,7 +79,7 @@ def estimate(
     constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
-    aim: Aim | None = None,
+    target: Target | None = None,
 ) -> PolynomialEstimate | StateSpaceEstimate:
     """Find the model of a structure and orders with the smallest prediction errors, globally.
 
@@ -111,11 +111,11 @@ def estimate(
     constraints : Constraints, optional
         What the model must meet, and priors.
     earlier : SearchResult, optional
-        Result of an earlier search of the same problem, to be combined with this one; as `aim` of a
-        polynomial model.
+        Result of an earlier search of the same problem, to be combined with this one; as `target`
+        of a polynomial model.
     log : callable, optional
         Receives one line a generation.
-    aim : Aim, optional
+    target : Target, optional
         What the search is made for: it ends once it is unlikely to get so low.
 
     Returns
@@ -151,7 +151,7 @@ def estimate(
     if orders is None:
         raise ValueError("orders are missing, such as orders=(2, 2, 2, 1)")
     recording = recording_of(input, output, sampling_rate)
-    given = {"window": window, "earlier": earlier, "aim": aim}
+    given = {"window": window, "earlier": earlier, "target": target}
     expert = [name for name, each in given.items() if each is not None]
     if structure in STRUCTURES:
         _refuse(expert, "all samples of a state-space model count, with its initial states")
@@ -187,7 +187,7 @@ def estimate(
         constraints=constraints,
         earlier=earlier,
         log=log,
-        aim=aim,
+        target=target,
     )
 
 

@@ -101,7 +101,7 @@ AFTER_FEW_OPTIMA, AFTER_FIRST_PASS, AFTER_BATCHES, AFTER_RESTART = 0.1, 1.85, 1.
 FEW_OPTIMA = 0.22
 
 
-class Aim(NamedTuple):
+class Target(NamedTuple):
     """What a search has to reach to be worth its evaluations.
 
     ``value``: of the objective.  ``unit``: decrease of the logarithm of the objective that a likely

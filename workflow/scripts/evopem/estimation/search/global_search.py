@@ -24,7 +24,7 @@ from evopem.estimation.search.certificate import (
     AFTER_RESTART,
     MANY_OPTIMA,
     ONE_OPTIMUM,
-    Aim,
+    Target,
     enough_agree,
 )
 from evopem.estimation.search.descent_problem import DescentProblem
@@ -83,10 +83,10 @@ class _Record(SearchProgress):
         agreeing = sum(same_optimum(minimum, best) for minimum in minima)
         return enough_agree(agreeing, len(minima), self.undiscovered)
 
-    def is_unlikely(self, aim: Aim | None, known_minimum: float) -> bool:
+    def is_unlikely(self, target: Target | None, known_minimum: float) -> bool:
         """Whether further restarts hardly lead to what the search is made for."""
         likely = AFTER_RESTART if self.restarts else AFTER_BATCHES
-        return aim is not None and aim.is_unlikely(min(self.value, known_minimum), likely)
+        return target is not None and target.is_unlikely(min(self.value, known_minimum), likely)
 
     def add(self, kind: str, point: Array, value: float, evaluations: int) -> None:
         """Count an independent restart."""
@@ -109,20 +109,20 @@ def continued_search(
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
     recombine: Recombination | None = None,
-    aim: Aim | None = None,
+    target: Target | None = None,
 ) -> SearchResult:
     """Search a scaled problem globally, combined with an earlier search of the same problem.
 
     ``problem``: in scaled units.  ``scales`` (n,): of its parameters; points of results have the
     units of the signals.  ``key``: what is searched. The draws come from
     ``SeedSequence(seed, spawn_key=key)``, with the number of restarts of the earlier search
-    appended.  ``aim``: the search ends once it is unlikely to get so low. InputError when no value
-    was finite.
+    appended.  ``target``: the search ends once it is unlikely to get so low.  InputError when no
+    value was finite.
     """
     sequence = np.random.SeedSequence(settings.seed, spawn_key=(*key, *continuing(earlier)))
     known = np.inf if earlier is None else earlier.value
     generator = np.random.default_rng(sequence)
-    found = global_search(problem, settings, generator, log, known, recombine, aim)
+    found = global_search(problem, settings, generator, log, known, recombine, target)
     found = replace(found, point=found.point * scales)
     return found if earlier is None else pooled(earlier, found)
 
@@ -134,13 +134,13 @@ def global_search(
     log: Callable[[str], None] | None = None,
     known_minimum: float = np.inf,
     recombine: Recombination | None = None,
-    aim: Aim | None = None,
+    target: Target | None = None,
 ) -> SearchResult:
     """Minimise the objective of an identification globally.
 
     ``known_minimum``: A value that an earlier search reached.  Restarts that agree on a higher one
-    do not end the search.  ``aim``: the search ends once it is unlikely to get so low.  InputError
-    when no value was finite.
+    do not end the search.  ``target``: the search ends once it is unlikely to get so low.
+    InputError when no value was finite.
     """
     found, exchange = _Record(log), _exchange_of(problem)
     if settings.evaluations == FIRST_PASS:
@@ -160,7 +160,7 @@ def global_search(
             refuted_from = found.value
             for _ in range(REFUTATIONS if found.undiscovered > MANY_OPTIMA else 1):
                 _search_neighbours(problem, exchange, np.inf, generator, found)
-        elif found.spent >= settings.evaluations or found.is_unlikely(aim, known_minimum):
+        elif found.spent >= settings.evaluations or found.is_unlikely(target, known_minimum):
             break
         elif exchange is not None:
             hops = exchange.search(settings.evaluations - found.spent, generator)
