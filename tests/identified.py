@@ -7,10 +7,13 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from shutil import copytree
+from typing import Any
 
 from evopem.config.channels import SyntheticSource
 from evopem.config.settings import (
@@ -27,11 +30,13 @@ from evopem.config.structures import phases_of
 from evopem.estimation.model_record import ModelRecord, derived_from
 from evopem.files.atomic import files_below
 from evopem.files.checksums import write_checksums
+from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
 from evopem.pipeline.identification import jobs, remove_parts
 from evopem.pipeline.summary import summarize_dataset
 from evopem.results.dataset import DatasetResults, read_dataset_results
 from evopem.results.layout import DatasetFiles
+from evopem.validation.validation import ValidationTables
 
 PHASES = phases_of("armax")
 
@@ -64,7 +69,7 @@ def identify(folder: Path, settings: DatasetSettings = SETTINGS) -> DatasetFiles
 
 def finish(files: DatasetFiles) -> None:
     """Write the summary and the checksums, as a run does at its end."""
-    summarize_dataset(files, PHASES)
+    summarize_dataset(files, PHASES, False)
     made = [file for file in files_below(files.folder, "") if "/logs/" not in file.as_posix()]
     write_checksums(made, files.folder, "identification")
 
@@ -84,6 +89,46 @@ def with_model(record: ModelRecord, model: PolynomialModel) -> ModelRecord:
     return replace(
         record, structure=model.structure or model.orders.structure, **derived_from(model, 0)
     )
+
+
+def with_outcome(results: DatasetResults, **parts: Any) -> DatasetResults:
+    """The results with other numbers of the validation, or of its one output, input or pair."""
+    validation = results.validation
+    for name in ("outputs", "inputs", "pairs"):
+        if name in parts:
+            (one,) = getattr(validation, name)
+            parts[name] = (replace(one, **parts[name]),)
+    return replace(results, validation=replace(validation, **parts))
+
+
+def with_output_name(results: DatasetResults, name: str, **changes: Any) -> DatasetResults:
+    """The results as if the output had another name."""
+    old = results.recording.output_name
+    tables = {
+        field.name: renamed.assign(output=name) if "output" in renamed else renamed
+        for field in fields(ValidationTables)
+        if (
+            renamed := getattr(results.validation_tables, field.name).rename(
+                columns=lambda column: re.sub(f"_{old}$", lambda _: f"_{name}", column)
+            )
+        )
+        is not None
+    }
+    recording = replace(results.recording, output_names=(name,), **changes)
+    return replace(results, recording=recording, validation_tables=ValidationTables(**tables))
+
+
+def with_judged_modes(results: DatasetResults, modes: Sequence[Mode]) -> DatasetResults:
+    """The results as if the model had other modes, which nothing speaks against."""
+    first = replace(results.validation.modes.modes[0], doubts=())
+    judged = tuple(replace(first, mode=mode) for mode in modes)
+    changed = with_outcome(results, modes=replace(results.validation.modes, modes=judged))
+    return replace(changed, model=replace(results.model, modes=tuple(modes)))
+
+
+def without_modes(results: DatasetResults) -> DatasetResults:
+    """The results as if the model had no modes."""
+    return with_outcome(results, modes=replace(results.validation.modes, modes=()))
 
 
 def without_covariance(record: ModelRecord) -> ModelRecord:

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
-from identified import with_model, without_covariance
+from identified import with_model, with_output_name, without_covariance
 
 from evopem.figures import REPORT_FIGURES, draw_all
 from evopem.figures.chart import Chart, Curve, Panel, rows_of
@@ -185,15 +185,17 @@ def test_stabilization_marks_each_status_and_the_selected_order(results):
 def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(results, view):
     table, rate = results.validation_tables.simulation, results.model.sampling_rate
     (axes,) = drawn(view, "measured_and_simulated")
-    shown = table[table["simulated"].notna()].iloc[: shown_samples(results.model.modes, rate)]
+    shown = table[table["simulated_output"].notna()].iloc[
+        : shown_samples(results.model.modes, rate)
+    ]
     for column in ("output", "simulated"):
-        assert_drawn(axes, shown["time_s"], shown[column])
+        assert_drawn(axes, shown["time_s"], shown[f"{column}_output"])
     (axes,) = drawn(view, "gain")
     # The response has more points than are drawn: its extremes are.
     gain = lines(axes)["model G with 95 % band"].get_ydata()
     assert gain.max() == pytest.approx(results.frequency_response["gain"].iloc[1:].max())
     marked = [line.get_xdata()[0] for line in axes.get_lines() if len(line.get_xdata()) == 2]
-    assert marked == [each.mode.frequency_hz for each in results.trusted_modes]
+    assert marked == [mode.frequency_hz for mode in results.trusted_modes]
 
 
 def test_step_and_impulse_are_those_of_the_transfer_function(results, view):
@@ -227,7 +229,7 @@ def of_noise_alone(results):
     in_time[["step", "impulse"]] = np.nan
     tables = results.validation_tables
     simulation = tables.simulation.assign(
-        simulated=np.nan, simulation_error=np.nan, recorded_simulated=np.nan
+        simulated_output=np.nan, simulation_error_output=np.nan, recorded_simulated_output=np.nan
     )
     without = replace(
         results,
@@ -289,7 +291,7 @@ def test_the_nyquist_diagram_shows_the_frequency_response_in_the_complex_plane(r
 
 def test_the_level_of_white_noise_goes_through_the_residual_spectrum(view):
     table = view.residual_spectrum
-    errors = view.results.validation_tables.simulation["prediction_error"].dropna()
+    errors = view.results.validation_tables.simulation["prediction_error_output"].dropna()
     step = table["frequency_hz"].iloc[1]
     assert table["density"].sum() * step == pytest.approx(errors.var(ddof=0), rel=1e-6)
     assert table["density"].mean() == pytest.approx(table["white_level"].iloc[0], rel=0.01)
@@ -306,7 +308,7 @@ def test_the_simulation_is_drawn_in_recorded_units(results, view):
         ("recorded_output", "recorded_predicted", "recorded_simulated"),
         strict=True,
     ):
-        assert np.nanmax(line.get_ydata()) == pytest.approx(table[column].max())
+        assert np.nanmax(line.get_ydata()) == pytest.approx(table[f"{column}_output"].max())
 
 
 def test_residuals_beyond_their_bounds_stand_out(view):
@@ -352,8 +354,7 @@ def test_what_is_missing_is_said(results):
 
 
 def test_hostile_names_are_drawn_as_text(results):
-    named = replace(results.recording, output_names=(HOSTILE,), output_units=("V",))
-    view = view_of(replace(results, recording=named))
+    view = view_of(with_output_name(results, HOSTILE, output_units=("V",)))
     for name in ("record", "simulation"):
         figure = draw(figure_of(name).chart(view))
         assert "<script" not in svg_text(figure)

@@ -36,8 +36,6 @@ from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.synthesis.truth import Truth
-from evopem.validation.modes_record import ModesRecord
-from evopem.validation.multichannel import MultichannelValidation
 from evopem.validation.validation import Validation
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
@@ -48,9 +46,7 @@ RESULTS = [
     DelayChoice,
     MadeFrom,
     ModelRecord,
-    ModesRecord,
     RecordingInfo,
-    MultichannelValidation,
     OrderModels,
     OtherModel,
     Orders,

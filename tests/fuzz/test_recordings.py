@@ -24,7 +24,7 @@ from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
 from evopem.files.json_form import to_json
-from evopem.models.response_tables import frequency_response_table, modes_table
+from evopem.models.response_tables import frequency_response_table
 from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
@@ -125,7 +125,7 @@ def identified(recording, settings):
         validation, _ = validate(found.model, prepared, window.loss_start)
         record = ModelRecord.of(found, data, search, prepared.transforms)
         frequency_response_table(found.model)
-        modes_table(found.model)
+        validation.modes.rows(data.input_names, data.output_names)
     written = to_json((spectrum, candidate, record, validation))
     assert json.loads(json.dumps(written, allow_nan=False))
     assert np.isfinite(validation.prediction_error_percent)

@@ -1,17 +1,9 @@
 """A model's tables against the model itself."""
 
 import numpy as np
-import pytest
 
-from evopem.models.response_tables import frequency_response_table, modes_table
+from evopem.models.response_tables import frequency_response_table
 from evopem.synthesis.armax import true_model
-
-
-def test_modes_have_a_row_each():
-    table = modes_table(true_model())
-    assert table["frequency_hz"] == pytest.approx([5.36, 16.65, 37.0])
-    assert table["damping_percent"] == pytest.approx([0.91, 17.5, 1.07])
-    assert table["radius"] == pytest.approx(np.hypot(table["pole_real"], table["pole_imag"]))
 
 
 def test_the_response_runs_from_zero_to_half_the_rate():

@@ -16,9 +16,9 @@ from evopem.pipeline.identification import identify_dataset
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording_info import RecordingInfo
-from evopem.validation.checks.state_space import state_space_checks
-from evopem.validation.modes_record import ModesRecord
-from evopem.validation.multichannel import MultichannelValidation
+from evopem.validation.checks import Evidence, OrderRange
+from evopem.validation.checks.search import search_ranges
+from evopem.validation.validation import Validation
 
 RATE, NOISE = 100.0, 0.02
 FREQUENCIES = (7.0, 19.0)
@@ -76,9 +76,9 @@ def test_the_model_of_all_blows_is_the_truth(results):
     assert record.plant_states == 4
     assert [each.recording for each in record.transforms.estimation] == [0, 1, 2]
     assert [each.recording for each in record.transforms.validation] == [3]
-    modes = load(ModesRecord, results.modes_json)
-    assert all(modes.trusted)
-    for mode, frequency, shape in zip(modes.modes, FREQUENCIES, SHAPES, strict=True):
+    modes = load(Validation, results.validation).modes
+    assert len(modes.trusted) == len(modes.modes)
+    for mode, frequency, shape in zip(modes.trusted, FREQUENCIES, SHAPES, strict=True):
         assert abs(mode.frequency_hz - frequency) < 4 * mode.frequency_se_hz + 0.002
         np.testing.assert_allclose(
             mode.shape.real, shape / shape[np.abs(shape).argmax()], atol=0.02
@@ -86,7 +86,7 @@ def test_the_model_of_all_blows_is_the_truth(results):
 
 
 def test_the_held_out_blow_is_simulated_down_to_the_noise(results):
-    validation = load(MultichannelValidation, results.validation)
+    validation = load(Validation, results.validation)
     data = load_prepared(results.prepared, results.transforms)
     assert data.validation.samples == 240
     least = 100.0 * np.mean(NOISE / data.validation.outputs.std(axis=0))
@@ -108,18 +108,18 @@ def test_the_report_lists_every_recording(results):
 @pytest.mark.parametrize(
     ("form", "order", "passed", "says"),
     [
-        ("ss_oe", 4, True, "Inside: 4 states; 2 to 8 were tried."),
-        ("ss_oe", 8, False, "At the upper end: 8 states; 2 to 8 were tried."),
+        ("ss_oe", 4, True, "Inside: states of the plant = 4 (orders.nx: 2 to 8)."),
+        ("ss_oe", 8, False, "At an end of the range: states of the plant = 8 (orders.nx: 2 to 8)."),
         # The states of such a model are those of plant and noise; the plant's were searched.
-        ("ss_bj", 4, True, "Inside: 4 states of the plant; 2 to 8 were tried."),
+        ("ss_bj", 4, True, "Inside: states of the plant = 4 (orders.nx: 2 to 8)."),
     ],
 )
 def test_the_order_is_judged_by_the_orders_that_were_searched(results, form, order, passed, says):
     record = replace(load(ModelRecord, results.model), structure=form, plant_states=11)
-    validation = load(MultichannelValidation, results.validation)
+    validation = load(Validation, results.validation)
     info = load(RecordingInfo, results.recording_info)
-    checks = state_space_checks(record, validation, order, (2, 4, 6, 8), info)
-    (found,) = (each for each in checks if each.name == "Order inside its range")
+    tried = OrderRange("states of the plant", "orders.nx", order, 2, 8, least=2)
+    found = search_ranges(Evidence(record, validation, info, (tried,)))
     assert (found.passed, found.statement) == (passed, says)
 
 

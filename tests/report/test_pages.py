@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from browsing import TEMPLATES, renamed_channels
-from identified import without_covariance
+from identified import with_outcome, with_output_name, without_covariance
 
 from evopem.config.channels import RecordedSource
 from evopem.config.structures import phases_of
@@ -131,7 +131,7 @@ def test_every_figure_offers_its_numbers_inside_the_page(results, page):
     simulation = results.validation_tables.simulation
     for name in ("output", "predicted", "simulated", "simulation_error"):
         found = tables["simulation"][f"{name}_output"]
-        np.testing.assert_allclose(found, simulation[name], rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(found, simulation[f"{name}_output"], rtol=1e-4, atol=1e-6)
     roots = tables["poles_zeros"]
     poles = roots[roots["kind"] == "pole"]
     model = results.model.model
@@ -158,7 +158,7 @@ def test_the_summary_is_true_to_the_results(results, page):
         shown = with_error(mode.frequency_hz, mode.frequency_se_hz)
         assert f"{shown} {with_error(100 * mode.damping_ratio, 100 * mode.damping_se)}" in page.text
     assert "number of B coefficients" in page.text
-    recorded = validation.recorded
+    recorded = validation.outputs[0].recorded
     assert f"In recorded units {number(recorded.prediction_error_percent, 4)}" in page.text
     passed = [check.name for check in results.checks if check.passed]
     assert f"Passed {' · '.join(passed)}" in page.text
@@ -224,19 +224,21 @@ def test_an_order_at_the_end_of_a_given_range_is_no_failed_check(results, page):
 @pytest.fixture(scope="session")
 def unknown(results):
     """Results in which errors, a test and all standard errors are not known."""
-    validation = replace(
-        results.validation,
+    table = results.validation.modes
+    modes = tuple(
+        replace(mode, frequency_se_hz=error, damping_se=error)
+        for mode, error in zip(
+            results.model.modes, (math.inf, *[math.nan] * len(table.modes[1:])), strict=True
+        )
+    )
+    judged = tuple(replace(each, mode=mode) for each, mode in zip(table.modes, modes, strict=True))
+    unknown = with_outcome(
+        results,
         simulation_error_percent=math.nan,
-        prediction_fit_percent=math.nan,
-        ljung_box=replace(results.validation.ljung_box, p_value=math.nan),
+        outputs={"ljung_box": replace(results.validation.outputs[0].ljung_box, p_value=math.nan)},
+        modes=replace(table, modes=judged),
     )
-    first, *others = results.model.modes
-    modes = (
-        replace(first, frequency_se_hz=math.inf, damping_se=math.inf),
-        *(replace(mode, frequency_se_hz=math.nan, damping_se=math.nan) for mode in others),
-    )
-    model = replace(without_covariance(results.model), modes=modes)
-    return replace(results, validation=validation, model=model)
+    return replace(unknown, model=replace(without_covariance(results.model), modes=modes))
 
 
 def test_what_is_not_known_is_said(build, unknown, draw):
@@ -305,9 +307,8 @@ def test_checks_that_all_passed_are_said(build, results, monkeypatch):
 
 def test_hostile_names_do_no_harm(build, draw, results):
     renamed = replace(
-        results,
+        with_output_name(results, HOSTILE, input_units=(HOSTILE,)),
         settings=replace(results.settings, name=HOSTILE),
-        recording=replace(results.recording, output_names=(HOSTILE,), input_units=(HOSTILE,)),
         recording_info=renamed_channels(results.recording_info, HOSTILE, HOSTILE),
     )
     html = build(renamed, draw(renamed))

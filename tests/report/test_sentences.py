@@ -276,22 +276,21 @@ def test_a_model_without_roots_has_no_sentence_on_poles(results):
 def test_residual_tests(results):
     validation = results.validation
     (text,) = about_validation.residuals(results)
-    assert (
-        f"{percent(100 * validation.autocorrelation_share_inside95)} of {validation.lags}" in text
-    )
+    share = percent(100 * validation.outputs[0].autocorrelation_share_inside95)
+    assert f"{share} of {validation.lags}" in text
     assert f"N = {validation.residual_samples} residuals" in text
     assert "is expected of white innovations after this fit: p" in text
-    assert f"at lags −{validation.cross_correlation.lags} to" in text
+    assert f"at lags −{validation.correlation_lags} to" in text
 
 
 def test_residual_tests_that_were_not_possible(results):
-    unknown = replace(
-        results.validation,
-        autocorrelation_share_inside95=math.nan,
-        ljung_box=replace(results.validation.ljung_box, p_value=math.nan),
-        cross_correlation=replace(results.validation.cross_correlation, share_inside95=math.nan),
+    test = replace(results.validation.outputs[0].ljung_box, p_value=math.nan)
+    unknown = identified.with_outcome(
+        results,
+        outputs={"autocorrelation_share_inside95": math.nan, "ljung_box": test},
+        pairs={"share_inside95": math.nan},
     )
-    assert about_validation.residuals(replace(results, validation=unknown)) == [
+    assert about_validation.residuals(unknown) == [
         "The autocorrelation of the residuals is not known. The Ljung-Box test was not possible."
         " The cross-correlation of residuals and input is not known."
     ]
@@ -313,13 +312,13 @@ def test_simulation_says_where_it_starts(results):
 
 def test_simulation_in_recorded_units(results):
     recorded = replace(
-        results.validation.recorded,
+        results.validation.outputs[0].recorded,
         prediction_error_percent=0.5,
         simulation_error_percent=250.0,
         integrations=2,
         undefined_samples=3,
     )
-    changed = replace(results, validation=replace(results.validation, recorded=recorded))
+    changed = identified.with_outcome(results, outputs={"recorded": recorded})
     (text,) = about_validation.simulation(changed)
     assert f"one-step error is 0.500{THIN}% and the error of the simulation 250{THIN}%." in text
     assert "integrates the error of the simulation twice" in text

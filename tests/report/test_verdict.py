@@ -4,19 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identified import with_model
+from identified import with_model, with_outcome, without_modes
 
 from evopem.figures.view import view_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.sentences.about_modes import mode_lines
 from evopem.report.sentences.about_verdict import DESIRABLE, ESSENTIAL, verdict
 from evopem.validation.checks import Check
-from evopem.validation.mode_evidence import NO_TEST
-from evopem.validation.mode_trust import doubts
-
-
-def with_validation(results, **changes):
-    return replace(results, validation=replace(results.validation, **changes))
+from evopem.validation.held_out_tests import NO_TEST
+from evopem.validation.mode_evidence import doubts
 
 
 def with_checks(monkeypatch, results, **outcomes):
@@ -41,7 +37,7 @@ def test_the_checks_that_a_verdict_rests_on_exist(results):
 )
 def test_the_error_of_the_simulation_decides(results, monkeypatch, error, answer):
     with_checks(monkeypatch, results)
-    found = verdict(with_validation(results, simulation_error_percent=error))
+    found = verdict(with_outcome(results, simulation_error_percent=error))
     assert answers(found)["simulation of the transformed output"] == answer
     (use,) = [u for u in found.uses if u.name == "simulation of the transformed output"]
     assert ("off by" in use.reason) == np.isfinite(error)
@@ -62,10 +58,10 @@ def test_a_check_that_did_not_pass_takes_its_uses_away(
     results, monkeypatch, check, passed, use, answer
 ):
     with_checks(monkeypatch, results)
-    before = answers(verdict(with_validation(results, simulation_error_percent=5.0)))
+    before = answers(verdict(with_outcome(results, simulation_error_percent=5.0)))
     assert before[use] == "good"
     with_checks(monkeypatch, results, **{check: passed})
-    found = verdict(with_validation(results, simulation_error_percent=5.0))
+    found = verdict(with_outcome(results, simulation_error_percent=5.0))
     assert answers(found)[use] == answer
     (named,) = [each for each in found.uses if each.name == use]
     assert f"“{check.replace('_', ' ')}”" in named.reason
@@ -90,17 +86,17 @@ def of_structure(results, structure):
 def test_without_a_noise_model_a_prediction_is_as_good_as_the_simulation(results, monkeypatch):
     with_checks(monkeypatch, results)
     output_error = of_structure(results, "oe")
-    white = replace(results.validation.ljung_box, p_value=0.5)
-    good = {"ljung_box": white, "autocorrelation_share_inside95": 0.95}
-    for changes, answer in (
-        (good | {"prediction_error_percent": 10.0}, "good"),
-        (good | {"prediction_error_percent": 80.0}, "no"),
-        (
-            good | {"prediction_error_percent": 10.0, "ljung_box": replace(white, p_value=1e-9)},
-            "care",
-        ),
+    white = replace(results.validation.outputs[0].ljung_box, p_value=0.5)
+    coloured = replace(white, p_value=1e-9)
+    for error, test, answer in (
+        (10.0, white, "good"),
+        (80.0, white, "no"),
+        (10.0, coloured, "care"),
     ):
-        found = verdict(with_validation(output_error, **changes))
+        of_output = {"ljung_box": test, "autocorrelation_share_inside95": 0.95}
+        found = verdict(
+            with_outcome(output_error, outputs=of_output, prediction_error_percent=error)
+        )
         assert answers(found)["one-step prediction"] == answer
         assert answers(found)["standard errors"] == "good"
     reasons = {use.name: use.reason for use in found.uses}
@@ -132,8 +128,8 @@ def test_an_untransformed_output_has_one_simulation(results):
 
 
 def test_an_input_that_rests_tests_no_simulation(results):
-    split = replace(results.validation.split, comparable=None)
-    resting = with_validation(results, split=split, input_test=NO_TEST)
+    split = replace(results.validation.inputs[0].split, comparable=None)
+    resting = with_outcome(results, inputs={"split": split}, input_test=NO_TEST)
     uses = {use.name: use for use in verdict(resting).uses}
     for name in ("simulation of the transformed output", "simulation of the output as recorded"):
         assert uses[name].answer == "no"
@@ -165,7 +161,7 @@ def test_standard_errors_that_are_not_known_are_not_good(results, monkeypatch):
 
 
 def test_a_model_without_a_trusted_mode_says_so(results):
-    found = verdict(with_validation(results, modes=()))
+    found = verdict(without_modes(results))
     assert answers(found)["modes"] == "no"
 
 
@@ -177,7 +173,7 @@ def test_nothing_good_is_said_plainly(results, monkeypatch):
         Invertible=False,
         Roots_inside_the_stability_bound=False,
     )
-    assert verdict(with_validation(results, modes=())).sentence == (
+    assert verdict(without_modes(results)).sentence == (
         "This model is good for nothing that was tested."
     )
 
@@ -185,13 +181,13 @@ def test_nothing_good_is_said_plainly(results, monkeypatch):
 def test_every_mode_has_one_line(results):
     lines = mode_lines(view_of(results))
     assert [line.mode.pole for line in lines] == [mode.pole for mode in results.model.modes]
-    trusted = {each.mode.pole for each in results.trusted_modes}
+    trusted = {mode.pole for mode in results.trusted_modes}
     assert [line.trusted for line in lines] == [line.mode.pole in trusted for line in lines]
 
 
 def test_reasons_to_doubt_a_mode(results):
     rate = results.model.sampling_rate
-    trusted = results.trusted_modes[0]
+    trusted = next(each for each in results.validation.modes.modes if each.trusted)
     assert doubts(trusted, rate) == []
 
     def of(**changes):
@@ -209,10 +205,11 @@ def test_reasons_to_doubt_a_mode(results):
         "shows neither in the response to the input nor in the noise"
     ]
     assert of(reached=False, needed_by_noise=True) == []
-    assert of(reached=False, needed_by_noise=False, input_test=NO_TEST) == [
+    alone = replace(mode, input_participation=np.empty(0))
+    assert of(reached=False, needed_by_noise=False, mode=alone) == [
         "does not improve the prediction of validation samples"
     ]
     assert of(reached=None, needed_by_noise=None) == ["could not be tested on validation samples"]
-    assert of(stable=False, recurrence=0.5) == ["was found at only 50 % of the orders compared"]
-    assert of(stable=False, recurrence=0.0) == ["was found at none of the orders compared"]
-    assert of(stable=None) == []
+    assert of(recurrence=0.5) == ["was found at only 50 % of the orders compared"]
+    assert of(recurrence=0.0) == ["was found at none of the orders compared"]
+    assert of(recurrence=np.nan) == []

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from identified import with_judged_modes
 
 from evopem.errors import InputError
 from evopem.models.modes import Mode
@@ -18,11 +19,8 @@ def results(identified):
 def with_frequencies(results, *frequencies, name="other"):
     """The same results with other modes and another name."""
     modes = [Mode(hertz, 0.01, np.exp(0.1j * hertz), 0.01, 0.001) for hertz in frequencies]
-    return replace(
-        results,
-        model=replace(results.model, modes=modes),
-        settings=replace(results.settings, name=name),
-    )
+    changed = with_judged_modes(results, modes)
+    return replace(changed, settings=replace(results.settings, name=name))
 
 
 def test_modes_are_matched_across_all_models(results):
@@ -55,7 +53,7 @@ def test_models_of_one_name_are_told_apart(results):
 
 def test_other_validation_samples_are_noticed(results):
     tables = results.validation_tables
-    shifted = tables.simulation.assign(output=tables.simulation["output"] + 1.0)
+    shifted = tables.simulation.assign(output_output=tables.simulation["output_output"] + 1.0)
     other = replace(results, validation_tables=replace(tables, simulation=shifted))
     assert not Comparison.of([results, other]).has_same_validation
 

@@ -34,7 +34,7 @@ SENTENCE = "x.csv, line 51: is not a number; correct it."
 @pytest.fixture(scope="module")
 def summary(identified):
     """The summary of an identified data set."""
-    summarize_dataset(identified.files, phases_of("armax"))
+    summarize_dataset(identified.files, phases_of("armax"), False)
     return load(DatasetSummary, identified.files.summary)
 
 
@@ -75,7 +75,7 @@ def test_a_summary_holds_the_results(identified, summary):
     results = identified.results
     assert summary.orders == results.model.orders
     assert summary.modes == tuple(results.model.modes)
-    assert summary.bic == results.model.criteria.bic
+    assert summary.bic == results.model.bic
     assert summary.estimation_samples == results.prepared.estimation.samples
     assert summary.simulation_error_percent == results.validation.simulation_error_percent
     assert list(summary.checks) == results.checks

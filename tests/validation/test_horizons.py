@@ -7,8 +7,10 @@ import pytest
 
 from evopem import PolynomialModel, SearchSettings, estimate
 from evopem.models.polynomial_states import estimate_prediction_states, estimate_simulation_state
+from evopem.signals.recording import Recording
 from evopem.synthesis.polynomial import polynomial_record
-from evopem.validation.validate import PredictedStretch, horizon_errors
+from evopem.validation.responses import HeldOut
+from evopem.validation.scores import error_percent
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "daisy"
 QUADRATIC = SearchSettings(objective="quadratic")
@@ -28,8 +30,10 @@ def test_the_error_grows_with_the_variance_of_the_noise_not_yet_seen():
     horizons = (1, 2, 5, 20)
     expected = [variance * np.sum(0.64 ** np.arange(k)) for k in horizons]
     states = estimate_prediction_states(model, u, y)
-    stretch = PredictedStretch(model, u, y, states, model.orders.first_residual)
-    found = (horizon_errors([stretch], horizons) / 100.0) ** 2 * np.var(y)
+    stretch = HeldOut(model, Recording(u, y, 1.0), None, states)
+    first = model.orders.first_residual
+    errors = [error_percent(y[first:], stretch.predicted(k)[first:, 0]) for k in horizons]
+    found = (np.array(errors) / 100.0) ** 2 * np.var(y)
     np.testing.assert_allclose(found, expected, rtol=0.05)
     in_simulation = (simulation_error(model, u, y) / 100.0) ** 2 * np.var(y)
     assert in_simulation == pytest.approx(variance / 0.36, rel=0.05)

@@ -5,18 +5,12 @@ import pytest
 from scipy.signal import lfilter, residuez
 
 from evopem import SearchSettings, estimate
-from evopem.models.modes import Mode
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_prediction_states
+from evopem.models.stabilization import OrderModel
 from evopem.signals.recording import Recording
-from evopem.signals.spectral.frequency_response import frequency_response
-from evopem.validation.mode_evidence import (
-    modal_residue,
-    modal_response,
-    mode_evidence,
-    mode_recurrence,
-)
+from evopem.validation.modal_parts import ModalParts
+from evopem.validation.mode_evidence import table_of_models
+from evopem.validation.responses import divided
 
 RATE = 100.0
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=8, nu=4, evaluations=2000)
@@ -46,9 +40,11 @@ def evidence(seed, order):
     u, y = record(seed)
     cut = 2000
     model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), RATE, settings=SEARCH).model
-    response = frequency_response(Recording(u[:cut], y[:cut], RATE))
-    states = estimate_prediction_states(model, u[:cut], y[:cut])
-    return mode_evidence(model, u, y, cut, states, response)
+    recording = Recording(u, y, RATE)
+    table = table_of_models(
+        [OrderModel.of(order, 0.0, model)], order, lambda each: divided(each, recording, cut)
+    )
+    return table.modes
 
 
 def test_each_mode_has_its_origin_at_the_true_order():
@@ -56,11 +52,8 @@ def test_each_mode_has_its_origin_at_the_true_order():
         of_input, of_noise = evidence(seed, 4)
         assert of_input.origin == "input"
         assert of_input.reached is True
-        assert of_input.coherence > of_input.coherence_limit
-        assert of_input.residue_se < 0.1 * abs(of_input.residue)
         assert of_noise.origin == "noise"
         assert of_noise.reached is False
-        assert abs(of_noise.residue) < 4 * of_noise.residue_se
 
 
 def test_superfluous_modes_have_no_origin():
@@ -77,9 +70,9 @@ def test_superfluous_modes_have_no_origin():
     assert sum(origin != "neither" for origin in origins) <= 2
 
 
-def example():
+def example(nk=2):
     a = np.convolve(factor(OF_INPUT), factor(pole(30.0, 0.1)))
-    return PolynomialModel(a, np.array([1.0, -0.4, 0.2]), np.ones(1), nk=2, sampling_rate=RATE)
+    return PolynomialModel(a, np.array([1.0, -0.4, 0.2]), np.ones(1), nk=nk, sampling_rate=RATE)
 
 
 def test_residues_are_those_of_scipy():
@@ -87,66 +80,49 @@ def test_residues_are_those_of_scipy():
     residues, poles, _ = residuez(model.b, model.a)
     for mode in model.modes():
         expected = residues[np.argmin(np.abs(poles - mode.pole))]
-        assert modal_residue(model, mode.pole)[0] == pytest.approx(expected, rel=1e-8)
+        assert mode.input_participation[0] == pytest.approx(expected, rel=1e-8)
 
 
-def test_modal_responses_add_up_to_the_simulation():
-    model = example()
+@pytest.mark.parametrize("nk", [0, 1, 3])
+def test_modal_responses_add_up_to_the_simulation(nk):
+    model = example(nk)
     u = np.random.default_rng(2).standard_normal(200)
-    total = sum(modal_response(model, mode.pole, u) for mode in model.modes())
-    np.testing.assert_allclose(total, model.simulate(u), atol=1e-10)
+    (record,) = divided(model, Recording(u, model.simulate(u), RATE), 0)
+    parts = ModalParts.of(model.modes(), record)
+    # Without a delay the response to the sample itself is no part of the modes.
+    rest = (parts.simulated - sum(parts.by_input))[:, 0]
+    np.testing.assert_allclose(rest, 0.0 if nk else model.b[0] * u, atol=1e-10)
 
 
-def test_the_error_of_a_residue_is_the_first_order_propagation():
-    model = example()
-    root = 1e-7 * np.random.default_rng(3).standard_normal((7, 7))
-    uncertain = PolynomialModel(
-        model.a,
-        model.b,
-        model.c,
-        nk=2,
-        sampling_rate=RATE,
-        covariance=ParameterCovariance(root, np.zeros((7, 0))),
-    )
-    for mode in model.modes():
-        change = []
-        for column in root.T:
-            sides = []
-            for sign in (1, -1):
-                a = model.a + sign * np.r_[0.0, column[:4]]
-                moved = PolynomialModel(
-                    a, model.b + sign * column[4:], model.c, nk=2, sampling_rate=RATE
-                )
-                near = min(moved.modes(), key=lambda m, z=mode.pole: abs(m.pole - z))
-                sides.append(abs(modal_residue(moved, near.pole)[0]))
-            change.append((sides[0] - sides[1]) / 2)
-        error = modal_residue(uncertain, mode.pole)[1]
-        assert error == pytest.approx(np.linalg.norm(change), rel=1e-4)
-
-
-def test_without_covariance_or_spectrum_their_numbers_are_not_known():
+def test_a_mode_is_reached_without_covariance_or_other_orders():
     model = example()
     u = np.random.default_rng(4).standard_normal(300)
-    found = mode_evidence(model, u, model.simulate(u) + 0.01 * np.roll(u, 50), 100)[0]
-    assert np.isnan(found.residue_se)
-    assert np.isnan(found.coherence)
-    assert found.stable is None
-    assert found.reached is True
+    recording = Recording(u, model.simulate(u) + 0.01 * np.roll(u, 50), RATE)
+    table = table_of_models(
+        [OrderModel.of(4, 0.0, model)], 4, lambda each: divided(each, recording, 100)
+    )
+    assert table.modes[0].stable is None
+    assert table.modes[0].reached is True
 
 
 def test_recurrence_is_the_share_of_models_that_have_the_mode():
-    def model(frequency, damping):
-        return PolynomialModel(
-            factor(pole(frequency, damping)), np.ones(1), np.ones(1), nk=1, sampling_rate=RATE
-        )
+    def model(order, frequency, damping, real):
+        a = np.convolve(factor(pole(frequency, damping)), [1.0, -real])
+        found = PolynomialModel(a, np.ones(1), np.ones(1), nk=1, sampling_rate=RATE)
+        return OrderModel.of(order, 0.0, found)
 
-    others = [model(10.1, 0.02), model(10.1, 0.05), model(12.0, 0.02), model(9.95, 0.018)]
+    others = [
+        model(4, 10.1, 0.02, 0.2),
+        model(5, 10.1, 0.05, 0.2),
+        model(6, 12.0, 0.02, 0.2),
+        model(7, 9.95, 0.018, 0.2),
+    ]
     first_order = PolynomialModel(
         np.array([1.0, 0.5]), np.ones(1), np.ones(1), nk=1, sampling_rate=RATE
     )
-    mode = Mode(10.0, 0.02, OF_INPUT)
-    assert mode_recurrence(mode, [*others, first_order]) == 0.5
-    # An uncertain damping does not tell the second one from it.
-    uncertain = Mode(10.0, 0.02, OF_INPUT, 0.01, 0.02)
-    assert mode_recurrence(uncertain, others) == 0.75
-    assert np.isnan(mode_recurrence(mode, [first_order]))
+    chosen = model(3, 10.0, 0.02, 0.3)
+    table = table_of_models([OrderModel.of(1, 0.0, first_order), chosen, *others], 3)
+    (found,) = (each for each in table.modes if each.order == 3)
+    assert (found.recurrence, found.orders) == (0.5, (3, 4, 7))
+    alone = table_of_models([OrderModel.of(1, 0.0, first_order), chosen], 3)
+    assert np.isnan(alone.modes[0].recurrence)

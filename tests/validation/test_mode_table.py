@@ -12,13 +12,13 @@ from evopem.models.stabilization import OrderModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, without_input
 from evopem.synthesis.vibrating_structure import VibratingStructure
-from evopem.validation.mode_table import (
+from evopem.validation.mode_evidence import (
     ModeTable,
     held_out_mode_tests,
     mode_table,
     table_of_models,
 )
-from evopem.validation.modes_record import ModesRecord
+from evopem.validation.responses import divided
 
 RATE = 100.0
 CLOSE = VibratingStructure(
@@ -70,7 +70,7 @@ def test_without_held_out_samples_a_mode_is_not_judged(ambient):
 def test_smaller_orders_do_not_speak_against_a_mode_of_the_largest(ambient):
     estimates, _ = ambient
     models = [OrderModel.of_estimate(each) for each in estimates]
-    table = table_of_models(models, 12, without_input(np.zeros((2200, 3)), RATE))
+    table = table_of_models(models, 12)
     own = [each for each in table.modes if each.order == 12]
     assert own
     assert {each.stable for each in own} == {None}
@@ -88,13 +88,14 @@ def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
             for mode in models[2].modes
         ]
         mixed = [replace(each, modes=tuple(modes)) if each.order == 6 else each for each in models]
-        return table_of_models(mixed, 6, without_input(y, RATE), 0)
+        recording = without_input(y, RATE)
+        return table_of_models(mixed, 6, lambda model: divided(model, recording, 0))
 
     table = changed(equal_poles_p=0.3)
     assert [each.shape_trusted for each in table.modes if each.trusted] == [True, False, False]
     rows = [k for k, each in enumerate(table.modes) if each.shape_doubt]
     assert [table.modes[k].pair for k in rows] == rows[::-1]
-    csv = ModesRecord.of(table, (), ("a", "b", "c")).rows()
+    csv = table.rows((), ("a", "b", "c"))
     assert csv["plane_with_mode"][3 * rows[0]] == str(rows[1] + 1)
     assert [changed(equal_poles_p=0.3, plane_assurance=0.7).modes[k].pair for k in rows] == [
         None
@@ -155,9 +156,8 @@ def test_the_tests_reject_at_their_level_what_is_not_there():
     for seed in range(200):
         u, y = recorded(truth, 400, seed)
         modes = estimate.modes()
-        p_values.append(
-            [held_out_mode_tests(estimate, modes, [u], [y], 100)[k][0].p_value for k in (0, 1)]
-        )
+        held_out = divided(estimate, Recording(u, y, RATE), 100)
+        p_values.append([each[0].p_value for each in held_out_mode_tests(modes, held_out)])
     driven, not_driven = np.array(p_values).T
     assert (driven < 0.01).all()
     # At a level of 5 %, 200 records reject between 2 and 20 times but for one case in a thousand.

@@ -36,7 +36,7 @@ def test_the_true_model_gives_every_peak_its_height(noise):
     exceeded = sum(
         any(
             peak.excess > peak.chance
-            for peak in peak_evidence(model(TWO_MODES, noise), found, SPECTRUM)
+            for peak in peak_evidence(model(TWO_MODES, noise), found, 0, SPECTRUM)
         )
         for found in (record(seed, noise) for seed in range(20))
     )
@@ -45,13 +45,13 @@ def test_the_true_model_gives_every_peak_its_height(noise):
 
 @pytest.mark.parametrize("noise", [0.01, 1.0, 100.0])
 def test_a_model_without_the_mode_lacks_its_power(noise):
-    evidence = peak_evidence(model(ONE_MODE, noise), record(1, noise), SPECTRUM)
+    evidence = peak_evidence(model(ONE_MODE, noise), record(1, noise), 0, SPECTRUM)
     (missed,) = [peak for peak in evidence if peak.excess > peak.chance]
     assert missed.frequency_hz == pytest.approx(1.9 * RATE / (2 * np.pi), abs=0.3)
 
 
 def test_of_an_unstable_model_there_is_no_density():
     unstable = model(np.array([1.0, -1.5]), 1.0)
-    evidence = peak_evidence(unstable, record(1, 1.0), SPECTRUM)
+    evidence = peak_evidence(unstable, record(1, 1.0), 0, SPECTRUM)
     assert evidence
     assert all(np.isnan(peak.excess) for peak in evidence)

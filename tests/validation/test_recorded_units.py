@@ -38,28 +38,28 @@ def prepared(transforms, offset=50.0):
 )
 def test_the_measured_output_comes_back_as_recorded(transforms):
     record, data, _ = prepared(transforms)
-    output = data.validation.output
+    output = data.validation.outputs
     series = recorded_series(data.transforms, output, output, output)
-    expected = record.output[-len(output) :]
-    for values in (series.output, series.predicted, series.simulated):
+    expected = record.outputs[-len(output) :]
+    for values in (series.outputs, series.predicted, series.simulated):
         np.testing.assert_allclose(values, expected, rtol=1e-8)
 
 
 def test_without_nonlinear_transforms_the_prediction_errors_are_those_of_the_prepared_output():
     _, data, _ = prepared(TransformSettings("none", 2, 2))
-    output = data.validation.output
-    errors = 0.1 * np.random.default_rng(1).standard_normal(len(output))
+    output = data.validation.outputs
+    errors = 0.1 * np.random.default_rng(1).standard_normal(output.shape)
     series = recorded_series(data.transforms, output, output - errors, output)
-    np.testing.assert_allclose(series.output - series.predicted, errors, atol=1e-9)
+    np.testing.assert_allclose(series.outputs - series.predicted, errors, atol=1e-9)
 
 
 def test_a_simulation_error_is_summed_up_once_for_each_difference():
     _, data, _ = prepared(TransformSettings("none", 1, 1))
-    output = data.validation.output
+    output = data.validation.outputs
     series = recorded_series(data.transforms, output, output, output - 1e-3)
-    drift = 1e-3 * np.arange(1, len(output) + 1)
-    np.testing.assert_allclose(series.output - series.simulated, drift, rtol=1e-6)
-    errors = recorded_errors(data.transforms, series, np.ones(len(series.output), dtype=bool))
+    drift = 1e-3 * np.arange(1, len(output) + 1)[:, None]
+    np.testing.assert_allclose(series.outputs - series.simulated, drift, rtol=1e-6)
+    errors = recorded_errors(data.transforms, series, np.ones(len(series.outputs), dtype=bool), 0)
     assert errors.integrations == 1
     assert errors.simulation_error_percent > 100 * 1e-3
     assert errors.prediction_error_percent == pytest.approx(0.0, abs=1e-9)
@@ -67,11 +67,11 @@ def test_a_simulation_error_is_summed_up_once_for_each_difference():
 
 def test_values_outside_the_range_of_the_transform_are_counted_and_not_scored():
     _, data, _ = prepared(TransformSettings(0.5, 0, 0), offset=6.0)
-    output = data.validation.output
+    output = data.validation.outputs
     low = output.copy()
     low[7] = -1e3
     series = recorded_series(data.transforms, output, output, low)
-    errors = recorded_errors(data.transforms, series, np.ones(len(series.output), dtype=bool))
+    errors = recorded_errors(data.transforms, series, np.ones(len(series.outputs), dtype=bool), 0)
     assert errors.undefined_samples == 1
     assert errors.simulation_error_percent == pytest.approx(0.0, abs=1e-6)
 
@@ -79,7 +79,7 @@ def test_values_outside_the_range_of_the_transform_are_counted_and_not_scored():
 def test_validation_states_recorded_errors_beside_prepared_ones():
     _, data, model = prepared(TransformSettings("none", 0, 0))
     validation, tables = validate(model, data)
-    assert validation.recorded.simulation_error_percent == pytest.approx(
+    assert validation.outputs[0].recorded.simulation_error_percent == pytest.approx(
         validation.simulation_error_percent
     )
-    assert tables.simulation["recorded_output"].mean() == pytest.approx(50.0, abs=1.0)
+    assert tables.simulation["recorded_output_output"].mean() == pytest.approx(50.0, abs=1.0)

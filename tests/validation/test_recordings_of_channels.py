@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from evopem.models.state_space import StateSpaceModel
+from evopem.signals.prepared_data import PreparedData, StretchOrigin, Transforms
 from evopem.signals.recording import Recording, concatenated
-from evopem.validation.multichannel import validate_multichannel
-from evopem.validation.residual_tests import cross_correlation, residual_autocorrelation
+from evopem.validation.residual_tests import autocorrelation_of, correlation_with_input
+from evopem.validation.validate import validate
 
 LENGTHS = (150, 90, 120)
 MODEL = StateSpaceModel(
@@ -33,18 +34,29 @@ def records():
     return found
 
 
+def prepared(validation):
+    """A recording that validates a model of others."""
+    origins = tuple(
+        StretchOrigin(number, 0, 0.0, each.samples, (0.0,), (0.0, 0.0))
+        for number, each in enumerate(validation.separated)
+    )
+    return PreparedData(
+        validation, validation, Transforms(10.0, None, origins, origins, validation_source="file")
+    )
+
+
 @pytest.mark.parametrize("free_level", [False, True])
 def test_each_recording_is_simulated_and_predicted_as_if_it_were_alone(free_level):
     parts = records()
-    joined, tables = validate_multichannel(MODEL, concatenated(parts), free_level)
+    joined, tables = validate(MODEL, prepared(concatenated(parts)), free_level=free_level)
     assert tables.simulation["recording"].tolist() == np.repeat([1, 2, 3], LENGTHS).tolist()
     assert tables.simulation.groupby("recording")["time_s"].max().tolist() == [14.9, 8.9, 11.9]
     for number, each in enumerate(parts):
-        alone, own = validate_multichannel(MODEL, each, free_level)
+        alone, own = validate(MODEL, prepared(each), free_level=free_level)
         rows = tables.simulation[tables.simulation["recording"] == number + 1]
         for name in ("predicted_a", "simulated_b"):
             np.testing.assert_array_equal(rows[name], own.simulation[name])
-        assert joined.recordings[number] == alone.recordings[0]
+        assert joined.stretches[number] == alone.stretches[0]
         assert "recording" not in own.simulation
 
 
@@ -56,13 +68,17 @@ def test_correlations_have_no_product_of_samples_of_two_recordings():
     parts = [slice(*edge) for edge in pairwise(bounds)]
     centred, driven = e - e.mean(), u - u.mean()
     lags = 100  # more than the shortest recording has samples
-    found = residual_autocorrelation(e, lags, bounds)
+    found = autocorrelation_of(e, lags, bounds).table("autocorrelation")
     for lag in (1, 7, 100):
         products = sum(centred[p][lag:] @ centred[p][: max(len(e[p]) - lag, 0)] for p in parts)
         value = found["autocorrelation"][lag]
         assert value == pytest.approx(products / (centred @ centred), abs=1e-12)
     assert found["bound95"][1] == pytest.approx(1.96 / np.sqrt(sum(LENGTHS)), rel=1e-3)
-    crossed = cross_correlation(e, u, lags, bounds).set_index("lag")["cross_correlation"]
+    crossed = (
+        correlation_with_input(e, u, lags, bounds)
+        .table("cross_correlation")
+        .set_index("lag")["cross_correlation"]
+    )
     size = np.sqrt((centred @ centred) * (driven @ driven))
     for lag in (3, 60):
         products = sum(centred[p][lag:] @ driven[p][: max(len(e[p]) - lag, 0)] for p in parts)

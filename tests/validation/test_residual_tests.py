@@ -6,9 +6,9 @@ from scipy.signal import lfilter
 
 from evopem.validation.excitation import excitation_order
 from evopem.validation.residual_tests import (
-    cross_correlation,
+    autocorrelation_of,
+    correlation_with_input,
     ljung_box_lags,
-    residual_autocorrelation,
     share_inside,
     whiteness_test,
 )
@@ -36,7 +36,9 @@ def test_lag_count_leaves_freedom():
 
 
 def test_autocorrelation_is_cut_to_the_record():
-    table = residual_autocorrelation(np.random.default_rng(2).normal(size=30), 1200)
+    table = autocorrelation_of(np.random.default_rng(2).normal(size=30), 1200).table(
+        "autocorrelation"
+    )
     assert table["lag"].max() == 29
     assert table["autocorrelation"].iloc[0] == pytest.approx(1.0)
 
@@ -45,7 +47,7 @@ def test_white_residuals_have_95_percent_inside():
     rng = np.random.default_rng(3)
     inside = []
     for _ in range(400):
-        table = residual_autocorrelation(rng.normal(size=1000), 20).iloc[1:]
+        table = autocorrelation_of(rng.normal(size=1000), 20).table("autocorrelation").iloc[1:]
         inside.append(share_inside(table["autocorrelation"], table["bound95"]))
     # 8000 nearly independent lags: standard error 0.25 %.
     assert np.mean(inside) == pytest.approx(0.95, abs=0.01)
@@ -54,7 +56,11 @@ def test_white_residuals_have_95_percent_inside():
 def test_cross_correlation_sign_and_values_by_brute_force():
     rng = np.random.default_rng(4)
     u, e = rng.normal(size=50), rng.normal(size=50)
-    table = cross_correlation(e, u, 7).set_index("lag")["cross_correlation"]
+    table = (
+        correlation_with_input(e, u, 7)
+        .table("cross_correlation")
+        .set_index("lag")["cross_correlation"]
+    )
     e0, u0 = e - e.mean(), u - u.mean()
     scale = np.sqrt((e0 @ e0) * (u0 @ u0))
     for lag in range(-7, 8):
@@ -65,7 +71,7 @@ def test_cross_correlation_sign_and_values_by_brute_force():
 def test_a_residual_that_follows_the_input_shows_at_positive_lag():
     u = np.random.default_rng(5).normal(size=500)
     e = np.concatenate([np.zeros(3), u[:-3]])
-    table = cross_correlation(e, u, 10)
+    table = correlation_with_input(e, u, 10).table("cross_correlation")
     assert table.loc[table["cross_correlation"].idxmax(), "lag"] == 3
 
 
@@ -76,7 +82,7 @@ def test_cross_correlation_bound_covers_95_percent_for_coloured_signals():
     for _ in range(300):
         u = lfilter([1.0], [1, -0.8], rng.normal(size=2000))
         e = lfilter([1.0], [1, -0.6], rng.normal(size=2000))
-        table = cross_correlation(e, u, 20)
+        table = correlation_with_input(e, u, 20).table("cross_correlation")
         inside.append(share_inside(table["cross_correlation"], table["bound95"]))
         inside_white.append(share_inside(table["cross_correlation"], 1.96 / np.sqrt(2000)))
     assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
@@ -86,12 +92,16 @@ def test_cross_correlation_bound_covers_95_percent_for_coloured_signals():
 def test_cross_correlation_bound_of_white_residuals_is_that_of_white_signals():
     rng = np.random.default_rng(7)
     u = lfilter([1.0], [1, -0.9], rng.normal(size=4000))
-    bound = cross_correlation(rng.normal(size=4000), u, 5)["bound95"].iloc[0]
+    bound = (
+        correlation_with_input(rng.normal(size=4000), u, 5)
+        .table("cross_correlation")["bound95"]
+        .iloc[0]
+    )
     assert bound == pytest.approx(1.96 / np.sqrt(4000), rel=0.1)
 
 
 def test_constant_signals_have_no_correlation():
-    table = cross_correlation(np.zeros(20), np.arange(20.0), 4)
+    table = correlation_with_input(np.zeros(20), np.arange(20.0), 4).table("cross_correlation")
     assert table["cross_correlation"].isna().all()
     assert np.isnan(share_inside(table["cross_correlation"], table["bound95"]))
 

@@ -19,7 +19,8 @@ from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.signals.recording_info import describe_recording
 from evopem.signals.spectral.summary import SpectrumSummary
-from evopem.validation.checks import checks
+from evopem.validation.checks import Evidence, checks
+from evopem.validation.checks.search import ranges_of_phases
 from evopem.validation.validate import validate
 
 PREPARATION = PreparationSettings(TransformSettings("none", 0, 0), SplitSettings(discard=50))
@@ -58,7 +59,7 @@ def judged(u, y, orders=(2, 2, 1, 1), objective="absolute"):
         for phase in ("delay", "joint", "nc", "nb")
     }
     info = describe_recording(record)
-    results = checks(model, validation, NO_PEAKS, phases, info)
+    results = checks(Evidence(model, validation, info, ranges_of_phases(phases)))
     frequencies = [mode.frequency_hz for mode in model.modes]
     return frequencies, {check.name for check in results if check.passed is False}
 

@@ -99,7 +99,9 @@ def test_the_simulation_sees_no_output_that_is_scored(contiguous, free_level):
 def simulated(model, u, y, contiguous, free_level):
     """The scored samples of the simulation, and its error."""
     result, tables = validate(model, prepared(u, y, 2000, contiguous), free_level=free_level)
-    return tables.simulation["simulated"].dropna().to_numpy(), result.simulation_error_percent
+    return tables.simulation[
+        "simulated_output"
+    ].dropna().to_numpy(), result.simulation_error_percent
 
 
 def test_a_fitted_state_that_imitates_a_drift_is_told():
@@ -121,10 +123,10 @@ def test_a_fitted_state_that_imitates_a_drift_is_told():
 def test_the_prediction_of_a_sample_knows_the_output_before_it_only():
     model = lightly_damped()
     u, y = response(model, 3000, noise=0.1)
-    before = validate(model, prepared(u, y, 2000))[1].simulation["predicted"]
+    before = validate(model, prepared(u, y, 2000))[1].simulation["predicted_output"]
     spoilt = y.copy()
     spoilt[2500:] += 1.0
-    after = validate(model, prepared(u, spoilt, 2000))[1].simulation["predicted"]
+    after = validate(model, prepared(u, spoilt, 2000))[1].simulation["predicted_output"]
     assert np.array_equal(before[:501], after[:501])
     assert not np.isclose(before[501], after[501])
 
@@ -143,7 +145,7 @@ def test_prediction_continues_the_recursion_over_the_cut():
         e[t] -= sum(model.c[i] * e[t - i] for i in range(1, model.c.size))
         e[t] += state[t - start] if t - start < state.size else 0.0
     result, tables = validate(model, prepared(u, y, 300))
-    np.testing.assert_allclose(tables.simulation["prediction_error"], e[300:], atol=1e-9)
+    np.testing.assert_allclose(tables.simulation["prediction_error_output"], e[300:], atol=1e-9)
     assert result.prediction_error_percent == pytest.approx(
         100 * np.linalg.norm(e[300:]) / np.linalg.norm(y[300:] - y[300:].mean())
     )
@@ -157,11 +159,11 @@ def test_an_independent_recording_has_unscored_samples():
     assert first > model.orders.first_residual + model.orders.nc
     assert result.unscored_samples == first
     assert result.samples == 1000 - first
-    assert tables.simulation["simulated"].isna().sum() == first
-    assert tables.simulation["predicted"].isna().sum() == first
+    assert tables.simulation["simulated_output"].isna().sum() == first
+    assert tables.simulation["predicted_output"].isna().sum() == first
     states = estimate_prediction_states(model, u[2000:], y[2000:])
     restarted = model.predict(u[2000:], y[2000:], 1, *states)[first:]
-    np.testing.assert_array_equal(tables.simulation["predicted"][first:], restarted)
+    np.testing.assert_array_equal(tables.simulation["predicted_output"][first:], restarted)
 
 
 def test_the_true_model_predicts_to_the_noise_and_leaves_it_white():
@@ -172,16 +174,16 @@ def test_the_true_model_predicts_to_the_noise_and_leaves_it_white():
     assert result.prediction_error_percent == pytest.approx(expected, rel=0.1)
     assert result.simulation_error_percent > 2 * result.prediction_error_percent
     assert result.lags == 1200
-    assert result.ljung_box.p_value > 0.01
-    assert result.autocorrelation_share_inside95 > 0.93
-    assert result.cross_correlation.share_inside95 > 0.9
+    assert result.outputs[0].ljung_box.p_value > 0.01
+    assert result.outputs[0].autocorrelation_share_inside95 > 0.93
+    assert result.pairs[0].share_inside95 > 0.9
 
 
 def test_a_model_without_its_noise_polynomial_leaves_coloured_residuals():
     model = lightly_damped()
     u, y = response(model, 6000, noise=0.5)
     result, _ = validate(replace(model, C=np.ones(1)), prepared(u, y, 5000))
-    assert result.ljung_box.p_value < 1e-6
+    assert result.outputs[0].ljung_box.p_value < 1e-6
 
 
 def test_the_input_of_the_true_model_is_significant_and_reaches_every_mode():
@@ -190,8 +192,8 @@ def test_the_input_of_the_true_model_is_significant_and_reaches_every_mode():
     for contiguous in (True, False):
         result, _ = validate(model, prepared(u, y, 2000, contiguous))
         assert result.input_test.significant(0.01)
-        assert [each.origin for each in result.modes] == ["input"] * 3
-        assert result.split.comparable
+        assert [each.origin for each in result.modes.modes] == ["input"] * 3
+        assert result.inputs[0].split.comparable
 
 
 def test_inputs_stay_as_they_are():

@@ -14,8 +14,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.prepared_data import load_prepared
-from evopem.validation.modes_record import ModesRecord
-from evopem.validation.multichannel import MultichannelValidation
+from evopem.validation.validation import Validation
 
 from .conftest import Folder
 
@@ -113,11 +112,11 @@ def test_the_truth_is_found(run):
     assert record.model.input_delays == (0, 1)
     assert record.plant_states == 4
     assert record.output_units == ("m/s2", "m/s2", "")
-    modes = load(ModesRecord, files.modes_json)
-    for mode, frequency in zip(modes.modes, FREQUENCIES, strict=True):
+    modes = load(Validation, files.validation).modes
+    for mode, frequency in zip(modes.trusted, FREQUENCIES, strict=True):
         assert abs(mode.frequency_hz - frequency) < 5 * mode.frequency_se_hz + 0.02
-    np.testing.assert_allclose(modes.modes[1].shape.real, [1.0, -0.6, 0.3], atol=0.05)
-    validation = load(MultichannelValidation, files.validation)
+    np.testing.assert_allclose(modes.trusted[1].shape.real, [1.0, -0.6, 0.3], atol=0.05)
+    validation = load(Validation, files.validation)
     measured = frame()[["acc_1", "acc_2", "acc_3"]].to_numpy()
     held_out = measured[int(0.8 * SAMPLES) :]
     noise = 0.1 * measured.std(axis=0) / np.sqrt(1.01)
@@ -221,8 +220,8 @@ def test_recordings_under_one_name_have_one_model(at_once):
     record = load(ModelRecord, files.model)
     assert [each.samples for each in record.transforms.estimation] == [SAMPLES] * 2
     assert record.transforms.validation_samples == SAMPLES
-    modes = load(ModesRecord, files.modes_json)
-    for mode, frequency in zip(modes.modes, FREQUENCIES, strict=True):
+    modes = load(Validation, files.validation).modes
+    for mode, frequency in zip(modes.trusted, FREQUENCIES, strict=True):
         assert abs(mode.frequency_hz - frequency) < 5 * mode.frequency_se_hz + 0.02
     assert "run_3.csv" in Path(files.report).read_text(encoding="utf-8")
 

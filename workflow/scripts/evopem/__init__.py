@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from evopem.notebook.identify import identify, read_results
     from evopem.notebook.results import Results
     from evopem.signals.recording import Recording
-    from evopem.validation.mode_table import ModeTable, mode_table
+    from evopem.validation.mode_evidence import ModeTable, mode_table
 
 __all__ = [
     "Constraints",
@@ -74,8 +74,8 @@ _HOMES = {
     "read_results": "evopem.notebook.identify",
     "estimate_delays": "evopem.estimation.delays",
     "estimate_state_space": "evopem.estimation.state_space.estimate",
-    "mode_table": "evopem.validation.mode_table",
-    "ModeTable": "evopem.validation.mode_table",
+    "mode_table": "evopem.validation.mode_evidence",
+    "ModeTable": "evopem.validation.mode_evidence",
     "estimates_of_orders": "evopem.estimation.state_space.estimate",
 }
 

@@ -20,7 +20,7 @@ from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
 from evopem.validation.checks.check import SIGNIFICANCE
-from evopem.validation.checks.excitation import EXCITATION_ADEQUATE
+from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
     MIN_CROSS_CORRELATION_SHARE,

@@ -13,7 +13,7 @@ from evopem.automatic.state_space import fits_in_state_space, fits_of_several_in
 from evopem.automatic.structures import score_of
 from evopem.config.structures import OF_SIMULATION, ORDER_NAMES
 from evopem.models.structures import Orders
-from evopem.validation.checks.excitation import EXCITATION_ADEQUATE
+from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
 from evopem.validation.checks.roots import DISTINCT, INSIDE_BOUND
 

@@ -29,22 +29,19 @@ from evopem.models.stabilization import (
 )
 from evopem.models.uncertain_roots import Polynomial, uncertain_roots
 from evopem.results.dataset import DatasetResults
-from evopem.results.multichannel import MultichannelResults
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import spectral_peaks
-from evopem.validation.checks.excitation import input_rests
+from evopem.validation.checks.inputs import input_rests
 from evopem.validation.checks.residuals import white
-from evopem.validation.checks.state_space import coloured_outputs
 
 if TYPE_CHECKING:
     from evopem.signals.spectral.summary import SpectralPeak
     from evopem.synthesis.truth import Truth
     from evopem.validation.checks import Check
     from evopem.validation.mode_evidence import ModeEvidence
-    from evopem.validation.mode_table import JudgedMode
     from evopem.validation.recorded_units import RecordedErrors
 
-Results = DatasetResults | MultichannelResults
+Results = DatasetResults
 # Length of the transforms of the residual spectrum: coarse, since white noise has no lines.
 RESIDUAL_NFFT = 1024
 SPECTRUM_NFFT = 2048
@@ -95,7 +92,7 @@ class OutputErrors:
 class View:
     """Results in one form; tables are made when they are asked for."""
 
-    results: Any
+    results: DatasetResults
     inputs: tuple[Channel, ...]
     outputs: tuple[Channel, ...]
     model_text: str  # structure and orders
@@ -169,6 +166,33 @@ class View:
         errors = table[f"output_{output.name}"] - table[f"predicted_{output.name}"]
         return np.asarray(errors.dropna(), dtype=float)
 
+    @property
+    def autocorrelation(self) -> pd.DataFrame:
+        """Of the residuals, by output and lag."""
+        return self.results.validation_tables.residual_autocorrelation
+
+    @property
+    def cross_correlation(self) -> pd.DataFrame:
+        """Of residuals and inputs, by output, input and lag."""
+        return self.results.validation_tables.cross_correlation
+
+    @property
+    def horizons(self) -> pd.DataFrame:
+        """Errors of predictions by output and horizon."""
+        return self.results.validation_tables.horizons
+
+    @cached_property
+    def errors(self) -> tuple[OutputErrors, ...]:
+        """Of each output."""
+        return tuple(
+            OutputErrors(
+                *(channel.prepared, found.prediction_error_percent),
+                *(found.simulation_error_percent, found.fitted_state_error_percent),
+                *(found.ljung_box.p_value, found.outlier_percent),
+            )
+            for channel, found in zip(self.outputs, self.results.validation.outputs, strict=True)
+        )
+
     # What the two kinds of results have in different forms.
     truth: Truth | None = None
     simulation: pd.DataFrame
@@ -177,14 +201,10 @@ class View:
     time_response: pd.DataFrame
     spectrum: pd.DataFrame
     peaks: Mapping[str, Sequence[SpectralPeak]]
-    autocorrelation: pd.DataFrame
-    cross_correlation: pd.DataFrame
-    horizons: pd.DataFrame
     roots: pd.DataFrame
     poles_of_orders: Sequence[StabilizationPole]
     signals: pd.DataFrame
     convergence: Sequence[tuple[int, float]]
-    errors: tuple[OutputErrors, ...]
     modes: Sequence[Mode]
     trusted: Sequence[bool]
     candidates: pd.DataFrame | None = None
@@ -193,7 +213,7 @@ class View:
     has_poles_of_orders: bool = True
 
     # What the verdict rests on.
-    evidence: Mapping[complex, ModeEvidence | JudgedMode]  # of each tested mode, by its pole
+    evidence: Mapping[complex, ModeEvidence]  # of each tested mode, by its pole
     noise_modes: Sequence[Mode] = ()  # of the noise filter alone
     white: bool | None  # whether the residuals are; None where that is not known
     is_transformed: bool = False  # whether signals are differenced or transformed
@@ -252,7 +272,7 @@ def view_of(results: Results | View) -> View:
     """The view of results, of whatever channels."""
     if isinstance(results, View):
         return results
-    return PolynomialView(results) if isinstance(results, DatasetResults) else ChannelsView(results)
+    return PolynomialView(results) if results.settings.is_single_channel else ChannelsView(results)
 
 
 class PolynomialView(View):
@@ -284,13 +304,15 @@ class PolynomialView(View):
         self.truth = results.truth
         self.candidates = results.candidates
         validation = results.validation
-        self.evidence = {each.mode.pole: each for each in validation.modes}
+        self.evidence = {each.mode.pole: each for each in validation.modes.modes}
+        self.modes = [each.mode for each in validation.modes.modes]
+        self.trusted = [each.trusted for each in validation.modes.modes]
         shared = {mode.pole for mode in results.model.modes}
         self.noise_modes = [mode for mode in results.model.noise_modes if mode.pole not in shared]
         self.white = white(validation)
         self.input_rests = input_rests(validation)
         self.is_transformed = transforms.changes_output or transforms.difference_input > 0
-        self.recorded = validation.recorded if transforms.changes_output else None
+        self.recorded = validation.outputs[0].recorded if transforms.changes_output else None
         self.has_poles_of_orders = (
             self.structure != "fir" if results.decisions is not None else "joint" in results.phases
         )
@@ -301,37 +323,19 @@ class PolynomialView(View):
         return int(getattr(self.results.models_of_orders.orders.single, self.order_name))
 
     @property
-    def modes(self) -> Sequence[Mode]:  # type: ignore[override]
-        """By frequency."""
-        return self.results.model.modes
-
-    @cached_property
-    def trusted(self) -> list[bool]:  # type: ignore[override]
-        """Whether nothing speaks against each mode."""
-        poles = {each.mode.pole for each in self.results.trusted_modes}
-        return [mode.pole in poles for mode in self.modes]
-
-    @cached_property
     def simulation(self) -> pd.DataFrame:
-        """As in ``simulation.csv``, columns by output."""
-        (output,) = self.outputs
-        return self.results.validation_tables.simulation.rename(
-            columns={
-                name: f"{name}_{output.name}"
-                for name in (
-                    *("output", "predicted", "simulated"),
-                    *("simulation_error", "prediction_error"),
-                )
-            }
-        )
+        """As in ``simulation.csv``."""
+        return self.results.validation_tables.simulation
 
     @cached_property
     def recorded_simulation(self) -> pd.DataFrame | None:  # type: ignore[override]
         """In recorded units; None where the transforms leave these."""
         if self.recorded is None:
             return None
+        (output,) = self.outputs
         names = ["recorded_output", "recorded_simulated", "recorded_predicted"]
-        return self.results.validation_tables.simulation[["time_s", *names]]
+        table = self.simulation[["time_s", *(f"{name}_{output.name}" for name in names)]]
+        return table.set_axis(["time_s", *names], axis="columns")
 
     @cached_property
     def frequency_response(self) -> pd.DataFrame:
@@ -370,37 +374,6 @@ class PolynomialView(View):
     def peaks(self) -> Mapping[str, Sequence[SpectralPeak]]:  # type: ignore[override]
         """Of the spectrum."""
         return {self.outputs[0].name: self.results.spectrum_summary.peaks}
-
-    @cached_property
-    def autocorrelation(self) -> pd.DataFrame:
-        """Of the residuals, by lag."""
-        return _by_output(self.outputs, [self.results.validation_tables.residual_autocorrelation])
-
-    @cached_property
-    def cross_correlation(self) -> pd.DataFrame:
-        """Of residuals and input, by lag."""
-        table = self.results.validation_tables.cross_correlation
-        if not self.has_input:
-            return table.iloc[:0].assign(output="", input="")
-        return _by_output(self.outputs, [table]).assign(input=self.inputs[0].name)
-
-    @cached_property
-    def horizons(self) -> pd.DataFrame:
-        """Errors of predictions by their horizon."""
-        return _by_output(self.outputs, [self.results.validation_tables.horizons])
-
-    @cached_property
-    def errors(self) -> tuple[OutputErrors, ...]:  # type: ignore[override]
-        """Of the one output."""
-        found, (output,) = self.results.validation, self.outputs
-        return (
-            OutputErrors(
-                output.prepared,
-                *(found.prediction_error_percent, found.simulation_error_percent),
-                found.fitted_state_error_percent,
-                *(found.ljung_box.p_value, found.residual_outlier_percent),
-            ),
-        )
 
     @cached_property
     def roots(self) -> pd.DataFrame:
@@ -446,9 +419,9 @@ class PolynomialView(View):
 class ChannelsView(View):
     """Of a model of several channels."""
 
-    results: MultichannelResults
+    results: DatasetResults
 
-    def __init__(self, results: MultichannelResults) -> None:
+    def __init__(self, results: DatasetResults) -> None:
         self.results = results
         model = results.model
         self.inputs, self.outputs = (
@@ -460,20 +433,20 @@ class ChannelsView(View):
         )
         self.model_text = model.text
         self.order_name = "of the plant" if model.orders else "n"
-        self.selected_order = results.modes.table.order
-        self.simulation = results.simulation
-        self.autocorrelation = results.residual_autocorrelation
-        self.cross_correlation = results.cross_correlation
+        self.selected_order = results.validation.modes.order
+        self.simulation = results.validation_tables.simulation
         self.convergence = model.search.diagnostics.convergence
-        self.modes = results.modes.modes
-        self.trusted = results.modes.trusted
-        self.evidence = {each.mode.pole: each for each in results.modes.table.modes}
-        self.white = not coloured_outputs(results.validation)
+        judged = results.validation.modes.modes
+        self.modes = [each.mode for each in judged]
+        self.trusted = [each.trusted for each in judged]
+        self.evidence = {each.mode.pole: each for each in judged}
+        self.white = white(results.validation)
 
     @cached_property
     def scores(self) -> pd.DataFrame:
         """Errors on held-out samples by structure and order, the choice selected."""
         choice = self.results.choice
+        assert choice is not None
         chosen = choice.candidate.structure, choice.candidate.order
         rows = [
             (
@@ -576,31 +549,6 @@ class ChannelsView(View):
         return {o.name: found for o, (_, found) in zip(self.outputs, self._spectra, strict=True)}
 
     @cached_property
-    def horizons(self) -> pd.DataFrame:
-        """Errors of predictions by their horizon."""
-        found = self.results.validation
-        return pd.DataFrame(
-            [
-                (output.name, k, error)
-                for output in found.outputs
-                for k, error in zip(found.horizons, output.horizon_errors_percent, strict=True)
-            ],
-            columns=["output", "horizon", "error_percent"],
-        )
-
-    @cached_property
-    def errors(self) -> tuple[OutputErrors, ...]:  # type: ignore[override]
-        """Of each output."""
-        return tuple(
-            OutputErrors(
-                *(each.name, each.prediction_error_percent),
-                *(each.simulation_error_percent, each.fitted_state_error_percent),
-                *(each.ljung_box_p, each.outlier_percent),
-            )
-            for each in self.results.validation.outputs
-        )
-
-    @cached_property
     def roots(self) -> pd.DataFrame:
         """Poles of the model, without their covariances, and roots of its predictor."""
         model, unknown = self.results.model.state_space, np.full((2, 2), np.nan)
@@ -611,8 +559,10 @@ class ChannelsView(View):
     @cached_property
     def poles_of_orders(self) -> list[StabilizationPole]:  # type: ignore[override]
         """Poles over the orders, each compared with the next lower order."""
-        by_order: dict[int, list[Any]] = {order: [] for order in self.results.modes.table.orders}
-        for pole in self.results.modes.table.poles:
+        by_order: dict[int, list[Any]] = {
+            order: [] for order in self.results.validation.modes.orders
+        }
+        for pole in self.results.validation.modes.poles:
             by_order.setdefault(pole.order, []).append(pole)
         return stabilization_of_modes(by_order)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.models.modes import Mode, modes_of
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial_responses import PolynomialResponses
-from evopem.models.polynomials import roots
+from evopem.models.polynomials import residue, roots
 from evopem.models.structures import Orders
 
 if TYPE_CHECKING:
@@ -220,9 +220,8 @@ class PolynomialModel(PolynomialResponses):
     def modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the plant's oscillating poles, by frequency.
 
-        Those of a model with several inputs have participations of the inputs.
-
-        With standard errors where the model knows its covariance.
+        With standard errors where the model knows its covariance, and with participations of the
+        inputs, each delayed by all but one of its nk samples, and of the innovations.
 
         Examples
         --------
@@ -234,9 +233,27 @@ class PolynomialModel(PolynomialResponses):
         >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
         (6.71, 0.132)
         """
-        if self.inputs > 1:
-            return self.plant().state_space().modes()
-        return _by_frequency([*self.modes_of_polynomial("a"), *self.modes_of_polynomial("f")])
+        of_all = [self._driven(mode) for mode in self.modes_of_polynomial("a")]
+        of_one = [
+            self._driven(mode, place)
+            for place in range(self.inputs)
+            for mode in self.modes_of_polynomial("f", place)
+        ]
+        return _by_frequency([*of_all, *of_one])
+
+    def _driven(self, mode: Mode, place: int | None = None) -> Mode:
+        """A mode of A, or of the F of an input, with what drives it: residues at its pole."""
+        of_inputs = np.zeros(self.inputs, dtype=complex)
+        for i, (b, f, nk) in enumerate(zip(self.B, self.F, self.nk, strict=True)):
+            if place in (None, i):
+                found = residue(b, np.convolve(self.A, f), mode.pole)
+                of_inputs[i] = found if nk else found * mode.pole
+        of_noise = 0.0 if place is not None else residue(self.C, self.noise_denominator, mode.pole)
+        return replace(
+            mode,
+            input_participation=of_inputs,
+            noise_participation=np.array([of_noise * mode.pole], dtype=complex),
+        )
 
     def noise_modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the noise filter's oscillating poles."""

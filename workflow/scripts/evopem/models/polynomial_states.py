@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,8 @@ def estimate_simulation_state(
 
     Least squares over the whole stretch, with singular values that it does not determine left out.
 
-    ``model``: with a stable plant.  ``input``, ``output`` (N,).  Returns (model.state_dimension,):
-    for :meth:`PolynomialModel.simulate`.
+    ``model``: with a stable plant.  ``input`` (N,) or (N, m), ``output`` (N,).  Returns
+    (model.state_dimension,): for :meth:`PolynomialModel.simulate`.
     """
     remainder = np.asarray(output, dtype=float) - model.simulate(input)
     columns = _delayed(model.plant_denominator, [1.0], model.state_dimension, len(remainder))
@@ -53,7 +54,7 @@ def simulate_with_fitted_level(
 
     Least squares over the whole stretch.  The level takes the place of the model's own.
 
-    ``model``: with a stable plant.  ``input``, ``output`` (N,).
+    ``model``: with a stable plant.  ``input`` (N,) or (N, m), ``output`` (N,).
     """
     response = replace(model, level=0.0).simulate(input)
     remainder = np.asarray(output, dtype=float) - response
@@ -76,15 +77,15 @@ def simulate_from_first(
     the least-squares state leaves over the first outputs: a state that they hardly determine, as of
     poles that zeros nearly cancel, stays small instead of growing over the samples behind them.
 
-    ``input``, ``output`` (N,).  ``known``: samples whose outputs count, at least 1.
+    ``input`` (N,) or (N, m), ``output`` (N,).  ``known``: samples whose outputs count, at least 1.
     ``free_level``: whether a constant is fitted to the first outputs as well.  ``robust``: whether
     the state has the least absolute instead of the least squared errors.
     """
     from scipy.signal import lfilter
 
-    a, b, n = model.plant_denominator, model.delayed_b, len(output)
+    a, n = model.plant_denominator, len(output)
     with np.errstate(all="ignore"):
-        rest = lfilter(b, a, input)
+        rest = replace(model, level=0.0).simulate(input)
         response = rest + lfilter([model.level], model.A, np.ones(n))
     count = min(model.state_dimension, n - 1)
     states = _delayed(a, [1.0], count, n)
@@ -99,7 +100,9 @@ def simulate_from_first(
     variance = float(left @ left) / freedom if freedom >= count else float(np.mean(target**2))
     prior = np.zeros((count, columns.shape[1]))
     if count and variance > 1e-20 * float(np.mean(target**2)):
-        moments, directions = np.linalg.eigh(_driven_moments(a, b, input, rest, count))
+        moments, directions = np.linalg.eigh(
+            _driven_moments(model, np.reshape(input, (n, -1)), rest, count)
+        )
         size = np.sqrt(np.maximum(moments, 1e-12 * max(moments[-1], 1e-300)))
         prior[:, :count] = np.sqrt(variance) * (directions / size).T
     return np.asarray(response + columns @ fitted_state(fitted, target, robust, prior))
@@ -123,12 +126,21 @@ def fitted_state(
     return found
 
 
-def _driven_moments(a: Array, b: Array, input: Array, rest: Array, count: int) -> Array:  # noqa: A002
+def _driven_moments(model: PolynomialModel, inputs: Array, rest: Array, count: int) -> Array:
     """Second moments of what the past adds to the next ``count`` equations, (count, count)."""
-    a, b = (np.pad(each, (0, max(count + 1 - len(each), 0))) for each in (a, b))
+
+    def padded(polynomial: Array) -> Array:
+        return np.pad(polynomial, (0, max(count + 1 - len(polynomial), 0)))
+
+    a = padded(model.plant_denominator)
+    b = np.zeros((model.inputs, len(a)))
+    for place, of_input in enumerate(model.B):
+        others = [f for other, f in enumerate(model.F) if other != place]
+        numerator = reduce(np.convolve, others, np.append(np.zeros(model.nk[place]), of_input))
+        b[place, : len(numerator)] = numerator
     states = np.zeros((len(rest), count + 1))
     for k in range(count - 1, -1, -1):
-        states[1:, k] = b[k + 1] * input[:-1] - a[k + 1] * rest[:-1] + states[:-1, k + 1]
+        states[1:, k] = inputs[:-1] @ b[:, k + 1] - a[k + 1] * rest[:-1] + states[:-1, k + 1]
     states = states[:, :count]
     return np.asarray(states.T @ states / len(rest))
 
@@ -143,13 +155,11 @@ def estimate_prediction_states(
     Least squares over the whole stretch, for :meth:`PolynomialModel.residuals` and
     :meth:`PolynomialModel.predict`; never worse than states at rest.
 
-    ``model``: invertible.  ``input``, ``output`` (N,).
+    ``model``: invertible.  ``input`` (N,) or (N, m), ``output`` (N,).
     """
     orders = model.orders
     residuals = model.residuals(input, output)[orders.first_residual :]
-    through_plant = _delayed(np.convolve(model.c, model.f), model.d, sum(orders.nf), len(residuals))
-    through_noise = _delayed(model.c, [1.0], orders.noise_states, len(residuals))
-    columns, plant = np.column_stack([through_plant, through_noise]), sum(orders.nf)
+    columns, plant = _through_states(model, len(residuals)), sum(orders.nf)
     rest = np.zeros(columns.shape[1])
     best, lowest = rest, float(residuals @ residuals)
     for rcond in RANKS:
@@ -164,6 +174,13 @@ def estimate_prediction_states(
     return best[:plant], best[plant:]
 
 
+def _through_states(model: PolynomialModel, samples: int) -> Array:
+    """Residuals after an initial state of one at each state of plant and noise, (samples, K)."""
+    of_plant = [_delayed(np.convolve(model.C, f), model.D, len(f) - 1, samples) for f in model.F]
+    of_noise = _delayed(model.C, [1.0], model.orders.noise_states, samples)
+    return np.column_stack([*of_plant, of_noise])
+
+
 def estimate_level(
     model: PolynomialModel,
     input: Array,  # noqa: A002
@@ -173,7 +190,7 @@ def estimate_level(
 
     Least squares over the whole stretch; the level takes the place of the model's own.
 
-    ``model``: invertible.  ``input``, ``output`` (N,).
+    ``model``: invertible.  ``input`` (N,) or (N, m), ``output`` (N,).
     """
     from scipy.signal import lfilter
 
@@ -181,8 +198,7 @@ def estimate_level(
     residuals = replace(model, level=0.0).residuals(input, output)[orders.first_residual :]
     columns = [
         lfilter(model.d, model.c, -np.ones(len(residuals)))[:, None],
-        _delayed(np.convolve(model.c, model.f), model.d, sum(orders.nf), len(residuals)),
-        _delayed(model.c, [1.0], orders.noise_states, len(residuals)),
+        _through_states(model, len(residuals)),
     ]
     return float(_fitted(np.column_stack(columns), -residuals)[0])
 

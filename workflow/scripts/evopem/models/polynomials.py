@@ -74,3 +74,11 @@ def root_gradient(coefficients: Array, root: complex) -> NDArray[np.complex128]:
     powers = root ** np.arange(degree, -1, -1)
     with np.errstate(divide="ignore", invalid="ignore"):
         return -powers / np.polyval(np.polyder(coefficients), root)
+
+
+def residue(above: Array, below: Array, pole: complex) -> complex:
+    """``r`` in the term ``r / (1 - pole w)`` of the partial fractions of above/below, w = q^-1."""
+    polyval, w = np.polynomial.polynomial.polyval, 1.0 / pole
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        slope = polyval(w, np.polynomial.polynomial.polyder(below))
+        return complex(-polyval(w, above) / (w * slope))

@@ -149,27 +149,6 @@ SETTLED = 1e-3
 FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
 
 
-def modes_table(model: PolynomialModel) -> dict[str, list[float] | list[str]]:
-    """Modes by polynomial and frequency: Hz and percent with standard errors, and their poles.
-
-    Poles of F are those of the plant, poles of D those of the noise filter, and poles of A belong
-    to both.
-    """
-    modes = [
-        (letter.upper(), mode) for letter in "afd" for mode in model.modes_of_polynomial(letter)
-    ]
-    return {
-        "polynomial": [letter for letter, _ in modes],
-        "frequency_hz": [mode.frequency_hz for _, mode in modes],
-        "frequency_se_hz": [mode.frequency_se_hz for _, mode in modes],
-        "damping_percent": [100.0 * mode.damping_ratio for _, mode in modes],
-        "damping_se_percent": [100.0 * mode.damping_se for _, mode in modes],
-        "pole_real": [mode.pole.real for _, mode in modes],
-        "pole_imag": [mode.pole.imag for _, mode in modes],
-        "radius": [abs(mode.pole) for _, mode in modes],
-    }
-
-
 def frequency_response_table(model: PolynomialModel) -> dict[str, Array]:
     """Gain of plant and noise filter with 95 % bands, and unwrapped phases, to half the rate.
 

@@ -35,11 +35,12 @@ class OrderModel:
 
     order: int  # that was searched: with a noise model beside the plant there are more states
     bic: float
-    model: StateSpaceModel  # without its covariance: large, and behind the errors of the modes
+    # Without its covariance: large, and behind the errors of the modes.
+    model: PolynomialModel | StateSpaceModel
     modes: tuple[Mode, ...]
 
     @classmethod
-    def of(cls, order: int, bic: float, model: StateSpaceModel) -> OrderModel:
+    def of(cls, order: int, bic: float, model: PolynomialModel | StateSpaceModel) -> OrderModel:
         """The entry of a model with its covariance."""
         return cls(order, bic, replace(model, covariance=None), tuple(model.modes()))
 
@@ -57,7 +58,9 @@ class OrderModels:
 
     def of_order(self, order: int) -> StateSpaceModel:
         """The model of an order."""
-        return next(each.model for each in self.models if each.order == order)
+        model = next(each.model for each in self.models if each.order == order)
+        assert isinstance(model, StateSpaceModel)
+        return model
 
     def with_model(self, changed: OrderModel) -> OrderModels:
         """The same with another model of one order."""

@@ -15,7 +15,6 @@ import pandas as pd
 
 from evopem.automatic.decision import Decision
 from evopem.config.settings import DatasetSettings
-from evopem.config.structures import searched_variants
 from evopem.errors import InputError
 from evopem.figures.chart import Chart
 from evopem.figures.draw import draw, grid_of
@@ -30,15 +29,13 @@ from evopem.models.state_space import StateSpaceModel
 from evopem.notebook.comparison import ModelComparison, pyplot_panels
 from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
 from evopem.report.numbers import count, is_number, number, percent, with_error
-from evopem.report.results_text import results_text, state_space_text
+from evopem.report.results_text import results_text
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.comparison import Comparison
 from evopem.results.dataset import DatasetResults, read_dataset_results
 from evopem.results.fleet import DatasetSummary
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
-from evopem.results.multichannel import MultichannelResults, read_multichannel_results
 from evopem.validation.checks import Check
-from evopem.validation.multichannel import MultichannelValidation
 from evopem.validation.validation import Validation
 
 if TYPE_CHECKING:
@@ -93,12 +90,12 @@ class Results:
     ----------
     files : DatasetFiles
         Where the files of the results lie.
-    results : DatasetResults or MultichannelResults
+    results : DatasetResults
         All of them: settings, prepared samples, order search, model, validation and tables.
     """
 
     files: DatasetFiles
-    results: DatasetResults | MultichannelResults
+    results: DatasetResults
     _folder: TemporaryDirectory[str] | None = None
 
     @classmethod
@@ -109,10 +106,7 @@ class Results:
         folder: TemporaryDirectory[str] | None = None,
     ) -> Results:
         """Read the results of a data set."""
-        if settings.is_single_channel:
-            return cls(files, read_dataset_results(files, settings), folder)
-        names = [structure for structure, _ in searched_variants(settings)]
-        return cls(files, read_multichannel_results(files, settings, names), folder)
+        return cls(files, read_dataset_results(files, settings), folder)
 
     @property
     def name(self) -> str:
@@ -125,7 +119,7 @@ class Results:
         return self.results.model.model
 
     @property
-    def validation(self) -> Validation | MultichannelValidation:
+    def validation(self) -> Validation:
         """Errors and residual tests."""
         return self.results.validation
 
@@ -181,11 +175,12 @@ class Results:
         InputError
             When there is one output.
         """
-        names = getattr(self.results.model, "output_names", ())
-        if not any(self.summary.shapes):
+        names = self.results.model.output_names
+        if len(names) == 1:
             raise InputError("shapes", "a mode of one output has no shape", "take modes")
-        index = pd.RangeIndex(1, len(self.summary.shapes) + 1, name="mode")
-        return pd.DataFrame(list(self.summary.shapes), columns=list(names), index=index)
+        shapes = [mode.shape for mode in self.summary.modes]
+        index = pd.RangeIndex(1, len(shapes) + 1, name="mode")
+        return pd.DataFrame(shapes, columns=list(names), index=index)
 
     @cached_property
     def summary(self) -> DatasetSummary:
@@ -193,9 +188,7 @@ class Results:
         return load(DatasetSummary, self.files.summary)
 
     def __repr__(self) -> str:
-        if isinstance(self.results, DatasetResults):
-            return results_text(self.results)
-        return state_space_text(self.summary, self.name)
+        return results_text(self.results)
 
     def _repr_html_(self) -> str:
         return html_summary(self.name, self.verdict, self.summary)
@@ -288,7 +281,7 @@ class Results:
                 raise InputError("compare", f"{shown} is no result", "give what identify returns")
         results = []
         for each in (self, *others):
-            if not isinstance(each.results, DatasetResults):
+            if not each.results.settings.is_single_channel:
                 raise InputError(
                     each.name,
                     "has several channels, and one input and one output are compared",

@@ -30,11 +30,10 @@ from evopem.files.json_form import load, save
 from evopem.models.matlab import save_model_mat
 from evopem.pipeline.estimation_samples import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
-from evopem.results.multichannel import frequency_response_rows
+from evopem.results.responses import frequency_response_rows
 from evopem.signals.prepared_data import PreparedData, load_prepared
-from evopem.validation.multichannel import mean_errors
-from evopem.validation.responses import held_out_samples, responses_of
-from evopem.validation.scores import error_percent
+from evopem.validation.responses import held_out_stretches
+from evopem.validation.validate import validation_errors
 
 Log = Callable[[str], None]
 
@@ -107,41 +106,29 @@ def complete_other(
     polynomials = choice.candidate.polynomials
     with errors_name_dataset(files), one_blas_thread():
         if polynomials is not None and polynomials.inputs == 1:
-            record, errors = _of_one_channel(files, prepared, choice, search)
+            record = _of_one_channel(files, prepared, choice, search)
         else:
             quick = StateSpaceSearchSettings(
                 search.seed, 0, search.max_root_radius, search.objective
             )
             found = _estimated(prepared, choice, quick, settings, fits, constraints, None)
             record = _record(found, prepared, choice, quick, fits, constraints)
-            errors = mean_errors(
-                record.state_space,
-                prepared.validation,
-                choice.level == "state",
-                prepared.before_validation,
-            )
+        fitted_level = choice.level == "state"
+        held_out = held_out_stretches(record.model, prepared, fitted_level)
+        errors = validation_errors(held_out, fitted_level)
     save(record, files.other_model(purpose))
     save(OtherModel(purpose, record.text, *errors), files.other_errors(purpose))
 
 
 def _of_one_channel(
     files: DatasetFiles, prepared: PreparedData, choice: Choice, search: SearchSettings
-) -> tuple[ModelRecord, tuple[float, float]]:
-    """The record, and errors of predictions and simulations of the recorded outputs."""
+) -> ModelRecord:
+    """The model of one channel."""
     record, data = load_record(files), prepared.estimation
     own = replace(search, objective=cast("Objective", record.plan.objective))
     selected = estimate_choice(choice, record, data, own)
     estimate = complete_estimate(selected, data, own, window_of(selected.orders))
-    fitted_level = choice.level == "state"
-    held_out = held_out_samples(estimate.model, prepared, fitted_level)
-    responses = responses_of(estimate.model, prepared, held_out, fitted_level)
-    scored = responses.scored
-    measured = responses.output[scored]
-    errors = (
-        error_percent(measured, responses.predicted[scored]),
-        error_percent(measured, responses.simulated[scored]),
-    )
-    return ModelRecord.of(estimate, data, own, prepared.transforms, choice.level), errors
+    return ModelRecord.of(estimate, data, own, prepared.transforms, choice.level)
 
 
 def _estimated(

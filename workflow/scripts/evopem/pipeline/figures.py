@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from evopem.config.structures import searched_variants
 from evopem.config.yaml_form import read_settings
 from evopem.figures.registry import draw_all
 from evopem.figures.view import Results
 from evopem.results.dataset import read_dataset_results
 from evopem.results.layout import DatasetFiles
-from evopem.results.multichannel import read_multichannel_results
 
 
 def draw_figures(files: DatasetFiles) -> None:
@@ -20,8 +18,4 @@ def draw_figures(files: DatasetFiles) -> None:
 
 def read_results(files: DatasetFiles) -> Results:
     """All results of one data set."""
-    settings = read_settings(files.config)
-    if settings.is_single_channel:
-        return read_dataset_results(files, settings)
-    structures = [structure for structure, _ in searched_variants(settings)]
-    return read_multichannel_results(files, settings, structures)
+    return read_dataset_results(files, read_settings(files.config))

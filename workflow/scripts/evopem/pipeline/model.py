@@ -17,7 +17,6 @@ from evopem.files.json_form import load, save
 from evopem.models.matlab import save_model_mat
 from evopem.models.response_tables import (
     frequency_response_table,
-    modes_table,
     time_response_table,
 )
 from evopem.results.layout import DatasetFiles
@@ -57,6 +56,5 @@ def complete_model(
     )
     save(record, files.model)
     save_model_mat(estimate.model, files.model_mat)
-    write_table(files.modes, modes_table(estimate.model))
     write_table(files.frequency_response, frequency_response_table(estimate.model))
     write_table(files.time_response, time_response_table(estimate.model))

@@ -113,6 +113,23 @@ def _parts(task: Task) -> list[str]:
     return [str(number) for number in range(1, part_count(task) + 1)]
 
 
+def compared_phase(task: Task) -> str | None:
+    """The phase over whose models the modes of one channel are compared."""
+    return order_grid.phase_of_orders_of(task.settings) if is_single(task.settings) else None
+
+
+def _compared(task: Task) -> list[str]:
+    phase = compared_phase(task)
+    of_several = ["models_of_orders:{structures}", "decision:remedies"]
+    return [f"phase:{phase}"] if phase else of_several
+
+
+def _searched(task: Task) -> list[str]:
+    """What the search over orders has left."""
+    of_several = ["search:{structures}", "decision:remedies"]
+    return ["phase:{phases}"] if is_single(task.settings) else of_several
+
+
 def _previous(task: Task) -> list[str]:
     structure = task.settings.order_grid.structure
     previous = order_grid.previous_phase(task.values["phase"], structure)
@@ -139,7 +156,8 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "purposes": purposes,
     "phases": phases,
     "last": lambda task: phases(task)[-1:],
-    "compared": lambda task: [order_grid.phase_of_orders_of(task.settings)],
+    "compared": _compared,
+    "searched": _searched,
     "parts": _parts,
     "previous": _previous,
     "resonances": _where(_resonances, "spectrum_summary"),
@@ -159,16 +177,18 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
 """What words in the inputs and outputs of stages stand for."""
 
 PREPARED = ("prepared", "transforms")
-VALIDATION = (*("validation", "residual_autocorrelation", "cross_correlation", "simulation"),)
+VALIDATION = (
+    *("validation", "residual_autocorrelation", "cross_correlation", "simulation", "horizons"),
+)
 SHOWN: tuple[str, ...] = (
     *("{truth}", "{decisions}", "config", "recording", "recording_info", *PREPARED, "spectrum"),
     *("spectrum_summary", "phase:{phases}", "candidates", "model", "frequency_response"),
-    *("time_response", *VALIDATION, "horizons", "{validation_info}"),
+    *("time_response", *VALIDATION, "{validation_info}"),
 )
 """What figures and report read."""
 SHOWN_OF_SEVERAL: tuple[str, ...] = (
     *("search:{structures}", "config", "recording_info", "{validation_info}", *PREPARED),
-    *("decision:comparison", "decision:remedies", "decisions", "model", "modes_json"),
+    *("recording", "candidates", "decision:remedies", "decisions", "model"),
     *("frequency_response", *VALIDATION),
 )
 

@@ -7,10 +7,9 @@ import textwrap
 from collections.abc import Sequence
 
 from evopem.models.modes import Mode
-from evopem.report.numbers import count, is_number, percent, plural, with_error
+from evopem.report.numbers import count, percent, with_error
 from evopem.report.sentences.about_verdict import verdict
 from evopem.results.dataset import DatasetResults
-from evopem.results.fleet import DatasetSummary
 from evopem.validation.checks import Check, failed_checks
 
 _WIDTH = 96
@@ -19,50 +18,24 @@ _WIDTH = 96
 def results_text(results: DatasetResults, page: str = "") -> str:
     """The lines about one data set."""
     validation, transforms = results.validation, results.model.transforms
+    judged = validation.modes.modes
     lines = [
         *textwrap.wrap(f"{results.name}: {verdict(results).sentence}", _WIDTH),
         "",
-        *_mode_table(results),
+        *_modes_of(
+            [each.mode for each in judged],
+            [each.trusted for each in judged],
+        ),
         "",
-        f"  model   {results.model.orders}, from {count(transforms.estimation_samples)} samples at "
+        f"  model   {results.model.text}, from {count(transforms.estimation_samples)} samples at "
         f"{results.model.sampling_rate:g} Hz",
         f"  errors  one step ahead {percent(validation.prediction_error_percent)}, simulation "
         f"{percent(validation.simulation_error_percent)} on {count(validation.samples)} "
-        "validation samples",
+        f"validation samples{', mean over the outputs' if len(validation.outputs) > 1 else ''}",
         *_failed(results.checks),
         *([f"  report  {page}"] if page else []),
     ]
     return "\n".join(lines)
-
-
-def state_space_text(summary: DatasetSummary, name: str, page: str = "") -> str:
-    """The lines about one data set with several channels."""
-    failed = len(summary.failed)
-    errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
-    if is_number(summary.simulation_error_percent):
-        errors.append(f"simulation {percent(summary.simulation_error_percent)}")
-    lines = [
-        f"{name}: {plural(failed, 'failed check') if failed else 'no failed check'}",
-        "",
-        *_modes_of(summary.modes, summary.trusted),
-        "",
-        f"  model   {summary.model}, from {count(summary.estimation_samples)} samples at "
-        f"{summary.sampling_rate:g} Hz",
-        *_wrapped(
-            f"{', '.join(errors)} on {count(summary.validation_samples)} validation samples, mean"
-            " over the outputs",
-            "  errors  ",
-        ),
-        *_failed(summary.checks),
-        *([f"  report  {page}"] if page else []),
-    ]
-    return "\n".join(lines)
-
-
-def _mode_table(results: DatasetResults) -> list[str]:
-    trusted = {each.mode.pole for each in results.trusted_modes}
-    modes = results.model.modes
-    return _modes_of(modes, [mode.pole in trusted for mode in modes])
 
 
 def _modes_of(modes: Sequence[Mode], trusted: Sequence[bool]) -> list[str]:

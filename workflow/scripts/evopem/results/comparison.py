@@ -91,11 +91,12 @@ class Comparison:
     @property
     def has_same_validation(self) -> bool:
         """Whether all models were validated on the same samples, at the same rate."""
-        first, *others = (each.validation_tables.simulation for each in self.results)
-        columns = ["time_s", "output"]
+        first, *others = (
+            each.validation_tables.simulation[["time_s", f"output_{each.model.output_names[0]}"]]
+            for each in self.results
+        )
         return all(
-            len(first) == len(other)
-            and np.allclose(first[columns], other[columns], rtol=1e-9, equal_nan=True)
+            len(first) == len(other) and np.allclose(first, other, rtol=1e-9, equal_nan=True)
             for other in others
         )
 
@@ -108,7 +109,7 @@ class Comparison:
         size = len(self.results)
         groups: list[list[Mode | None]] = []
         for place, each in enumerate(self.results):
-            found = each.model.modes
+            found = [judged.mode for judged in each.validation.modes.modes]
             known = [next(mode for mode in group if mode is not None) for group in groups]
             pairs = match_modes(found, known)
             for index, mode in enumerate(found):
@@ -116,7 +117,7 @@ class Comparison:
                     groups[pairs[index]][place] = mode
                 else:
                     groups.append([mode if at == place else None for at in range(size)])
-        trusted = [{mode.mode.pole for mode in each.trusted_modes} for each in self.results]
+        trusted = [{mode.pole for mode in each.trusted_modes} for each in self.results]
         matched = [
             MatchedMode(
                 tuple(group),

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
 
+from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.record import DecisionRecord
+from evopem.automatic.remedies import Remedied
+from evopem.automatic.structures import Choice
 from evopem.config.order_grid import phase_of_orders_of, phases_of_dataset
 from evopem.config.settings import DatasetSettings
+from evopem.config.structures import searched_variants
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
-from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.model_record import ModelRecord, load_record
 from evopem.files.json_form import load
+from evopem.models.modes import Mode
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording import Recording, load_recording
-from evopem.signals.recording_info import RecordingInfo
+from evopem.signals.recording_info import FileOrigin, RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary
 from evopem.synthesis.truth import Truth
-from evopem.validation.checks import Check, checks
-from evopem.validation.mode_evidence import ModeEvidence
-from evopem.validation.mode_trust import doubts
+from evopem.validation.checks import Check, Evidence, OrderRange, checks
+from evopem.validation.checks.search import ranges_of_phases
 from evopem.validation.validation import Validation, ValidationTables
 
 
@@ -37,23 +42,22 @@ class DatasetResults:
     recording_info : RecordingInfo
     validation_recording_info : RecordingInfo, optional
     prepared : PreparedData
-    spectrum : pandas.DataFrame
-        As in ``spectrum.csv``.
-    spectrum_summary : SpectrumSummary
-    phases : dict of str to PhaseSelection
-        By the names of the phases of the structure, in their order.
-    candidates : pandas.DataFrame
-        As in ``candidates.csv``.
+    candidates, frequency_response : pandas.DataFrame
+        As in the CSV files of these names.
     model : ModelRecord
-    frequency_response : pandas.DataFrame
-        As in ``frequency_response.csv``.
-    time_response : pandas.DataFrame
-        As in ``time_response.csv``.
     validation : Validation
     validation_tables : ValidationTables
     truth : Truth, optional
     decisions : DecisionRecord, optional
         Of the automatic recipe.
+    spectrum, time_response : pandas.DataFrame, optional
+        As in their CSV files, of one channel of each kind.
+    spectrum_summary : SpectrumSummary
+    phases : dict of str to PhaseSelection
+        By the names of the phases of the order search, in their order; of one channel.
+    searches : tuple of StructureSearch
+        Of several channels, like the choice.
+    choice : Choice, optional
     """
 
     settings: DatasetSettings
@@ -61,17 +65,19 @@ class DatasetResults:
     recording_info: RecordingInfo
     validation_recording_info: RecordingInfo | None
     prepared: PreparedData
-    spectrum: pd.DataFrame
-    spectrum_summary: SpectrumSummary
-    phases: dict[str, PhaseSelection]
     candidates: pd.DataFrame
-    model: ModelRecord
     frequency_response: pd.DataFrame
-    time_response: pd.DataFrame
+    model: ModelRecord
     validation: Validation
     validation_tables: ValidationTables
     truth: Truth | None
-    decisions: DecisionRecord | None = None
+    decisions: DecisionRecord | None
+    spectrum: pd.DataFrame
+    time_response: pd.DataFrame
+    spectrum_summary: SpectrumSummary
+    phases: dict[str, PhaseSelection]
+    searches: tuple[StructureSearch, ...] = ()
+    choice: Choice | None = None
 
     @property
     def name(self) -> str:
@@ -79,32 +85,54 @@ class DatasetResults:
         return self.settings.name
 
     @property
+    def files(self) -> tuple[FileOrigin, ...]:
+        """All recorded files, those for validation last."""
+        validation = self.validation_recording_info
+        return self.recording_info.files + (validation.files if validation else ())
+
+    @property
     def selected(self) -> Candidate:
-        """The candidate that became the model."""
+        """The candidate of one channel that became the model."""
         return self.phases[list(self.phases)[-1]].selected
 
     @property
     def models_of_orders(self) -> PhaseSelection:
-        """The models over which the modes are compared, and the selected one."""
+        """The models of one channel over which the modes are compared, and the selected one."""
         phase = self.phases[phase_of_orders_of(self.settings)]
         return replace(phase, candidates=phase.over_orders(self.model.structure))
 
     @property
     def checks(self) -> list[Check]:
         """The checks of the model."""
-        return checks(
-            self.model,
-            self.validation,
-            self.spectrum_summary,
-            self.phases,
-            self.recording_info,
+        ranges = ranges_of_phases(self.phases)
+        if self.choice is not None:
+            chosen = self.choice.candidate
+            ranges = searched_range(
+                self.model,
+                chosen.order,
+                next(each for each in self.searches if each.structure == chosen.structure),
+            )
+        evidence = Evidence(
+            *(self.model, self.validation, self.recording_info, ranges),
+            self.decisions is not None,
         )
+        return checks(evidence)
 
     @property
-    def trusted_modes(self) -> list[ModeEvidence]:
+    def trusted_modes(self) -> tuple[Mode, ...]:
         """The modes that the data give no reason to doubt."""
-        rate = self.model.sampling_rate
-        return [each for each in self.validation.modes if not doubts(each, rate)]
+        return self.validation.modes.trusted
+
+
+def searched_range(
+    model: ModelRecord, order: int, search: StructureSearch
+) -> tuple[OrderRange, ...]:
+    """The range of the orders of a structure that were searched for several channels."""
+    tried = min(search.orders), max(search.orders)
+    name, key = ("states of the plant", "orders.nx")
+    if model.orders is not None:
+        name, key = "largest degree of A and F", "orders.joint"
+    return (OrderRange(name, key, order, *tried, least=min(tried)),)
 
 
 def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> DatasetResults:
@@ -116,23 +144,25 @@ def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> Data
         When a file is missing or damaged.
     """
 
-    def optional_info(path: str) -> RecordingInfo | None:
-        return load(RecordingInfo, path) if Path(path).exists() else None
+    def optional_table(path: str) -> pd.DataFrame:
+        return read_table(path) if single else pd.DataFrame()
 
-    phases = phases_of_dataset(settings)
+    single = settings.is_single_channel
+    phases = phases_of_dataset(settings) if single else ()
+    structures = () if single else [structure for structure, _ in searched_variants(settings)]
+    is_automatic = not single or settings.automatic is not None
+    validation_info = files.validation_recording_info
     return DatasetResults(
         settings=settings,
         recording=load_recording(files.recording),
         recording_info=load(RecordingInfo, files.recording_info),
-        validation_recording_info=optional_info(files.validation_recording_info),
+        validation_recording_info=load(RecordingInfo, validation_info)
+        if Path(validation_info).exists()
+        else None,
         prepared=load_prepared(files.prepared, files.transforms),
-        spectrum=read_table(files.spectrum),
-        spectrum_summary=load(SpectrumSummary, files.spectrum_summary),
-        phases={phase: load(PhaseSelection, files.phase(phase)) for phase in phases},
         candidates=read_table(files.candidates),
-        model=load(ModelRecord, files.model),
         frequency_response=read_table(files.frequency_response),
-        time_response=read_table(files.time_response),
+        model=load_record(files.model),
         validation=load(Validation, files.validation),
         validation_tables=ValidationTables(
             residual_autocorrelation=read_table(files.residual_autocorrelation),
@@ -141,7 +171,15 @@ def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> Data
             horizons=read_table(files.horizons),
         ),
         truth=load(Truth, files.truth) if Path(files.truth).exists() else None,
-        decisions=None if settings.automatic is None else load(DecisionRecord, files.decisions),
+        decisions=load(DecisionRecord, files.decisions) if is_automatic else None,
+        spectrum=optional_table(files.spectrum),
+        time_response=optional_table(files.time_response),
+        spectrum_summary=load(SpectrumSummary, files.spectrum_summary)
+        if single
+        else SpectrumSummary(math.nan, 0, 0, 0, math.nan, (), 0),
+        phases={phase: load(PhaseSelection, files.phase(phase)) for phase in phases},
+        searches=tuple(load(StructureSearch, files.search(name)) for name in structures),
+        choice=None if single else load(Remedied, files.decision("remedies")).choice,
     )
 
 

@@ -19,17 +19,12 @@ from evopem.models.structures import Orders
 from evopem.results.followed_modes import RecordedMode
 from evopem.results.identity import IncompleteDataset, incompleteness
 from evopem.results.layout import DatasetFiles
-from evopem.validation.checks import Check, checks, failed_checks
-from evopem.validation.mode_trust import doubts
+from evopem.validation.checks import Check, Evidence, checks, failed_checks
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from evopem.estimation.candidate import PhaseSelection
     from evopem.estimation.model_record import ModelRecord
-    from evopem.signals.recording_info import RecordingInfo
-    from evopem.signals.spectral.summary import SpectrumSummary
-    from evopem.validation.validation import Validation
 
 # Text that a spreadsheet program would take for a formula when it begins a cell (OWASP, "CSV
 # injection"), with the full-width forms of the signs.
@@ -51,8 +46,10 @@ class DatasetSummary:
     sampling_rate : float
         Hz, after all transforms.
     estimation_samples, validation_samples : int
+    model : str
+        In a few words: structure and orders.
     orders : Orders, optional
-        None for a model of several channels.
+        None for a state-space model.
     bic : float
     prediction_error_percent, simulation_error_percent : float
     fitted_state_error_percent : float
@@ -67,10 +64,6 @@ class DatasetSummary:
         filter.
     made_from : dict of str to str
         SHA-256 of files that the summary was made from, by their names in the data set's folder.
-    multichannel_model : str, optional
-        A model of several channels in a few words: in state space, or of polynomials.
-    shapes : tuple of tuples of complex
-        Of each mode the shape over several outputs; empty for one output.
     """
 
     file: str | None
@@ -78,6 +71,7 @@ class DatasetSummary:
     sampling_rate: float
     estimation_samples: int
     validation_samples: int
+    model: str
     orders: Orders | None
     bic: float
     prediction_error_percent: float
@@ -88,13 +82,6 @@ class DatasetSummary:
     trusted: tuple[bool, ...]
     gain_db: tuple[float, ...]
     made_from: dict[str, str]
-    multichannel_model: str | None = None
-    shapes: tuple[tuple[complex, ...], ...] = ()
-
-    @property
-    def model(self) -> str:
-        """The model in a few words."""
-        return self.multichannel_model or str(self.orders)
 
     @property
     def failed(self) -> list[Check]:
@@ -110,80 +97,52 @@ Entry = DatasetSummary | IncompleteDataset
 """A data set in a list of all data sets."""
 
 
-def summarize(
-    model: ModelRecord,
-    validation: Validation,
-    spectrum: SpectrumSummary,
-    phases: Mapping[str, PhaseSelection],
-    recording: RecordingInfo,
-    made_from: Iterable[str | Path] = (),
-) -> DatasetSummary:
-    """Summarize one data set.
-
-    Parameters
-    ----------
-    model : ModelRecord
-    validation : Validation
-    spectrum : SpectrumSummary
-    phases : mapping of str to PhaseSelection
-    recording : RecordingInfo
-    made_from : iterable of path
-        The files of these results; the summary holds their checksums.
-    """
+def summarize(evidence: Evidence, made_from: Iterable[str | Path] = ()) -> DatasetSummary:
+    """Summarize one data set; ``made_from``: the files of its results, whose checksums it keeps."""
+    model, validation, files = evidence.model, evidence.validation, evidence.recording.files
     return DatasetSummary(
-        file=", ".join(each.path for each in recording.files) or None,
-        sha256=", ".join(each.sha256 for each in recording.files) or None,
+        file=", ".join(each.path for each in files) or None,
+        sha256=", ".join(each.sha256 for each in files) or None,
         sampling_rate=model.sampling_rate,
         estimation_samples=model.transforms.estimation_samples,
         validation_samples=model.transforms.validation_samples,
+        model=model.text,
         orders=model.orders,
         bic=model.bic,
         prediction_error_percent=validation.prediction_error_percent,
         simulation_error_percent=validation.simulation_error_percent,
         fitted_state_error_percent=validation.fitted_state_error_percent,
-        checks=tuple(checks(model, validation, spectrum, phases, recording)),
-        modes=tuple(model.modes),
-        trusted=tuple(_trusted(model, validation)),
+        checks=tuple(checks(evidence)),
+        modes=tuple(each.mode for each in validation.modes.modes),
+        trusted=tuple(each.trusted for each in validation.modes.modes),
         gain_db=_gain_outline(model),
         made_from={Path(file).name: sha256_of_file(file) for file in made_from},
     )
 
 
-def _trusted(model: ModelRecord, validation: Validation) -> list[bool]:
-    evidence = {each.mode.pole: each for each in validation.modes}
-    return [
-        mode.pole in evidence and not doubts(evidence[mode.pole], model.sampling_rate)
-        for mode in model.modes
-    ]
-
-
-def _gain_outline(model: ModelRecord) -> tuple[float, ...]:
-    """The largest gain of each band, in decibels to one decimal."""
-    bands = np.linspace(0.0, model.sampling_rate / 2, 32 * GAIN_BANDS + 1)[1:]
-    own = model.polynomials
-    response = own.frequency_response if own.has_input else own.noise_response
-    gain = np.abs(response(bands)).reshape(GAIN_BANDS, -1).max(axis=1)
-    with np.errstate(divide="ignore"):
-        return tuple(np.round(20.0 * np.log10(gain), 1).tolist())
+def _gain_outline(record: ModelRecord) -> tuple[float, ...]:
+    """The largest singular value of each band, in decibels to one decimal."""
+    bands = np.linspace(0.0, record.sampling_rate / 2, 32 * GAIN_BANDS + 1)[1:]
+    model = record.model
+    response = model.frequency_response if record.has_input else model.noise_response
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gains = np.nan_to_num(response(bands), nan=np.inf, posinf=np.inf)
+        finite = np.isfinite(gains).all(axis=(1, 2))
+        largest = np.full(len(bands), np.inf)
+        largest[finite] = np.linalg.svd(gains[finite], compute_uv=False)[:, 0]
+        outline = 20.0 * np.log10(largest.reshape(GAIN_BANDS, -1).max(axis=1))
+    return tuple(np.round(outline, 1).tolist())
 
 
 def recorded_modes(summary: DatasetSummary) -> list[RecordedMode]:
     """The modes of a data set, as they are followed over recordings."""
     return [
         RecordedMode(
-            mode.frequency_hz,
-            mode.damping_ratio,
-            mode.frequency_se_hz,
-            mode.damping_se,
+            *(mode.frequency_hz, mode.damping_ratio, mode.frequency_se_hz, mode.damping_se),
             trusted,
-            shape,
+            tuple(map(complex, mode.shape)) if len(mode.shape) > 1 else (),
         )
-        for mode, trusted, shape in zip(
-            summary.modes,
-            summary.trusted,
-            summary.shapes or ((),) * len(summary.modes),
-            strict=True,
-        )
+        for mode, trusted in zip(summary.modes, summary.trusted, strict=True)
     ]
 
 
@@ -247,6 +206,13 @@ def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
     return safe
 
 
+def _orders_of(entry: DatasetSummary) -> dict[str, int | None]:
+    """Orders of polynomials with at most one input; None for others."""
+    if entry.orders is None or entry.orders.inputs > 1:
+        return dict.fromkeys(ORDER_NAMES)
+    return entry.orders.single._asdict()
+
+
 def check_column(name: str) -> str:
     """Name of a check's column in the table."""
     return "check_" + re.sub(r"\W+", "_", name.lower()).strip("_")
@@ -282,7 +248,7 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         "estimation_samples": entry.estimation_samples,
         "validation_samples": entry.validation_samples,
         "model": entry.model,
-        **(entry.orders.single._asdict() if entry.orders else dict.fromkeys(ORDER_NAMES)),
+        **(_orders_of(entry)),
         "bic": entry.bic,
         **{error: getattr(entry, error) for error in _ERRORS},
         "failed_checks": len(entry.failed),

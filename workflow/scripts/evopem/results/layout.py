@@ -192,11 +192,6 @@ class DatasetFiles:
         return f"{self.folder}/modes.csv"
 
     @property
-    def modes_json(self) -> str:
-        """Modes of a state-space model with their shapes."""
-        return f"{self.folder}/modes.json"
-
-    @property
     def frequency_response(self) -> str:
         """Frequency responses of plant and noise filter with 95 % intervals."""
         return f"{self.folder}/frequency_response.csv"

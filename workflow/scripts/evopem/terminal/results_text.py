@@ -6,12 +6,11 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from evopem.config.yaml_form import read_single_channel_settings
-from evopem.files.json_form import load
+from evopem.config.yaml_form import read_settings
 from evopem.report.numbers import number, plural
-from evopem.report.results_text import results_text, state_space_text
+from evopem.report.results_text import results_text
 from evopem.results.dataset import read_dataset_results
-from evopem.results.fleet import DatasetSummary, Entry
+from evopem.results.fleet import Entry
 from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
 
@@ -53,11 +52,7 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
 
 def dataset_text(files: DatasetFiles, page: str) -> str:
     """The lines about one data set of any number of channels; `page` is the file to open next."""
-    if Path(files.modes_json).exists():
-        return state_space_text(load(DatasetSummary, files.summary), files.name, page)
-    return results_text(
-        read_dataset_results(files, read_single_channel_settings(files.config)), page
-    )
+    return results_text(read_dataset_results(files, read_settings(files.config)), page)
 
 
 def _is_packed(name: str) -> bool:

@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from evopem.estimation.pem.autoregression import autoregression
-from evopem.models.polynomial import PolynomialModel
 
 Array = NDArray[np.float64]
 
@@ -53,75 +52,8 @@ class HeldOutTest:
         return None if math.isnan(self.p_value) else self.p_value < level
 
 
-def input_significance(
-    model: PolynomialModel,
-    input: ArrayLike,  # noqa: A002
-    output: ArrayLike,
-    first: int = 0,
-) -> HeldOutTest:
-    """Test on held-out samples that the model's response to the input is in the output.
-
-    The measured output is regressed on the simulated one, ``G u``, and on the free responses of
-    1/(A F), which depend on signals before the held-out samples.  Where input and output are
-    unrelated the two are independent there, whatever B, the orders and their selection.
-
-    The noise model of the fit is not used: where A and C have nearly common factors, the
-    predictor's errors without the input have a narrow peak just where ``(B/C) u`` has one.
-
-    Parameters
-    ----------
-    model : PolynomialModel
-        Stable.
-    input, output : (N,) array_like
-        Signals that end with the held-out samples; they may begin with the estimation samples.
-    first : int
-        First held-out sample.
-    """
-    held_out = np.asarray(output, dtype=float)[first:]
-    if not np.ptp(np.asarray(input)[first:]) > 0.0:
-        # What is simulated is then a free response alone.
-        return HeldOutTest(math.nan, math.nan, math.nan, held_out.size)
-    simulated = model.simulate(input)[first:]
-    return contribution_test(
-        held_out, simulated, free_responses(model.plant_denominator, len(held_out))
-    )
-
-
-def free_responses(denominator: Array, samples: int) -> Array:
-    """Basis of the responses of ``1/denominator`` to its initial state alone, (samples, m)."""
-    from scipy.signal import lfilter
-
-    degree = len(denominator) - 1
-    responses = np.zeros((samples, degree))
-    for k in range(min(degree, samples)):
-        responses[k, k] = 1.0
-        responses[:, k] = lfilter([1.0], denominator, responses[:, k])
-    return responses
-
-
-def contribution_test(
-    errors_without: ArrayLike, contribution: ArrayLike, nuisance: ArrayLike | None = None
-) -> HeldOutTest:
-    """Test that a contribution explains prediction errors made without it.
-
-    Ordinary regression of the errors on the contribution and on what else may be in them.  An
-    autoregression of the remaining errors, its order chosen by BIC, whitens both sides first
-    (Cochrane & Orcutt 1949), so that the test holds where the noise model is imperfect.
-
-    Parameters
-    ----------
-    errors_without, contribution : (N,) array_like
-        Over held-out samples.
-    nuisance : (N, k) array_like, optional
-        Further regressors; a constant is always one.
-    """
-    e, x = np.asarray(errors_without, dtype=float), np.asarray(contribution, dtype=float)
-    found = _whitened_regression(e, x, nuisance)
-    if found is None:
-        return HeldOutTest(math.nan, math.nan, math.nan, e.size)
-    power = float(found.unexplained @ found.unexplained)
-    coefficient = float(found.unexplained @ found.remainder) / power
-    return _one_sided(coefficient, math.sqrt(found.variance / power), found.freedom, e.size)
+NO_TEST = HeldOutTest(math.nan, math.nan, math.nan, 0)
+"""Of a part that a model does not have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +64,7 @@ class HeldOutContribution:
     ----------
     errors_without, contributions : (N, ny) arrays
     nuisance : sequence of (N, k) arrays
-        Further regressors of each output, with coefficients of their own.
+        Further regressors of each output, with coefficients of their own; a constant always is one.
     """
 
     errors_without: Array
@@ -141,9 +73,12 @@ class HeldOutContribution:
 
 
 def joint_contribution_test(records: Sequence[HeldOutContribution]) -> HeldOutTest:
-    """The test of :func:`contribution_test` for several outputs, of one record or several.
+    """Test that a contribution explains prediction errors made without it.
 
-    One coefficient for all outputs of all records, each weighed by the inverse of its noise
+    Ordinary regression of the errors on the contribution and on what else may be in them.  An
+    autoregression of the remaining errors, its order chosen by BIC, whitens both sides first
+    (Cochrane & Orcutt 1949), so that the test holds where the noise model is imperfect.  One
+    coefficient for all outputs of all records, each weighed by the inverse of its noise
     (Zellner 1962 without the correlations).  Its standard error takes the correlations of the
     outputs' noise at the same sample into account.  A part that is weak at each output can be
     significant at all together.  Records and outputs where no test is possible are left out.
@@ -219,15 +154,11 @@ class _Regression:
     freedom: int
 
 
-def _whitened_regression(
-    e: Array, x: Array, nuisance: ArrayLike | None = None
-) -> _Regression | None:
-    """The regression of :func:`contribution_test`; None where no test is possible."""
-    if e.size < FEWEST_SAMPLES or not (np.isfinite(e).all() and np.isfinite(x).all()):
+def _whitened_regression(e: Array, x: Array, nuisance: Array) -> _Regression | None:
+    """A regression of whitened signals; None where no test is possible."""
+    others = np.hstack([np.ones((e.size, 1)), nuisance])
+    if e.size < FEWEST_SAMPLES or not all(np.isfinite(each).all() for each in (e, x, others)):
         return None
-    others = np.ones((e.size, 1))
-    if nuisance is not None:
-        others = np.hstack([others, np.asarray(nuisance, dtype=float)])
     remainder, unexplained = _without(e, others), _without(x, others)
     if _vanishes(unexplained, x) or _vanishes(remainder, e):
         return None
@@ -267,22 +198,25 @@ def _vanishes(remainder: Array, signal: Array) -> bool:
     return bool(np.linalg.norm(remainder) <= 1e-10 * np.linalg.norm(signal))
 
 
-def improvement_test(errors_without: ArrayLike, errors_with: ArrayLike) -> HeldOutTest:
+def improvement_test(records: Sequence[tuple[Array, Array]]) -> HeldOutTest:
     """Test that errors with a part of a model are smaller in mean square than without it.
 
     Student's t of the mean difference of squared errors (Diebold & Mariano 1995), whitened as in
-    :func:`contribution_test`.  The coefficient is the relative decrease of the mean square.
+    :func:`joint_contribution_test`.  The coefficient is the relative decrease of the mean square.
 
     Parameters
     ----------
-    errors_without, errors_with : (N,) array_like
-        Over held-out samples.
+    records : sequence of two (N, l) arrays
+        Errors without and with the part over held-out samples of each record; each output is
+        weighed by the inverse of its error with it.
     """
     from scipy.special import stdtr
 
-    before = np.asarray(errors_without, dtype=float) ** 2
-    difference = before - np.asarray(errors_with, dtype=float) ** 2
-    samples = difference.size
+    squares = [np.concatenate([each[k] for each in records]) ** 2 for k in (0, 1)]
+    samples = len(squares[0])
+    spread = squares[1].mean(axis=0)
+    before, after = (each @ np.where(spread > 0.0, 1.0 / spread, 0.0) for each in squares)
+    difference = before - after
     if samples < FEWEST_SAMPLES or not np.isfinite(difference).all() or not np.ptp(difference) > 0:
         return HeldOutTest(math.nan, math.nan, math.nan, samples)
     mean = float(difference.mean())

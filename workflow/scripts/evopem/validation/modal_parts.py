@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.modes import Mode
-from evopem.models.state_space import StateSpaceModel
+from evopem.models.polynomial import PolynomialModel
 from evopem.validation.held_out_tests import HeldOutContribution
+from evopem.validation.responses import HeldOut, Model
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -18,56 +19,53 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class ModalParts:
-    """The outputs of a record, (N, ny), and what each mode adds to simulation and prediction.
-
-    ``free``: responses to an initial state, over the samples from ``first`` on.
-    """
+    """The outputs of a record, (N, l), and what each mode adds to simulation and prediction."""
 
     outputs: Array
     simulated: Array
+    innovations: Array
     by_input: list[Array]
     by_noise: list[Array]
-    rest_of_input: Array
-    rest_of_noise: Array
-    free: Array
+    free: Array  # responses to an initial state, over the samples from ``first`` on
     first: int
 
     @classmethod
-    def of(
-        cls,
-        model: StateSpaceModel,
-        modes: Sequence[Mode],
-        inputs: Array,
-        outputs: Array,
-        first: int,
-    ) -> ModalParts:
-        """Divide a record's outputs; ``first``: the first sample of the held-out part."""
-        innovations = model.residuals(inputs, outputs, model.prediction_state(inputs, outputs))
-        simulated = model.simulate(inputs)
-        delayed = _delayed(model, inputs)
-        by_input = [_response(mode, delayed, mode.input_participation) for mode in modes]
-        by_noise = [_response(mode, innovations, mode.noise_participation) for mode in modes]
-        nothing = np.zeros_like(outputs)
+    def of(cls, modes: Sequence[Mode], record: HeldOut) -> ModalParts:
+        """Divide the outputs of a stretch whose validation samples are held out."""
+        model, outputs = record.model, record.outputs
+        # Participations are those of inputs one sample before, beyond further delays.
+        delays = (
+            [max(nk, 1) for nk in model.nk]
+            if isinstance(model, PolynomialModel)
+            else [delay + 1 for delay in model.input_delays or (0,) * model.inputs]
+        )
+        drives = _delayed(record.inputs, delays)
+        innovations = np.nan_to_num(outputs - record.predicted_from_start())
+        past = _delayed(innovations, (1,) * innovations.shape[1])
         return cls(
             outputs,
-            simulated,
-            by_input,
-            by_noise,
-            simulated - sum(by_input, nothing),
-            outputs - innovations - simulated - sum(by_noise, nothing),
-            _free_responses(model.poles(), len(outputs) - first),
-            first,
+            record.simulated_from_rest(),
+            innovations,
+            [_response(mode, drives, mode.input_participation) for mode in modes],
+            [_response(mode, past, mode.noise_participation) for mode in modes],
+            free_responses(model.poles(), len(outputs) - record.first),
+            record.first,
         )
 
     def of_input(self, index: int) -> HeldOutContribution:
         """What a mode adds to the simulation, beside the other modes and real poles."""
-        return self._beside(self.by_input, index, self.rest_of_input)
+        rest = self.simulated - sum(self.by_input, np.zeros_like(self.outputs))
+        return self._beside(self.by_input, index, rest)
 
     def of_noise(self, index: int) -> HeldOutContribution:
         """What a mode adds to the prediction, beside the others and the simulation."""
-        return self._beside(self.by_noise, index, self.rest_of_noise, self.simulated)
+        rest = self.outputs - self.innovations - self.simulated
+        rest = rest - sum(self.by_noise, np.zeros_like(self.outputs))
+        return self._beside(self.by_noise, index, rest, self.simulated)
 
     def _beside(self, parts: list[Array], index: int, *more: Array) -> HeldOutContribution:
+        # The other modes are regressors, not taken as right: of two close poles that cancel each
+        # other's response, neither may pass because the other one is there.
         first, others = self.first, [*parts[:index], *parts[index + 1 :], *more]
         nuisance = [
             np.column_stack([*(other[first:, column] for other in others), self.free])
@@ -75,26 +73,66 @@ class ModalParts:
         ]
         return HeldOutContribution(self.outputs[first:], parts[index][first:], nuisance)
 
+    def without(self, pole: complex, zeros: Complex) -> tuple[Array, Array]:
+        """One-step errors of a noise filter without a pair of poles, and those with it, (N, 1).
+
+        The pair is removed together with the zeros of the filter nearest to it: a pole that these
+        cancel makes no difference.  The filter of several outputs has no such zeros.
+        """
+        from scipy.signal import lfilter
+
+        without = lfilter(_nearest(zeros, pole), _factor(pole), self.innovations, axis=0)
+        return without[self.first :], self.innovations[self.first :]
+
+
+def noise_zeros(model: Model) -> Complex:
+    """Zeros of the noise filter: roots of C, or eigenvalues of the predictor."""
+    if isinstance(model, PolynomialModel):
+        return model.noise_zeros()
+    return model.predictor_poles()
+
+
+def _nearest(zeros: Complex, pole: complex) -> Array:
+    """The factor of the pair of zeros nearest to a pole; 1 where there is no pair."""
+    if len(zeros) < 2:
+        return np.ones(1)
+    nearest = complex(zeros[np.argmin(np.abs(zeros - pole))])
+    if nearest.imag != 0.0:
+        return _factor(nearest)
+    real = np.sort(zeros[zeros.imag == 0.0].real)
+    by_distance = real[np.argsort(np.abs(real - pole), kind="stable")]
+    # A real zero without a partner is the last one left beside complex pairs.
+    return np.real(np.poly(by_distance[:2]))
+
+
+def _factor(root: complex) -> Array:
+    """``(1 - p w)(1 - p* w)``."""
+    return np.array([1.0, -2.0 * root.real, abs(root) ** 2])
+
+
+def free_responses(poles: Complex, samples: int) -> Array:
+    """Responses to an initial state, two for each pair of poles and one for each real one."""
+    upper = poles[poles.imag >= 0.0]
+    with np.errstate(over="ignore", invalid="ignore"):
+        powers = upper ** np.arange(samples)[:, None]
+    free: Array = np.column_stack([powers.real, powers.imag[:, upper.imag > 0.0]])
+    return free
+
 
 def _response(mode: Mode, drives: Array, participation: Complex) -> Array:
-    """What a pair of poles adds to the outputs, (N, ny), driven one sample before; from rest."""
+    """What a pair of poles adds to the outputs, (N, l), from rest."""
     from scipy.signal import lfilter
 
-    modal = lfilter([0.0, 1.0], [1.0, -mode.pole], drives @ participation)
-    response: Array = 2.0 * np.outer(modal, mode.shape).real
+    if not len(participation):
+        return np.zeros((len(drives), len(mode.shape)))
+    with np.errstate(over="ignore", invalid="ignore"):
+        modal = lfilter([1.0], [1.0, -mode.pole], drives @ participation)
+        response: Array = 2.0 * np.outer(modal, mode.shape).real
     return response
 
 
-def _delayed(model: StateSpaceModel, inputs: Array) -> Array:
-    delayed = np.zeros_like(inputs)
-    for column, delay in enumerate(model.input_delays or (0,) * model.inputs):
-        delayed[delay:, column] = inputs[: len(inputs) - delay, column]
+def _delayed(signals: Array, delays: Sequence[int]) -> Array:
+    delayed = np.zeros_like(signals)
+    for column, delay in enumerate(delays):
+        delayed[delay:, column] = signals[: max(len(signals) - delay, 0), column]
     return delayed
-
-
-def _free_responses(poles: Complex, samples: int) -> Array:
-    """Responses to an initial state, two for each pair of poles and one for each real one."""
-    upper = poles[poles.imag >= 0.0]
-    powers = upper ** np.arange(samples)[:, None]
-    free: Array = np.column_stack([powers.real, powers.imag[:, upper.imag > 0.0]])
-    return free

@@ -1,312 +1,383 @@
-"""For each mode of a model: does the input reach it, does the noise need it, do other orders agree?
+"""The modes of models of several orders, each with its evidence and reasons to doubt it.
 
-A pole of A is shared by G = B/(A F) and H = C/(A D), one of F belongs to G alone.  A pole can
-describe a resonance that the input drives, one that disturbances alone drive, or nothing: a pole
-that a zero of B and one of C both cancel.
+For each mode: do the inputs reach it, does the predictor need it beside the noise, do other orders
+agree, how well is it known?  A mode is a group of poles of several orders that agree
+(:mod:`evopem.models.mode_matching`); its numbers are those of the model of the chosen order or,
+where that one lacks it, of the model of lowest BIC that has it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from evopem.models.mode_matching import cluster_modes
+from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import roots
-from evopem.signals.spectral.frequency_response import FrequencyResponse
+from evopem.models.stabilization import Estimated, OrderModel
+from evopem.models.state_space_tables import Column, shaped_modes_table
+from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import (
+    NO_TEST,
     HeldOutTest,
-    contribution_test,
-    free_responses,
     improvement_test,
+    joint_contribution_test,
 )
+from evopem.validation.modal_parts import ModalParts, noise_zeros
+from evopem.validation.responses import HeldOut, Model, divided
 
 Array = NDArray[np.float64]
 
 # Level of each test.
 SIGNIFICANCE = 0.01
-# A mode of another order is the same one within these relative differences, or within two standard
-# errors of the mode.
-SAME_FREQUENCY = 0.02
-SAME_DAMPING = 0.3
-# Share of the other models in which a stable mode is found again.
+# Share of the other orders in which a stable mode is found again.
 STABLE_SHARE = 0.75
-# Of a part that the model does not have.
-NO_TEST = HeldOutTest(math.nan, math.nan, math.nan, 0)
+# A mode that the chosen order lacks is listed where this many orders have it.
+PERSISTENT_ORDERS = 3
+# Damping ratio above which a pair of poles is hardly a resonance.
+STRONG_DAMPING = 0.5
+# Largest half width of the 95 % interval of a frequency, relative to the frequency.
+WIDEST_INTERVAL = 0.1
+# Decay in a sample, relative to the amplitude, that no record of usual length shows.
+NO_DECAY = 1e-6
+# Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
+# expected to have with the true one: that of well correlated shapes (Ewins 2000).
+POLES_APART, KNOWN_SHAPE = 0.01, 0.9
 
 
 @dataclass(frozen=True)
+class PoleOfOrder:
+    """A pole of a stabilisation diagram."""
+
+    order: int
+    frequency_hz: float
+    damping_ratio: float
+    frequency_se_hz: float
+    damping_se: float
+    phase_collinearity: float
+    mode: int | None  # row of the table that it belongs to
+
+
+@dataclass(frozen=True, eq=False)
 class ModeEvidence:
-    """What the data say about one mode.
+    """A mode with what the data say about it.
 
     Attributes
     ----------
     mode : Mode
-    residue : complex
-        Residue r of the mode in G: its share of the impulse response is ``2 Re(r p^k)``, p the
-        pole, k samples after the delay.
-    residue_se : float
-        Standard error of ``|r|`` to first order; infinite where it is not identifiable, NaN where
-        the covariance is not known.
-    input_test : HeldOutTest
-        Of the mode's response to the input, on held-out samples, beside the other terms of the
-        partial fractions of G.
-    reached : bool or None
-        Whether the input reaches the mode, by ``input_test``; None where it is not possible.
-        False for a model without input.
-    coherence, coherence_limit : float
-        Squared coherence of input and output at the mode's frequency, and the value that it
-        exceeds by chance with probability 1 % where there is none.  NaN when not known.
-    noise_test : HeldOutTest
-        Of the one-step prediction with the pole in the noise model against that without it.
-    needed_by_noise : bool or None
-        Whether the noise model needs the mode, by ``noise_test``.  False for a pole of F.
+    order : int
+        Order of the model that it is taken from.
+    orders : tuple of int
+        Orders whose models have it.
     recurrence : float
-        Share of the models of other orders that have this mode; NaN where there is none.
-    stable : bool or None
-        Whether that share is at least :data:`STABLE_SHARE`.
+        Share of the other orders that have it, of those with more poles than all modes need: that
+        the others lack it says nothing about it.  NaN where there are none.
+    input_test : HeldOutTest
+        Of the mode's response to the inputs, on held-out samples beside the responses of all other
+        modes; one test of all outputs.
+    noise_test : HeldOutTest
+        Of one-step predictions with the pole in the noise filter: of one output against those
+        without it and the zeros nearest to it, of several of what the mode adds, driven by past
+        innovations, beside all other modes.
+    reached, needed_by_noise : bool or None
+        Whether they are significant; None where a test was not possible.
+    doubts : tuple of str
+        Reasons not to trust it, see :func:`doubts`.
+    shape_doubt : str
+        Reason not to trust its shape, see :func:`shape_doubt`.
+    pair : int or None
+        Of a shape that is doubted: the row of the table with the neighbour whose shape spans with
+        this one a plane that is known.
     """
 
     mode: Mode
-    residue: complex
-    residue_se: float
+    order: int
+    orders: tuple[int, ...]
+    recurrence: float
     input_test: HeldOutTest
     reached: bool | None
-    coherence: float
-    coherence_limit: float
     noise_test: HeldOutTest
     needed_by_noise: bool | None
-    recurrence: float
-    stable: bool | None
+    doubts: tuple[str, ...] = ()
+    shape_doubt: str = ""
+    pair: int | None = None
 
     @property
     def has_input(self) -> bool:
         """Whether the model of the mode has an input."""
-        return self.input_test.samples > 0
+        return len(self.mode.input_participation) > 0
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether enough of the other orders have it; None where there are none."""
+        return None if math.isnan(self.recurrence) else self.recurrence >= STABLE_SHARE
 
     @property
     def origin(self) -> str:
         """What drives the mode: ``input``, ``noise``, ``neither`` or ``not judged``."""
-        return origin_of(self.reached, self.needed_by_noise)
+        if self.reached:
+            return "input"
+        if self.needed_by_noise:
+            return "noise"
+        if self.reached is None or self.needed_by_noise is None:
+            return "not judged"
+        return "neither"
+
+    @property
+    def trusted(self) -> bool:
+        """Whether there is no reason to doubt it, its shape aside."""
+        return not self.doubts
+
+    @property
+    def shape_trusted(self) -> bool:
+        """Whether there is no reason to doubt its shape either."""
+        return self.trusted and not self.shape_doubt
 
 
-def origin_of(reached: bool | None, needed_by_noise: bool | None) -> str:
-    """What drives a mode: ``input``, ``noise``, ``neither`` or ``not judged``."""
-    if reached:
-        return "input"
-    if needed_by_noise:
-        return "noise"
-    if reached is None or needed_by_noise is None:
-        return "not judged"
-    return "neither"
+@dataclass(frozen=True, eq=False)
+class ModeTable:
+    """Modes by frequency, the poles of all orders, and how alike the shapes are.
+
+    Attributes
+    ----------
+    order : int
+        The order that was chosen.
+    orders : tuple of int
+    modes : tuple of ModeEvidence
+    poles : tuple of PoleOfOrder
+        By order and frequency.
+    assurance : tuple of tuples of float
+        Modal assurance criterion of each pair of shapes.
+    """
+
+    order: int
+    orders: tuple[int, ...]
+    modes: tuple[ModeEvidence, ...]
+    poles: tuple[PoleOfOrder, ...]
+    assurance: tuple[tuple[float, ...], ...]
+
+    @property
+    def trusted(self) -> tuple[Mode, ...]:
+        """The modes that nothing speaks against."""
+        return tuple(each.mode for each in self.modes if each.trusted)
+
+    def rows(self, input_names: Sequence[str], output_names: Sequence[str]) -> dict[str, Column]:
+        """One row for each mode and output, as ``modes.csv`` has them."""
+        modes = [each.mode for each in self.modes]
+        columns = shaped_modes_table(modes, input_names, output_names)
+        judged = [each for each in self.modes for _ in output_names]
+        evidence: dict[str, Column] = {
+            "order": [each.order for each in judged],
+            "recurrence": [each.recurrence for each in judged],
+            "origin": [each.origin for each in judged],
+            "trusted": [str(each.trusted) for each in judged],
+            "doubts": ["; ".join(each.doubts) for each in judged],
+            "shape_assurance": [each.mode.shape_assurance for each in judged],
+            "shape_trusted": [str(each.shape_trusted) for each in judged],
+            "shape_doubt": [each.shape_doubt for each in judged],
+            "plane_with_mode": ["" if each.pair is None else str(each.pair + 1) for each in judged],
+        }
+        return columns | evidence
 
 
-def mode_evidence(
-    model: PolynomialModel,
-    input: ArrayLike,  # noqa: A002
-    output: ArrayLike,
-    first: int = 0,
-    states: tuple[ArrayLike | None, ArrayLike | None] = (None, None),
-    response: FrequencyResponse | None = None,
-    others: Sequence[PolynomialModel] = (),
-) -> list[ModeEvidence]:
-    """Evidence for each mode of a model, by frequency.
+def mode_table(
+    estimates: Sequence[Estimated], recording: Recording, first: int | None = None
+) -> ModeTable:
+    """Collect the modes of models of several orders, each with its evidence.
 
     Parameters
     ----------
-    model : PolynomialModel
-        Stable and invertible.
-    input, output : (N,) array_like
-        Signals that end with the held-out samples; they may begin with the estimation samples.
-    first : int
-        First held-out sample.
-    states : (plant state, noise state), optional
-        As for :meth:`PolynomialModel.residuals`.
-    response : FrequencyResponse, optional
-        Multitaper estimate from the same recording, for the coherence.
-    others : sequence of PolynomialModel
-        Models of other orders of the same recording.  Those that have fewer poles than all modes
-        need do not count: that they lack a mode says nothing about it.
+    estimates : sequence of StateSpaceEstimate
+        Models of consecutive orders, at least three above the number that the record needs.
+    recording : Recording
+        Ends with the held-out samples; may begin with the estimation samples.
+    first : int, optional
+        First held-out sample of each segment; by default there are none, and the tests are not
+        possible.
+
+    Raises
+    ------
+    ValueError
+        When the signals have other channels than the models.
     """
-    u, y = np.asarray(input, dtype=float), np.asarray(output, dtype=float)
-    residuals = model.residuals(u, y, *states)
-    free = free_responses(model.plant_denominator, len(y) - first)
-    modes = model.modes()
-    able = [each for each in others if len(each.plant_denominator) > 2 * len(modes)]
-    responses = [modal_response(model, mode.pole, u) for mode in modes]
-    rest = model.simulate(u) - np.sum(responses, axis=0)
-    shared = roots(model.a[1:])
-    found = []
-    for index, mode in enumerate(modes):
-        # The other terms are regressors, not taken as right: of two close poles that cancel each
-        # other's response, neither may pass because the other one is there.
-        other_terms = [*responses[:index], *responses[index + 1 :], rest]
-        nuisance = np.column_stack([*(term[first:] for term in other_terms), free])
-        of_input, of_noise = NO_TEST, NO_TEST
-        if model.has_input:
-            of_input = contribution_test(y[first:], responses[index][first:], nuisance)
-        in_noise = bool(np.any(shared == mode.pole))
-        if in_noise:
-            of_noise = _noise_test(model, mode.pole, residuals, first)
-        residue, residue_se = 0j, math.nan
-        if model.has_input:
-            residue, residue_se = modal_residue(model, mode.pole)
-        coherence, limit = _coherence(response, mode.frequency_hz)
-        recurrence = mode_recurrence(mode, able)
-        found.append(
-            ModeEvidence(
-                mode=mode,
-                residue=residue,
-                residue_se=residue_se,
-                input_test=of_input,
-                reached=of_input.significant(SIGNIFICANCE) if model.has_input else False,
-                coherence=coherence,
-                coherence_limit=limit,
-                noise_test=of_noise,
-                needed_by_noise=of_noise.significant(SIGNIFICANCE) if in_noise else False,
-                recurrence=recurrence,
-                stable=None if math.isnan(recurrence) else recurrence >= STABLE_SHARE,
-            )
+    models = [OrderModel.of_estimate(each) for each in estimates]
+    chosen = min(models, key=lambda each: each.bic).order
+    if first is None:
+        return table_of_models(models, chosen)
+    return table_of_models(models, chosen, lambda model: divided(model, recording, first))
+
+
+def table_of_models(
+    models: Sequence[OrderModel],
+    chosen: int,
+    held_out: Callable[[Model], Sequence[HeldOut]] = lambda _: (),
+) -> ModeTable:
+    """The table of models of several orders, of which one was chosen.
+
+    Parameters
+    ----------
+    models : sequence of OrderModel
+        By order.
+    chosen : int
+        The order whose modes are all listed.
+    held_out : callable
+        Gives the stretches for the tests of a model; without any they are not possible.
+    """
+    by_order = {each.order: each for each in models}
+    tests: dict[int, list[tuple[HeldOutTest, HeldOutTest]]] = {}
+    judged: list[ModeEvidence] = []
+    row_of: dict[tuple[int, int], int] = {}
+    for group in cluster_modes({order: each.modes for order, each in by_order.items()}):
+        if chosen not in group and len(group) < PERSISTENT_ORDERS:
+            continue
+        order = chosen if chosen in group else min(group, key=lambda order: by_order[order].bic)
+        found = by_order[order]
+        if order not in tests:
+            tests[order] = held_out_mode_tests(found.modes, held_out(found.model))
+        row_of |= {(order, index): len(judged) for order, index in group.items()}
+        judged.append(_judged(found, group, tests[order][group[order]], by_order))
+    poles = tuple(
+        PoleOfOrder(
+            *(order, mode.frequency_hz, mode.damping_ratio, mode.frequency_se_hz, mode.damping_se),
+            *(mode.phase_collinearity, row_of.get((order, index))),
         )
+        for order, each in by_order.items()
+        for index, mode in enumerate(each.modes)
+    )
+    rows = _with_pairs(judged, by_order, row_of)
+    shapes = [each.mode.shape for each in rows]
+    alike = tuple(tuple(round(assurance(a, b), 12) for b in shapes) for a in shapes)
+    return ModeTable(chosen, tuple(by_order), rows, poles, alike)
+
+
+def held_out_mode_tests(
+    modes: Sequence[Mode], held_out: Sequence[HeldOut]
+) -> list[tuple[HeldOutTest, HeldOutTest]]:
+    """Test, for each mode, its response to the inputs and its part of one-step predictions."""
+    with np.errstate(all="ignore"):
+        records = [ModalParts.of(modes, each) for each in held_out]
+        tests = []
+        for index, mode in enumerate(modes):
+            of_input, of_noise = NO_TEST, NO_TEST
+            if records and len(mode.input_participation):
+                of_input = joint_contribution_test([each.of_input(index) for each in records])
+            if records and np.any(mode.noise_participation):
+                of_noise = _noise_test(records, index, mode.pole, noise_zeros(held_out[0].model))
+            tests.append((of_input, of_noise))
+    return tests
+
+
+def _noise_test(
+    records: Sequence[ModalParts], index: int, pole: complex, zeros: NDArray[np.complex128]
+) -> HeldOutTest:
+    """Test that the noise needs a mode.
+
+    Of one output its pole is removed with the zeros nearest to it.  Among the partial fractions of
+    one filter neighbours make up for each other, so that superfluous ones would seem needed.
+    """
+    if records[0].outputs.shape[1] == 1:
+        return improvement_test([each.without(pole, zeros) for each in records])
+    return joint_contribution_test([each.of_noise(index) for each in records])
+
+
+def _judged(
+    found: OrderModel,
+    group: Mapping[int, int],
+    tests: tuple[HeldOutTest, HeldOutTest],
+    by_order: Mapping[int, OrderModel],
+) -> ModeEvidence:
+    mode, model = found.modes[group[found.order]], found.model
+    of_input, of_noise = tests
+    in_noise = bool(np.any(mode.noise_participation))
+    able = [
+        each.order
+        for each in by_order.values()
+        if each.order != found.order and len(each.model.poles()) > 2 * len(found.modes)
+    ]
+    judged = ModeEvidence(
+        mode=mode,
+        order=found.order,
+        orders=tuple(sorted(group)),
+        recurrence=float(np.mean([order in group for order in able])) if able else math.nan,
+        input_test=of_input,
+        reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
+        noise_test=of_noise,
+        needed_by_noise=of_noise.significant(SIGNIFICANCE) if in_noise else False,
+    )
+    reasons = tuple(doubts(judged, model.sampling_rate))
+    return replace(judged, doubts=reasons, shape_doubt=shape_doubt(mode))
+
+
+def _with_pairs(
+    judged: Sequence[ModeEvidence],
+    by_order: Mapping[int, OrderModel],
+    row_of: Mapping[tuple[int, int], int],
+) -> tuple[ModeEvidence, ...]:
+    """The modes, those of doubted shape with the neighbour that they span a known plane with."""
+    found = []
+    for each in judged:
+        mode, pair = each.mode, None
+        if each.shape_doubt and mode.partner is not None:
+            partner = by_order[each.order].modes[mode.partner]
+            if _plane_is_known(mode, partner):
+                pair = row_of.get((each.order, mode.partner))
+        found.append(replace(each, pair=pair))
+    return tuple(found)
+
+
+def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
+    """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
+
+    A mode is trusted when there is none: it is an underdamped resonance below half the sampling
+    rate, the inputs drive it or the noise model needs it on held-out samples, three quarters of the
+    models of other orders have it, and its frequency is known to within 10 %.
+    """
+    mode, found = evidence.mode, []
+    if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
+        found.append("decays too fast to be a resonance")
+    if 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz <= NO_DECAY * sampling_rate:
+        found.append("does not decay")
+    if evidence.origin == "neither":
+        found.append(
+            "shows neither in the response to the input nor in the noise"
+            if evidence.has_input
+            else "does not improve the prediction of validation samples"
+        )
+    elif evidence.origin == "not judged":
+        found.append("could not be tested on validation samples")
+    if evidence.stable is False:
+        share = f"only {100 * evidence.recurrence:.0f} %" if evidence.recurrence else "none"
+        found.append(f"was found at {share} of the orders compared")
+    half_width = 1.96 * mode.frequency_se_hz
+    if not math.isfinite(half_width):
+        found.append("has no known standard error")
+    elif half_width > WIDEST_INTERVAL * mode.frequency_hz:
+        found.append("has a frequency known to no better than 10 %")
     return found
 
 
-def modal_residue(model: PolynomialModel, pole: complex) -> tuple[complex, float]:
-    """Residue of a pole of G, delay aside, and the standard error of its modulus.
+def shape_doubt(mode: Mode) -> str:
+    """Reason to doubt a mode's shape though not its frequency and damping; empty for none.
 
-    With w = q^-1, w_0 = 1/p and P = A F: ``r = -B(w_0) / (w_0 P'(w_0))``, differentiated with
-    respect to the coefficients of B and, directly and through w_0, to those of P.
-
-    Parameters
-    ----------
-    model : PolynomialModel
-        With an input.
-    pole : complex
-        A simple root of A F.
+    Shapes of poles that the data do not tell apart may be any mixture of each other.
     """
-    polynomial = np.polynomial.polynomial
-    denominator_of_g = model.plant_denominator
-    degree, nb = len(denominator_of_g) - 1, len(model.b)
-    w = 1.0 / pole
-    slope = polynomial.polyval(w, polynomial.polyder(denominator_of_g))
-    bend = polynomial.polyder(denominator_of_g, 2)
-    curvature = polynomial.polyval(w, bend) if degree > 1 else 0.0
-    numerator = polynomial.polyval(w, model.b)
-    numerator_slope = polynomial.polyval(w, polynomial.polyder(model.b)) if nb > 1 else 0.0
-    gradient = np.zeros(model.orders.parameters, dtype=complex)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        denominator = w * slope
-        residue = -numerator / denominator
-        lags = np.arange(1, degree + 1)
-        w_by_p = -(w**lags) / slope
-        denominator_by_p = lags * w**lags + (slope + w * curvature) * w_by_p
-        by_p = -(numerator_slope * w_by_p + residue * denominator_by_p) / denominator
-        # A coefficient of A at lag i moves those of A F by F, delayed by i; likewise one of F.
-        for letter, other in (("a", model.f), ("f", model.a)):
-            part = model.part(letter)
-            gradient[part] = [
-                by_p[lag : lag + len(other)] @ other for lag in range(part.stop - part.start)
-            ]
-        gradient[model.part("b")] = -(w ** np.arange(nb)) / denominator
-        gradient = (np.conj(residue) * gradient).real / abs(residue)
-    if model.covariance is None:
-        return complex(residue), math.nan
-    return complex(residue), float(model.covariance.standard_errors(gradient[None, :])[0])
+    if len(mode.shape) < 2 or not math.isfinite(mode.shape_assurance):
+        return ""
+    if mode.equal_poles_p > POLES_APART:
+        return "the data do not tell its pole from a neighbour’s, so that the shapes may be mixed"
+    if mode.shape_assurance < KNOWN_SHAPE:
+        return f"a MAC of only {mode.shape_assurance:.2f} is expected with the true shape"
+    return ""
 
 
-def modal_response(model: PolynomialModel, pole: complex, input: ArrayLike) -> Array:  # noqa: A002
-    """What a pair of complex poles contributes to the simulated output, (N,).
+def _plane_is_known(mode: Mode, partner: Mode) -> bool:
+    """Whether two shapes that may be mixed lie in one plane that the data determine.
 
-    Its term in the partial fractions of G, from rest, delayed by nk.
-
-    Parameters
-    ----------
-    model : PolynomialModel
-    pole : complex
-        A simple root of A F.
-    input : (N,) array_like
+    The statement is empty below three outputs, which have one plane alone.
     """
-    from scipy.signal import lfilter
-
-    if not model.has_input:
-        return np.zeros(len(np.asarray(input)))
-    residue, _ = modal_residue(model, pole)
-    # r / (1 - p w) + its conjugate.
-    numerator = 2.0 * np.array([residue.real, -(residue * np.conj(pole)).real])
-    denominator = _factor(pole)
-    delayed = np.concatenate([np.zeros(model.delay), numerator])
-    response: Array = lfilter(delayed, denominator, np.asarray(input, dtype=float))
-    return response
-
-
-def mode_recurrence(mode: Mode, others: Sequence[PolynomialModel]) -> float:
-    """Share of other models that have a mode of about this frequency and damping; NaN for none.
-
-    Models with fewer poles than a pair are not counted.
-    """
-    able = [model for model in others if len(model.plant_denominator) > 2]
-    if not able:
-        return math.nan
-    frequency = _reach(SAME_FREQUENCY * mode.frequency_hz, mode.frequency_se_hz)
-    damping = _reach(SAME_DAMPING * abs(mode.damping_ratio), mode.damping_se)
-    return float(
-        np.mean(
-            [
-                any(
-                    abs(other.frequency_hz - mode.frequency_hz) <= frequency
-                    and abs(other.damping_ratio - mode.damping_ratio) <= damping
-                    for other in model.modes()
-                )
-                for model in able
-            ]
-        )
-    )
-
-
-def _reach(relative: float, standard_error: float) -> float:
-    """The larger of a tolerance and two standard errors, where these are finite."""
-    return max(relative, 2.0 * standard_error) if math.isfinite(standard_error) else relative
-
-
-def _noise_test(model: PolynomialModel, pole: complex, residuals: Array, first: int) -> HeldOutTest:
-    """Compare one-step errors with those of a noise model without a pair of poles.
-
-    The pair is removed from H = C/(A D) together with the zeros of C nearest to it, a pair where C
-    has two roots.  A pole that these cancel makes no difference.
-    """
-    from scipy.signal import lfilter
-
-    zeros = roots(model.c[1:])
-    start = max(model.orders.first_residual, first)
-    cancelling = np.ones(1)
-    if len(zeros) >= 2:
-        nearest = complex(zeros[np.argmin(np.abs(zeros - pole))])
-        if nearest.imag == 0.0:
-            real = np.sort(zeros[zeros.imag == 0.0].real)
-            by_distance = real[np.argsort(np.abs(real - pole), kind="stable")]
-            # A real zero without a partner is the last one left beside complex pairs.
-            cancelling = np.real(np.poly(by_distance[:2]))
-        else:
-            cancelling = _factor(nearest)
-    # e = (A D/C)(y - G u), and without the pair (A / A_p) (C_p / C) D (y - G u).
-    without = lfilter(cancelling, _factor(pole), residuals[model.orders.first_residual :])
-    offset = start - model.orders.first_residual
-    return improvement_test(without[offset:], residuals[start:])
-
-
-def _factor(root: complex) -> Array:
-    """``(1 - p w)(1 - p* w)``."""
-    return np.array([1.0, -2.0 * root.real, abs(root) ** 2])
-
-
-def _coherence(response: FrequencyResponse | None, frequency: float) -> tuple[float, float]:
-    """Coherence nearest to a frequency, and its 99 % point where there is none."""
-    if response is None:
-        return math.nan, math.nan
-    index = int(np.argmin(np.abs(response.frequencies - frequency)))
-    limit = float(response.coherence_limit(SIGNIFICANCE)[index])
-    return math.nan if math.isnan(limit) else float(response.coherence[index, 0]), limit
+    mixed = len(mode.shape) > 2 and mode.equal_poles_p > POLES_APART
+    return mixed and min(mode.plane_assurance, partner.plane_assurance) >= KNOWN_SHAPE

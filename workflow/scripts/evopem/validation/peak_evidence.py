@@ -14,6 +14,7 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.signals.spectral.multitaper import Spectrum, multitaper_spectrum
 from evopem.signals.spectral.peaks import spectral_peaks
+from evopem.validation.responses import Model
 
 # Share of records in which a peak of a right model exceeds its `chance`.
 CHANCE_LEVEL = 0.01
@@ -41,23 +42,16 @@ class PeakEvidence:
 
 
 def peak_evidence(
-    model: PolynomialModel, samples: Recording, settings: SpectrumSettings
+    model: Model, samples: Recording, output: int, settings: SpectrumSettings | None = None
 ) -> tuple[PeakEvidence, ...]:
-    """Compare the peaks of the output's spectrum with the spectrum that the model gives it.
+    """Compare the peaks of an output's spectrum with the spectrum that the model gives it.
 
     The model's density is the multitaper estimate of its simulated output, made like that of the
-    measured one, plus ``2 |H|² λ / fs`` averaged over ± W. Where the model is right and the noise
+    measured one, plus ``2 H Λ H* / fs`` averaged over ± W. Where the model is right and the noise
     prevails, their ratio is a chi-square variable over its degrees of freedom (Percival & Walden
     1993, section 7.4); where the response to the input prevails, it is nearer to one. The limit
     counts every resolution cell (width 2W), because peaks are picked from all of them
     (Bonferroni).
-
-    Parameters
-    ----------
-    model : PolynomialModel
-    samples : Recording
-        The samples behind the spectrum.
-    settings : SpectrumSettings
 
     Returns
     -------
@@ -66,18 +60,18 @@ def peak_evidence(
     """
     from scipy.stats import chi2
 
-    rate, shape = samples.sampling_rate, (settings.time_halfbandwidth, settings.nfft)
+    settings = settings or SpectrumSettings()
+    shape = (samples.sampling_rate, settings.time_halfbandwidth, settings.nfft)
     try:
-        spectrum = multitaper_spectrum(samples.output, rate, *shape)
+        spectrum = multitaper_spectrum(samples.outputs[:, output], *shape)
     except InputError:
         return ()
     peaks = spectral_peaks(spectrum)
     if not peaks:
         return ()
     index = np.searchsorted(spectrum.frequencies, [peak.frequency_hz for peak in peaks])
-    modelled = _response_density(model, samples, spectrum)[index] + _noise_density(
-        model, spectrum, index
-    )
+    modelled = _response_density(model, samples, output, spectrum)[index]
+    modelled = modelled + _noise_density(model, output, spectrum, index)
     cells = max(1.0, spectrum.frequencies[-1] / spectrum.resolution_hz)
     freedom = spectrum.degrees_of_freedom[index]
     limits = chi2.isf(CHANCE_LEVEL / cells, freedom) / freedom
@@ -91,12 +85,13 @@ def peak_evidence(
 
 
 def _response_density(
-    model: PolynomialModel, samples: Recording, spectrum: Spectrum
+    model: Model, samples: Recording, output: int, spectrum: Spectrum
 ) -> NDArray[np.float64]:
-    """Density of the simulated output; NaN where the simulation grows out of all numbers."""
-    if not model.has_input:
+    """Density of a simulated output; NaN where the simulation grows out of all numbers."""
+    if not model.inputs:
         return np.zeros_like(spectrum.density)
-    simulated = model.simulate(samples.input)
+    with np.errstate(all="ignore"):
+        simulated = model.simulate(samples.inputs).reshape(samples.outputs.shape)[:, output]
     if not np.isfinite(simulated).all():
         return np.full_like(spectrum.density, math.nan)
     try:
@@ -109,12 +104,16 @@ def _response_density(
 
 
 def _noise_density(
-    model: PolynomialModel, spectrum: Spectrum, index: NDArray[np.int64]
+    model: Model, output: int, spectrum: Spectrum, index: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """One-sided density of the model's noise at some frequencies, averaged over ± W."""
     half = spectrum.halfbandwidth_hz * np.linspace(-1.0, 1.0, NOISE_GRID)
     nyquist = spectrum.frequencies[-1]
     around = np.clip(spectrum.frequencies[index][:, None] + half, 0.0, nyquist)
-    gain = np.abs(model.noise_response(around.ravel())[:, 0, 0]) ** 2
-    density = model.noise_variance / nyquist * gain.reshape(around.shape).mean(axis=1)
+    rows = model.noise_response(around.ravel())[:, output, :]
+    variance = np.atleast_2d(
+        model.noise_variance if isinstance(model, PolynomialModel) else model.noise_covariance
+    )
+    power = np.einsum("fi,ij,fj->f", rows, variance, rows.conj()).real
+    density = power.reshape(around.shape).mean(axis=1) / nyquist
     return np.asarray(density, np.float64)

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RecordedErrors:
-    """Errors in the units of the recording, over the scored validation samples.
+    """Errors of an output in the units of the recording, over the scored validation samples.
 
     Attributes
     ----------
@@ -37,68 +37,59 @@ class RecordedErrors:
 
 @dataclass(frozen=True, eq=False)
 class RecordedSeries:
-    """Validation output as recorded, with its one-step prediction and simulation, (N,) each."""
+    """Validation outputs as recorded, with one-step prediction and simulation, (N, l) each."""
 
-    output: Array
+    outputs: Array
     predicted: Array
     simulated: Array
 
 
 def recorded_series(
-    transforms: Transforms, output: Array, predicted: Array, simulated: Array
+    transforms: Transforms, outputs: Array, predicted: Array, simulated: Array
 ) -> RecordedSeries:
     """Take the validation samples of a model back to the units of the recording.
 
     The one-step prediction uses the measured past in recorded units as well: differencing is
     monic, so its errors are those of the differenced output.
-
-    Parameters
-    ----------
-    transforms : Transforms
-    output, predicted, simulated : (N,) arrays
-        Prepared validation samples; NaN where there is none.
     """
-    ends = np.cumsum([each.samples for each in transforms.validation], dtype=int)[:-1]
-    split = [np.split(each, ends) for each in (output, predicted, simulated)]
-    stretches = zip(transforms.validation, *split, strict=True)
-    found = [_recorded(transforms, *each) for each in stretches]
-    return RecordedSeries(
-        np.concatenate([each.output for each in found]),
-        np.concatenate([each.predicted for each in found]),
-        np.concatenate([each.simulated for each in found]),
-    )
+    origins = transforms.validation
+    ends = np.cumsum([each.samples for each in origins], dtype=int)[:-1]
+    series = outputs, predicted, simulated
+    split = zip(*(np.split(each, ends) for each in series), strict=True)
+    found = [_recorded(transforms, *each) for each in zip(origins, split, strict=True)]
+    return RecordedSeries(*map(np.concatenate, zip(*found, strict=True)))
 
 
 def _recorded(
-    transforms: Transforms, origin: StretchOrigin, output: Array, predicted: Array, simulated: Array
-) -> RecordedSeries:
+    transforms: Transforms, origin: StretchOrigin, series: tuple[Array, ...]
+) -> tuple[Array, Array, Array]:
     """One stretch in the units of the recording."""
+    outputs, predicted, simulated = series
 
-    def recorded(signal: Array) -> Array:
-        return measured_outputs(transforms, origin, signal[:, None])[transforms.difference :, 0]
+    def recorded(signals: Array) -> Array:
+        return measured_outputs(transforms, origin, signals)[transforms.difference :]
 
-    measured = recorded(output)
-    level = measured
+    measured = level = recorded(outputs)
     if transforms.box_cox is not None:
         level = box_cox(measured, transforms.box_cox, transforms.shift)
-    prediction = level - (output - predicted)
+    prediction = level - (outputs - predicted)
     if transforms.box_cox is not None:
         prediction = invert_box_cox(prediction, transforms.box_cox, transforms.shift)
-    known = np.where(np.isfinite(simulated), simulated, output)
-    simulation = recorded(known)
-    simulation[~np.isfinite(simulated)] = np.nan
-    return RecordedSeries(measured, prediction, simulation)
+    known = np.isfinite(simulated)
+    simulation = np.where(known, recorded(np.where(known, simulated, outputs)), np.nan)
+    return measured, prediction, simulation
 
 
 def recorded_errors(
-    transforms: Transforms, series: RecordedSeries, scored: NDArray[np.bool_]
+    transforms: Transforms, series: RecordedSeries, scored: NDArray[np.bool_], output: int
 ) -> RecordedErrors:
-    """Errors of the recorded series over the scored samples."""
-    measured = series.output[scored]
-    simulated = series.simulated[scored]
+    """Errors of one recorded output over the scored samples."""
+    measured, predicted, simulated = (
+        each[scored, output] for each in (series.outputs, series.predicted, series.simulated)
+    )
     defined = np.isfinite(simulated)
     return RecordedErrors(
-        prediction_error_percent=error_percent(measured, series.predicted[scored]),
+        prediction_error_percent=error_percent(measured, predicted),
         simulation_error_percent=(
             error_percent(measured[defined], simulated[defined]) if defined.any() else np.nan
         ),

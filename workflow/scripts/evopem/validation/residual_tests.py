@@ -17,7 +17,6 @@ from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_fac
 from evopem.estimation.pem.least_squares import triangle_of
 from evopem.models.response_tables import NORMAL_95
 from evopem.signals import correlation as signals
-from evopem.validation.whiteness import WhitenessTest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -88,6 +87,37 @@ CROSS_CORRELATION_LAGS = 200
 LEAST_EXPECTED = 0.5
 
 
+@dataclass(frozen=True)
+class WhitenessTest:
+    """Joint test that the residuals of a fitted model are white."""
+
+    statistic: float  # Ljung-Box statistic ``N (N + 2) sum r_k^2 / (N - k)``
+    expected: float  # under white innovations, the fit taken into account
+    p_value: float  # NaN where no autocorrelation is left free by the fit
+    lags: int  # tested jointly
+
+
+def free_whiteness_test(
+    residuals: Array, lags: int, bounds: Sequence[int] = (), fitted: int = 0
+) -> WhitenessTest:
+    """Ljung-Box test with as many degrees of freedom as lags, less what was fitted to the samples.
+
+    NaN where the residuals do not vary.
+    """
+    from scipy.special import chdtrc
+
+    if not np.ptp(residuals) > 0.0:
+        return WhitenessTest(math.nan, math.nan, math.nan, lags)
+    statistic = _ljung_box(autocorrelation_of(residuals, lags, bounds).values[1:], residuals.size)
+    freedom = max(lags - fitted, 1)
+    return WhitenessTest(statistic, float(freedom), float(chdtrc(freedom, statistic)), lags)
+
+
+def _ljung_box(correlations: Array, samples: int) -> float:
+    k = np.arange(1, len(correlations) + 1)
+    return float(samples * (samples + 2) * np.sum(correlations**2 / (samples - k)))
+
+
 def whiteness_test(
     residuals: ArrayLike, jacobian: Iterable[Array], lags: int, objective: str
 ) -> WhitenessTest:
@@ -122,9 +152,7 @@ def whiteness_test(
         raise ValueError(f"{lags} lags cannot be tested with {e.size} residuals")
     if not np.ptp(e) > 0.0:
         return WhitenessTest(math.nan, math.nan, math.nan, lags)
-    rho = signals.autocorrelation(e, lags).values[1:]
-    k = np.arange(1, lags + 1)
-    statistic = float(e.size * (e.size + 2) * np.sum(rho**2 / (e.size - k)))
+    statistic = _ljung_box(signals.autocorrelation(e, lags).values[1:], e.size)
     covariance = residual_autocorrelation_covariance(e, jacobian, lags, objective)
     if not np.isfinite(covariance).all():
         return WhitenessTest(statistic, math.nan, math.nan, lags)
@@ -283,13 +311,6 @@ def autocorrelation_of(
     return ResidualCorrelation(np.arange(lags + 1), correlation, bound)
 
 
-def residual_autocorrelation(
-    residuals: ArrayLike, lags: int = 1200, bounds: Sequence[int] = ()
-) -> pd.DataFrame:
-    """The table of :func:`autocorrelation_of`: ``lag``, ``autocorrelation``, ``bound95``."""
-    return autocorrelation_of(residuals, lags, bounds).table("autocorrelation")
-
-
 def share_inside(correlation: ArrayLike, bound: ArrayLike) -> float:
     """Share of correlations inside their bounds, 0 to 1; ``nan`` for none."""
     values = np.abs(np.asarray(correlation, dtype=float))
@@ -354,13 +375,3 @@ def correlation_with_input(
     variance = np.mean(power_e * power_u) / (np.mean(power_e) * np.mean(power_u))
     bound = np.full(lag.size, NORMAL_95 * math.sqrt(variance / samples))
     return ResidualCorrelation(lag, correlation, bound)
-
-
-def cross_correlation(
-    residuals: ArrayLike,
-    inputs: ArrayLike,
-    lags: int = CROSS_CORRELATION_LAGS,
-    bounds: Sequence[int] = (),
-) -> pd.DataFrame:
-    """The table of :func:`correlation_with_input`: ``lag``, ``cross_correlation``, ``bound95``."""
-    return correlation_with_input(residuals, inputs, lags, bounds).table("cross_correlation")

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
+from evopem.estimation.state_space.held_out import simulated_from_fitted_state, simulated_on
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import (
     estimate_level,
@@ -18,167 +18,183 @@ from evopem.models.polynomial_states import (
     simulate_from_first,
     simulate_with_fitted_level,
 )
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import PreparedData
-from evopem.signals.recording import Segment
-from evopem.validation.recorded_units import RecordedSeries
+from evopem.signals.recording import Recording
 
-States = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Plant and noise state of a prediction."""
+Array = NDArray[np.float64]
+Model = PolynomialModel | StateSpaceModel
 
 
-@dataclass(frozen=True)
-class Responses:
-    """Validation samples with the two computed responses; ``nan`` where there is none.
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """A stretch of validation samples, with the samples before it where these are known.
 
-    ``simulated`` runs on from what came before, ``fitted`` from the state that fits these samples.
-    ``scored`` tells which samples count: not those that initial states determine.
+    Attributes
+    ----------
+    model : PolynomialModel or StateSpaceModel
+        With the level of this stretch.
+    recording : Recording
+        The validation samples.
+    before : Recording, optional
+        What they continue.
+    states : tuple of arrays
+        Of the predictor, at the first sample of all: plant and noise state, or one state.
     """
 
-    input: NDArray[np.float64]
-    output: NDArray[np.float64]
-    predicted: NDArray[np.float64]
-    simulated: NDArray[np.float64]
-    fitted: NDArray[np.float64]
+    model: Model
+    recording: Recording
+    before: Recording | None
+    states: tuple[Array, ...]
+
+    @property
+    def first(self) -> int:
+        """First validation sample, counted from the first sample that is known."""
+        return self.before.samples if self.before else 0
+
+    @property
+    def inputs(self) -> Array:
+        """All that is known, (N, m)."""
+        known = [self.before.inputs] if self.before else []
+        return np.concatenate([*known, self.recording.inputs])
+
+    @property
+    def outputs(self) -> Array:
+        """All that is known, (N, l)."""
+        known = [self.before.outputs] if self.before else []
+        return np.concatenate([*known, self.recording.outputs])
+
+    @property
+    def unscored(self) -> int:
+        """First validation samples that determine states, and are not scored."""
+        if self.before:
+            return 0
+        return max(unscored_samples(self.model), first_samples(self.recording.samples))
+
+    def predicted_from_start(self, horizon: int = 1) -> Array:
+        """Predictions of all samples that are known, (N, l); NaN where the past is not known."""
+        if isinstance(self.model, PolynomialModel):
+            of_one = self.model.predict(self.inputs, self.outputs[:, 0], horizon, *self.states)
+            return of_one[:, None]
+        return self.model.predict(self.inputs, self.outputs, horizon, *self.states)
+
+    def predicted(self, horizon: int = 1) -> Array:
+        """Predictions of the validation samples, (N, l)."""
+        return self.predicted_from_start(horizon)[self.first :]
+
+    def simulated_from_rest(self) -> Array:
+        """Response to all inputs that are known, (N, l)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self.model.simulate(self.inputs).reshape(self.outputs.shape)
+
+    def simulated(self, free_level: bool) -> Array:
+        """Response of the validation samples, (N, l), from a state that no scored one determines.
+
+        It runs on from the samples before, or from the first samples where there are none.  With a
+        free level a constant is fitted to the scored samples.
+        """
+        if not self.model.inputs:
+            return np.full(self.recording.outputs.shape, np.nan)
+        if isinstance(self.model, StateSpaceModel):
+            return simulated_on(self.model, self.before, self.recording, free_level)
+        known = max(self.first + self.unscored, 1)
+        y = self.outputs[:, 0]
+        found = simulate_from_first(self.model, self.inputs, y, known, free_level)
+        if free_level:
+            found = found + np.mean((y - found)[known:])
+        return found[self.first :, None]
+
+    def fitted(self, free_level: bool) -> Array:
+        """Response of the validation samples, (N, l), from the state that fits them best."""
+        if not self.model.inputs:
+            return np.full(self.recording.outputs.shape, np.nan)
+        if isinstance(self.model, StateSpaceModel):
+            return simulated_from_fitted_state(self.model, self.recording, free_level)
+        u, y = self.recording.inputs, self.recording.outputs[:, 0]
+        if free_level:
+            return simulate_with_fitted_level(self.model, u, y)[:, None]
+        return self.model.simulate(u, estimate_simulation_state(self.model, u, y))[:, None]
+
+
+def unscored_samples(model: Model) -> int:
+    """Samples at the start of a record whose residuals its states determine."""
+    if isinstance(model, StateSpaceModel):
+        return model.order + max(model.input_delays, default=0)
+    orders = model.orders
+    return orders.first_residual + max(sum(orders.nf), orders.noise_states)
+
+
+def divided(model: Model, recording: Recording, first: int) -> tuple[HeldOut, ...]:
+    """The samples of each segment from ``first`` on, with those before them."""
+    found = []
+    for each in recording.separated:
+        if first < each.samples:
+            before = each.between(0, first) if first else None
+            held_out = each.between(first, each.samples)
+            found.append(HeldOut(model, held_out, before, _states(model, before or each)))
+    return tuple(found)
+
+
+def held_out_stretches(
+    model: Model, prepared: PreparedData, free_level: bool = False
+) -> tuple[HeldOut, ...]:
+    """The stretches of validation samples, each with the samples before it where there are some.
+
+    The predictor runs through both parts of a continuous record, so that it knows all the measured
+    past.  With a free level each of several recordings has one of its own.
+    """
+    validation = prepared.validation.separated
+    if prepared.before_validation is not None:
+        pasts = prepared.before_validation.separated
+        return tuple(
+            HeldOut(model, stretch, before, _states(model, before))
+            for stretch, before in zip(validation, pasts, strict=True)
+        )
+    found = []
+    for stretch in validation:
+        own = model
+        if (
+            isinstance(model, PolynomialModel)
+            and free_level
+            and prepared.transforms.several_recordings
+        ):
+            level = estimate_level(model, stretch.inputs, stretch.output)
+            own = replace(model, level=level)
+        found.append(HeldOut(own, stretch, None, _states(own, stretch)))
+    return tuple(found)
+
+
+def _states(model: Model, record: Recording) -> tuple[Array, ...]:
+    if isinstance(model, PolynomialModel):
+        return estimate_prediction_states(model, record.inputs, record.output)
+    return (model.prediction_state(record.inputs, record.outputs),)
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """Validation samples of all stretches with the computed responses, (N, l) each.
+
+    ``simulated`` runs on from what came before, ``fitted`` from the state that fits these samples;
+    NaN without an input.  ``scored``, (N,): the samples that count, not those that states are
+    determined by.
+    """
+
+    outputs: Array
+    predicted: Array
+    simulated: Array
+    fitted: Array
     scored: NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class HeldOutSamples:
-    """Signals that end with samples that the model was not estimated from, from ``first`` on.
-
-    ``samples`` are those of the validation part; ``model`` has the level of this stretch.
-    """
-
-    model: PolynomialModel
-    input: NDArray[np.float64]
-    output: NDArray[np.float64]
-    first: int
-    samples: int
-    states: States
-
-
-def unscored_samples(model: PolynomialModel) -> int:
-    """Samples at the start of a record whose residuals its states determine."""
-    orders = model.orders
-    return orders.first_residual + max(orders.single.nf, orders.noise_states)
-
-
-def held_out_samples(
-    model: PolynomialModel, prepared: PreparedData, free_level: bool = False
-) -> tuple[HeldOutSamples, ...]:
-    """Both parts where they are continuous, else each validation stretch from own states.
-
-    With a free level each validation stretch has one of its own, fitted along with its states.
-    """
-    before, validation = prepared.before_validation, prepared.validation
-    if before is not None:
-        return tuple(
-            HeldOutSamples(
-                model,
-                np.concatenate([known.input, held_out.input]),
-                np.concatenate([known.output, held_out.output]),
-                known.samples,
-                held_out.samples,
-                estimate_prediction_states(model, known.input, known.output),
-            )
-            for known, held_out in zip(before.segments, validation.segments, strict=True)
+def responses_of(held_out: Sequence[HeldOut], free_level: bool) -> Responses:
+    """Predict and simulate the validation samples."""
+    with np.errstate(all="ignore"):
+        return Responses(
+            outputs=np.concatenate([each.recording.outputs for each in held_out]),
+            predicted=np.concatenate([each.predicted() for each in held_out]),
+            simulated=np.concatenate([each.simulated(free_level) for each in held_out]),
+            fitted=np.concatenate([each.fitted(free_level) for each in held_out]),
+            scored=np.concatenate(
+                [np.arange(each.recording.samples) >= each.unscored for each in held_out]
+            ),
         )
-    own_level = free_level and prepared.transforms.several_recordings
-    return tuple(_held_out(model, each, own_level) for each in validation.segments)
-
-
-def _held_out(model: PolynomialModel, stretch: Segment, own_level: bool) -> HeldOutSamples:
-    u, y = stretch.input, stretch.output
-    if own_level:
-        model = replace(model, level=estimate_level(model, u, y))
-    states = estimate_prediction_states(model, u, y)
-    return HeldOutSamples(model, u, y, unscored_samples(model), stretch.samples, states)
-
-
-def responses_of(
-    model: PolynomialModel,
-    prepared: PreparedData,
-    held_out: Sequence[HeldOutSamples],
-    free_level: bool = False,
-) -> Responses:
-    """Predict and simulate the validation samples.
-
-    The prediction of samples that follow the estimation samples directly knows all the past, and
-    their simulation runs on from the estimation samples, which determine its state.  In other
-    recordings the first samples determine the state, and are not scored.  With a free level a
-    constant is fitted to the scored samples.
-    """
-    validation, is_continued = prepared.validation, prepared.before_validation is not None
-    predicted = [
-        each.model.predict(each.input, each.output, 1, *each.states)[-each.samples :]
-        for each in held_out
-    ]
-    fitted = [_fitted(model, each, free_level) for each in validation.segments]
-    unscored = [
-        0 if is_continued else max(unscored_samples(model), first_samples(s.samples))
-        for s in held_out
-    ]
-    simulated = [
-        _simulated(model, *each, free_level) for each in zip(held_out, unscored, strict=True)
-    ]
-    return Responses(
-        input=validation.input,
-        output=validation.output,
-        predicted=np.concatenate(predicted),
-        simulated=np.concatenate(simulated),
-        fitted=np.concatenate(fitted),
-        scored=np.concatenate(
-            [np.arange(s.samples) >= first for s, first in zip(held_out, unscored, strict=True)]
-        ),
-    )
-
-
-def _simulated(
-    model: PolynomialModel, held_out: HeldOutSamples, unscored: int, free_level: bool
-) -> NDArray[np.float64]:
-    """Response to the validation input from the state that the samples before make probable."""
-    u, y, samples = held_out.input, held_out.output, held_out.samples
-    if not model.has_input:
-        return np.full(samples, np.nan)
-    known = max(len(y) - samples + unscored, 1)
-    found = simulate_from_first(model, u, y, known, free_level)
-    if free_level:
-        found = found + np.mean((y - found)[known:])
-    return found[-samples:]
-
-
-def _fitted(model: PolynomialModel, validation: Segment, free_level: bool) -> NDArray[np.float64]:
-    """Response to the validation input from the state that fits the validation output best."""
-    if not model.has_input:
-        return np.full(len(validation.output), np.nan)
-    if free_level:
-        return simulate_with_fitted_level(model, validation.input, validation.output)
-    state = estimate_simulation_state(model, validation.input, validation.output)
-    return model.simulate(validation.input, state)
-
-
-def simulation_table(
-    responses: Responses, recorded: RecordedSeries, sampling_rate: float
-) -> pd.DataFrame:
-    """Validation samples, time from their first; unscored computed values are missing."""
-    predicted = _scored(responses.predicted, responses.scored)
-    simulated = _scored(responses.simulated, responses.scored)
-    return pd.DataFrame(
-        {
-            "time_s": np.arange(responses.output.size) / sampling_rate,
-            "input": responses.input,
-            "output": responses.output,
-            "simulated": simulated,
-            "predicted": predicted,
-            "simulation_error": responses.output - simulated,
-            "prediction_error": responses.output - predicted,
-            "recorded_output": recorded.output,
-            "recorded_simulated": _scored(recorded.simulated, responses.scored),
-            "recorded_predicted": _scored(recorded.predicted, responses.scored),
-        }
-    )
-
-
-def _scored(series: NDArray[np.float64], scored: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The series with NaN for its unscored samples."""
-    return np.where(scored, series, np.nan)

@@ -1,59 +1,64 @@
 """A fitted model against the data: residual tests, prediction, and pure simulation.
 
 Prediction and simulation answer different questions and are never mixed. The one-step prediction
-uses every measured output up to the sample before; the simulation sees the input alone.
+uses every measured output up to the sample before; the simulation sees the inputs alone.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from evopem.config.settings import OBJECTIVES, SpectrumSettings
-from evopem.errors import InputError, check_choice
+from evopem.errors import check_choice
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.stabilization import OrderModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
-from evopem.signals.spectral.frequency_response import FrequencyResponse, frequency_response
 from evopem.validation.excitation import excitation_order
-from evopem.validation.held_out_tests import HeldOutTest, input_significance
-from evopem.validation.mode_evidence import NO_TEST, ModeEvidence, mode_evidence
-from evopem.validation.peak_evidence import peak_evidence
-from evopem.validation.recorded_units import (
-    recorded_errors,
-    recorded_series,
+from evopem.validation.held_out_tests import (
+    NO_TEST,
+    HeldOutContribution,
+    HeldOutTest,
+    joint_contribution_test,
 )
+from evopem.validation.modal_parts import free_responses
+from evopem.validation.mode_evidence import table_of_models
+from evopem.validation.peak_evidence import peak_evidence
+from evopem.validation.recorded_units import RecordedSeries, recorded_errors, recorded_series
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
-    cross_correlation,
+    ResidualCorrelation,
+    WhitenessTest,
+    autocorrelation_of,
+    correlation_with_input,
+    free_whiteness_test,
     ljung_box_lags,
-    residual_autocorrelation,
-    share_inside,
     whiteness_test,
 )
 from evopem.validation.responses import (
-    HeldOutSamples,
-    held_out_samples,
+    HeldOut,
+    Model,
+    Responses,
+    held_out_stretches,
     responses_of,
-    simulation_table,
     unscored_samples,
 )
-from evopem.validation.scores import error_percent, fit_percent, outlier_percent
-from evopem.validation.split_spectra import SplitSpectra, split_spectra
-from evopem.validation.tested_residuals import TestedResiduals, tested_residuals
+from evopem.validation.scores import error_percent, outlier_percent
+from evopem.validation.split_spectra import split_spectra
+from evopem.validation.tested_residuals import TestedResiduals, of_estimation, of_validation
 from evopem.validation.validation import (
-    CrossCorrelationTest,
-    Excitation,
-    HorizonError,
+    InputValidation,
+    OutputValidation,
+    PairCorrelation,
+    StretchErrors,
     Validation,
     ValidationTables,
 )
-from evopem.validation.whiteness import WhitenessTest
 
 Array = NDArray[np.float64]
 
@@ -75,55 +80,13 @@ def log_spaced_horizons(samples: int) -> tuple[int, ...]:
     return tuple(horizon for horizon in every if horizon <= last)
 
 
-@dataclass(frozen=True)
-class PredictedStretch:
-    """A stretch to predict, with the model and states of its prediction.
-
-    Attributes
-    ----------
-    model : PolynomialModel
-    input, output : (N,) arrays
-    states : (plant state, noise state)
-        As for :meth:`PolynomialModel.predict`.
-    first : int
-        First sample that counts.
-    """
-
-    model: PolynomialModel
-    input: Array
-    output: Array
-    states: tuple[Array, Array]
-    first: int
-
-    def ahead(self, horizon: int) -> Array:
-        """Predictions of the samples that count."""
-        return self.model.predict(self.input, self.output, horizon, *self.states)[self.first :]
-
-
-def horizon_errors(stretches: Sequence[PredictedStretch], horizons: Sequence[int]) -> Array:
-    """Errors ``100 ||y - yhat|| / ||y - mean(y)||`` of k-step predictions, one for each horizon.
-
-    Parameters
-    ----------
-    stretches : sequence of PredictedStretch
-    horizons : sequence of int
-        Samples, each at least 1.
-    """
-    measured = np.concatenate([each.output[each.first :] for each in stretches])
-    return np.array(
-        [
-            error_percent(measured, np.concatenate([each.ahead(horizon) for each in stretches]))
-            for horizon in horizons
-        ]
-    )
-
-
 def validate(
-    model: PolynomialModel,
+    model: Model,
     prepared: PreparedData,
     loss_start: int | None = None,
     objective: str = "quadratic",
-    others: Sequence[PolynomialModel] = (),
+    models: Sequence[OrderModel] = (),
+    order: int = 0,
     spectrum: SpectrumSettings | None = None,
     lags: int = 1200,
     free_level: bool = False,
@@ -132,7 +95,7 @@ def validate(
 
     Parameters
     ----------
-    model : PolynomialModel
+    model : PolynomialModel or StateSpaceModel
     prepared : PreparedData
         Estimation and validation samples, transformed alike.
     loss_start : int, optional
@@ -140,10 +103,12 @@ def validate(
         plant and noise do not fit.
     objective : {"absolute", "quadratic"}
         What the estimate minimised.
-    others : sequence of PolynomialModel
-        Models of other orders of the same samples, for the stability of the modes.
+    models : sequence of OrderModel
+        Models of all orders of the same samples, this one among them, for its modes.
+    order : int
+        The one of this model.
     spectrum : SpectrumSettings, optional
-        Of the multitaper estimates of the output's spectrum and of the coherence.
+        Of the multitaper estimates of the outputs' spectra.
     lags : int
         Largest lag of the residual autocorrelation; cut to the number of residuals less one.
     free_level : bool
@@ -160,166 +125,310 @@ def validate(
 
     Notes
     -----
-    Residual tests use the estimation samples (Ljung 1999, section 16.6), from the states that fit
-    them best; the residuals of several stretches stand one after the other.  Where the validation
-    samples are several stretches, each has its own states, and the tests of the input and of modes
-    use the longest.
-
     The simulation of the validation samples sees none of their output, but for a level where one is
-    fitted.  When they continue the estimation samples (``before_validation``) it runs on from
-    these, which determine its state; else the first tenth of a recording does, and is not scored.
-    A second simulation starts from the initial state that fits the validation samples best, as
-    MATLAB's ``compare`` has it (``fitted_state_error_percent``): poles near the unit circle that
-    zeros nearly cancel let such a state draw slow waves through drifts.
+    fitted.  When they continue the estimation samples it runs on from these, which determine its
+    state; else the first tenth of a recording does, and is not scored.  A second simulation starts
+    from the initial state that fits the validation samples best, as MATLAB's ``compare`` has it
+    (``fitted_state_error_percent``): poles near the unit circle that zeros nearly cancel let such a
+    state draw slow waves through drifts.
 
-    The predictor runs through both parts of a continuous record, so that it knows all the measured
-    past.  An independent recording has no past on record: there the predictor starts with the
-    recording, its states are fitted to it, and its first tenth is not scored, or at least the first
-    max(na, nb + nk − 1) samples and the max(nc, nd, nf) after them.
+    An independent recording has no past on record: there the predictor starts with the recording,
+    its states are fitted to it, and its first tenth is not scored, or at least the samples that its
+    states determine.
 
     Of a model without input there is no simulation, and no test concerns the input.
     """
     check_choice("objective", objective, OBJECTIVES)
-    spectrum = spectrum or SpectrumSettings()
-    estimation = prepared.estimation
-    start = unscored_samples(model) if loss_start is None else loss_start
-    tested = tested_residuals(model, estimation, start, objective)
-    if tested.residuals.size < 2:
-        raise ValueError(
-            f"{estimation.output.size} estimation samples leave no residuals from sample {start} on"
-        )
-    autocorrelation = residual_autocorrelation(tested.residuals, lags)
-    cross = cross_correlation(tested.residuals, tested.input, min(lags, CROSS_CORRELATION_LAGS))
-    held_out = held_out_samples(model, prepared, free_level)
-    responses = responses_of(model, prepared, held_out, free_level)
-    scored = responses.scored
-    measured = responses.output[scored]
-    if measured.size == 0:
+    held_out = held_out_stretches(model, prepared, free_level)
+    responses = responses_of(held_out, free_level)
+    if not responses.scored.any():
         raise ValueError("no validation sample is left to score; keep more samples for validation")
-    by_horizon = _horizons(held_out, int(np.argmax(scored)), measured.size)
+    tested = _tested(model, prepared.estimation, held_out, loss_start, objective)
     recorded = recorded_series(
-        prepared.transforms, responses.output, responses.predicted, responses.simulated
+        prepared.transforms, responses.outputs, responses.predicted, responses.simulated
     )
-    largest = len(autocorrelation) - 1
-    input_test, modes = _tests_on_held_out(held_out, estimation.longest, spectrum, others)
+    outputs, autocorrelations, horizons = _outputs(
+        model, prepared, held_out, responses, recorded, tested, objective, spectrum, lags
+    )
+    pairs, crossed = _pairs(tested, prepared.validation, lags)
+    models = models or [OrderModel.of(order, math.nan, model)]
     validation = Validation(
-        prediction_error_percent=error_percent(measured, responses.predicted[scored]),
-        simulation_error_percent=error_percent(measured, responses.simulated[scored]),
-        prediction_fit_percent=fit_percent(measured, responses.predicted[scored]),
-        simulation_fit_percent=fit_percent(measured, responses.simulated[scored]),
-        fitted_state_error_percent=error_percent(measured, responses.fitted[scored]),
-        samples=measured.size,
-        unscored_samples=int(np.sum(~scored)),
-        residual_samples=tested.residuals.size,
-        autocorrelation_share_inside95=share_inside(
-            autocorrelation["autocorrelation"].iloc[1:], autocorrelation["bound95"].iloc[1:]
+        samples=int(np.sum(responses.scored)),
+        unscored_samples=int(np.sum(~responses.scored)),
+        prediction_error_percent=_mean([each.prediction_error_percent for each in outputs]),
+        simulation_error_percent=_mean([each.simulation_error_percent for each in outputs]),
+        fitted_state_error_percent=_mean([each.fitted_state_error_percent for each in outputs]),
+        outputs=outputs,
+        inputs=_inputs(model, prepared),
+        pairs=pairs,
+        horizons=horizons,
+        stretches=tuple(_stretch_errors(held_out, responses)),
+        tested="validation" if tested.jacobian is None else "estimation",
+        residual_samples=len(tested.residuals),
+        lags=len(autocorrelations[0].lag) - 1,
+        correlation_lags=min(lags, CROSS_CORRELATION_LAGS, len(tested.residuals) - 1),
+        input_test=input_significance(held_out),
+        resolution_hz=_resolution(prepared.estimation, spectrum),
+        modes=table_of_models(
+            models, order, lambda each: held_out_stretches(each, prepared, free_level)
         ),
-        lags=largest,
-        ljung_box=_whiteness(tested, model, largest, objective),
-        cross_correlation=_cross_correlation_test(cross),
-        residual_outlier_percent=outlier_percent(tested.residuals),
-        excitation=_excitation(model, estimation),
-        recorded=recorded_errors(prepared.transforms, recorded, scored),
-        input_test=input_test,
-        modes=modes,
-        peaks=peak_evidence(model, estimation.longest, spectrum),
-        split=_split(model, prepared, measured.size),
-        horizons=by_horizon,
     )
-    simulation = simulation_table(responses, recorded, estimation.sampling_rate)
+    names = prepared.validation.output_names
     return validation, ValidationTables(
-        autocorrelation, cross, simulation, _horizon_table(by_horizon, estimation.sampling_rate)
+        _autocorrelation_table(names, autocorrelations),
+        crossed,
+        _simulation_table(prepared.validation, responses, recorded),
+        _horizon_table(validation, model.sampling_rate),
     )
 
 
-def _excitation(model: PolynomialModel, estimation: Recording) -> Excitation:
-    """Order of excitation of the input, and what the model needs; 0 without an input."""
-    if not model.has_input:
-        return Excitation(excitation_order(np.zeros_like(estimation.output), 0), 0)
-    orders = model.orders
-    needed = orders.na + orders.single.nf + orders.single.nb
-    return Excitation(excitation_order(estimation.input, needed), needed)
-
-
-def _split(model: PolynomialModel, prepared: PreparedData, scored: int) -> SplitSpectra:
-    """The input's spectra in both parts; none can be compared without an input."""
-    estimation, validation = prepared.estimation, prepared.validation
-    inputs = estimation.input, validation.input
-    if not model.has_input:
-        inputs = np.zeros_like(estimation.output), np.zeros(scored)
-    return split_spectra(*inputs, estimation.sampling_rate)
-
-
-def _tests_on_held_out(
-    held_out: Sequence[HeldOutSamples],
-    estimation: Recording,
-    spectrum: SpectrumSettings,
-    others: Sequence[PolynomialModel],
-) -> tuple[HeldOutTest, tuple[ModeEvidence, ...]]:
-    """Tests of the input and of each mode on the longest stretch of held-out samples."""
-    longest = max(held_out, key=lambda each: each.samples)
-    model, samples = longest.model, (longest.input, longest.output, longest.first)
-    has_input = model.has_input
-    coherence = _coherence(estimation, spectrum) if has_input else None
-    input_test = input_significance(model, *samples) if has_input else NO_TEST
-    modes = mode_evidence(model, *samples, longest.states, coherence, others)
-    return input_test, tuple(modes)
-
-
-def _cross_correlation_test(table: pd.DataFrame) -> CrossCorrelationTest:
-    """What the table of the cross-correlation says of its bounds."""
-    correlation, bound = table["cross_correlation"], table["bound95"]
-    return CrossCorrelationTest(
-        share_inside95=share_inside(correlation, bound),
-        max_abs=float(correlation.abs().max()),
-        max_in_bounds=float((correlation.abs() / bound).max()),
-        lags=int(table["lag"].max()),
+def validation_errors(held_out: Sequence[HeldOut], free_level: bool = False) -> tuple[float, float]:
+    """Errors one step ahead and of the simulation in percent, means over the outputs."""
+    responses = responses_of(held_out, free_level)
+    scored = responses.scored
+    measured = responses.outputs[scored]
+    return (
+        _mean(_errors(measured, responses.predicted[scored])),
+        _mean(_errors(measured, responses.simulated[scored])),
     )
 
 
-def _horizons(
-    held_out: Sequence[HeldOutSamples], unscored: int, scored: int
-) -> tuple[HorizonError, ...]:
-    """Errors of k-step predictions, where the first samples are not scored."""
-    longest = max(each.samples for each in held_out)
-    horizons = log_spaced_horizons(min(longest - unscored, scored))
-    stretches = [
-        PredictedStretch(
-            *(each.model, each.input, each.output, each.states),
-            len(each.output) - each.samples + unscored,
-        )
-        for each in held_out
+def _mean(errors: Sequence[float]) -> float:
+    return float(np.mean(errors))
+
+
+def _errors(measured: Array, computed: Array) -> list[float]:
+    """Error of each output; NaN where a computed sample is not finite."""
+    return [
+        error_percent(y, found) if np.isfinite(found).all() else math.nan
+        for y, found in zip(measured.T, computed.T, strict=True)
     ]
-    errors = horizon_errors(stretches, horizons)
-    return tuple(map(HorizonError, horizons, errors.tolist()))
 
 
-def _horizon_table(errors: Sequence[HorizonError], sampling_rate: float) -> pd.DataFrame:
-    """The errors by horizon in samples and in seconds."""
-    horizons = np.array([each.samples for each in errors])
-    return pd.DataFrame(
-        {
-            "horizon": horizons,
-            "horizon_s": horizons / sampling_rate,
-            "error_percent": [each.error_percent for each in errors],
-        }
+def _tested(
+    model: Model,
+    estimation: Recording,
+    held_out: Sequence[HeldOut],
+    loss_start: int | None,
+    objective: str,
+) -> TestedResiduals:
+    if not isinstance(model, PolynomialModel):
+        return of_validation(held_out)
+    start = unscored_samples(model) if loss_start is None else loss_start
+    return of_estimation(model, estimation, start, objective)
+
+
+def _outputs(
+    model: Model,
+    prepared: PreparedData,
+    held_out: Sequence[HeldOut],
+    responses: Responses,
+    recorded: RecordedSeries,
+    tested: TestedResiduals,
+    objective: str,
+    spectrum: SpectrumSettings | None,
+    lags: int,
+) -> tuple[tuple[OutputValidation, ...], list[ResidualCorrelation], tuple[int, ...]]:
+    """What is said of each output, the correlations behind it, and the horizons."""
+    scored, validation = responses.scored, prepared.validation
+    measured = responses.outputs[scored]
+    predicted, simulated, fitted = (
+        _errors(measured, series[scored])
+        for series in (responses.predicted, responses.simulated, responses.fitted)
     )
+    longest = max(each.recording.samples - each.unscored for each in held_out)
+    horizons = log_spaced_horizons(min(longest, len(measured)))
+    ahead = np.array([_errors(measured, _ahead(held_out, k)) for k in horizons])
+    correlations = [autocorrelation_of(e, lags, tested.bounds) for e in tested.residuals.T]
+    return (
+        tuple(
+            OutputValidation(
+                *(validation.output_names[k], validation.output_units[k]),
+                *(predicted[k], simulated[k], fitted[k]),
+                recorded_errors(prepared.transforms, recorded, scored, k),
+                tuple(ahead[:, k].tolist()),
+                _whiteness(model, tested, k, len(correlation.lag) - 1, objective),
+                correlation.where(correlation.lag > 0).share_inside,
+                outlier_percent(tested.residuals[:, k]),
+                peak_evidence(model, prepared.estimation.longest, k, spectrum),
+            )
+            for k, correlation in enumerate(correlations)
+        ),
+        correlations,
+        horizons,
+    )
+
+
+def _ahead(held_out: Sequence[HeldOut], horizon: int) -> Array:
+    """Predictions of the scored samples."""
+    with np.errstate(all="ignore"):
+        return np.concatenate([each.predicted(horizon)[each.unscored :] for each in held_out])
 
 
 def _whiteness(
-    tested: TestedResiduals, model: PolynomialModel, largest: int, objective: str
+    model: Model, tested: TestedResiduals, output: int, largest: int, objective: str
 ) -> WhitenessTest:
     """Joint test of the residuals over some lags up to the largest; NaN where there are too few."""
-    orders = model.orders
-    lags = ljung_box_lags(tested.residuals.size, orders.na + orders.nc + orders.nd, largest)
-    if not 0 < lags < tested.residuals.size:
+    residuals = tested.residuals[:, output]
+    if isinstance(model, PolynomialModel):
+        parameters = model.orders.na + model.orders.nc + model.orders.nd
+    else:
+        parameters = model.order
+    lags = ljung_box_lags(residuals.size, parameters, largest)
+    if not 0 < lags < residuals.size or not np.isfinite(residuals).all():
         return WhitenessTest(math.nan, math.nan, math.nan, max(lags, 0))
-    return whiteness_test(tested.residuals, tested.jacobian(), lags, objective)
+    if tested.jacobian is None:
+        return free_whiteness_test(residuals, lags, tested.bounds)
+    return whiteness_test(residuals, tested.jacobian(), lags, objective)
 
 
-def _coherence(estimation: Recording, settings: SpectrumSettings) -> FrequencyResponse | None:
-    """Empirical frequency response with its coherence; None where no spectrum can be estimated."""
-    try:
-        return frequency_response(estimation, settings.time_halfbandwidth, settings.nfft)
-    except InputError:
-        return None
+def _pairs(
+    tested: TestedResiduals, recording: Recording, lags: int
+) -> tuple[tuple[PairCorrelation, ...], pd.DataFrame]:
+    """Cross-correlations of the residuals of all outputs with all inputs."""
+    columns = ["output", "input", "lag", "cross_correlation", "bound95"]
+    pairs, tables = [], [pd.DataFrame(columns=columns)]
+    lags = min(lags, CROSS_CORRELATION_LAGS)
+    for output, e in zip(recording.output_names, tested.residuals.T, strict=True):
+        for source, u in zip(recording.input_names, tested.inputs.T, strict=True):
+            found = correlation_with_input(e, u, lags, tested.bounds)
+            largest = float(np.max(np.abs(found.values)))
+            pairs.append(
+                PairCorrelation(output, source, found.share_inside, largest, found.largest_ratio)
+            )
+            table = found.table("cross_correlation").assign(output=output, input=source)
+            tables.append(table[columns])
+    return tuple(pairs), pd.concat(tables[1:] or tables, ignore_index=True)
+
+
+def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]:
+    estimation, validation = prepared.estimation, prepared.validation
+    found = []
+    for k in range(model.inputs):
+        needed = 0
+        if isinstance(model, PolynomialModel):
+            orders = model.orders
+            needed = orders.na + orders.nf[k] + orders.nb[k]
+        u = estimation.inputs[:, k]
+        found.append(
+            InputValidation(
+                estimation.input_names[k],
+                excitation_order(u, needed),
+                needed,
+                split_spectra(u, validation.inputs[:, k], estimation.sampling_rate),
+            )
+        )
+    return tuple(found)
+
+
+def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
+    """Test that the response to the inputs is in the outputs of the validation samples.
+
+    The measured outputs are regressed on the simulated ones and on the free responses of the plant,
+    which depend on signals before the held-out samples.  Where inputs and outputs are unrelated the
+    two are independent there, whatever the model and its selection.  The noise model is not used:
+    where A and C have nearly common factors, the predictor's errors without the input have a narrow
+    peak just where ``(B/C) u`` has one.
+    """
+    model = held_out[0].model
+    if not model.inputs:
+        return NO_TEST
+    samples = sum(each.recording.samples for each in held_out)
+    if not any(np.ptp(each.recording.inputs, axis=0).any() for each in held_out):
+        # What is simulated is then a free response alone.
+        return HeldOutTest(math.nan, math.nan, math.nan, samples)
+    with np.errstate(all="ignore"):
+        records = [
+            HeldOutContribution(
+                each.recording.outputs,
+                each.simulated_from_rest()[each.first :],
+                [free_responses(model.poles(), each.recording.samples)]
+                * len(each.recording.output_names),
+            )
+            for each in held_out
+        ]
+        return joint_contribution_test(records)
+
+
+def _stretch_errors(held_out: Sequence[HeldOut], responses: Responses) -> list[StretchErrors]:
+    ends = np.cumsum([0, *(each.recording.samples for each in held_out)])
+    found = []
+    for begin, end, each in zip(ends[:-1], ends[1:], held_out, strict=True):
+        part = slice(begin + each.unscored, end)
+        measured = responses.outputs[part]
+        found.append(
+            StretchErrors(
+                len(measured),
+                _mean(_errors(measured, responses.predicted[part])) if len(measured) else math.nan,
+                _mean(_errors(measured, responses.simulated[part])) if len(measured) else math.nan,
+            )
+        )
+    return found
+
+
+def _resolution(estimation: Recording, spectrum: SpectrumSettings | None) -> float:
+    """Resolution 2 W of the multitaper spectra of the longest stretch, Hz."""
+    settings = spectrum or SpectrumSettings()
+    samples = estimation.longest.samples
+    segment = samples // -(-samples // settings.nfft)
+    return 2.0 * settings.time_halfbandwidth * estimation.sampling_rate / segment
+
+
+def _autocorrelation_table(
+    names: Sequence[str], found: Sequence[ResidualCorrelation]
+) -> pd.DataFrame:
+    """Autocorrelations of the residuals of all outputs, one below the other."""
+    columns = ["output", "lag", "autocorrelation", "bound95"]
+    tables = [
+        each.table("autocorrelation").assign(output=name)[columns]
+        for name, each in zip(names, found, strict=True)
+    ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def _horizon_table(validation: Validation, sampling_rate: float) -> pd.DataFrame:
+    """The errors by output and by horizon, in samples and in seconds."""
+    horizons = np.array(validation.horizons)
+    tables = [
+        pd.DataFrame(
+            {
+                "output": each.name,
+                "horizon": horizons,
+                "horizon_s": horizons / sampling_rate,
+                "error_percent": each.horizon_errors_percent,
+            }
+        )
+        for each in validation.outputs
+    ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def _simulation_table(
+    validation: Recording, responses: Responses, recorded: RecordedSeries
+) -> pd.DataFrame:
+    """Validation samples, time from the first of each stretch; unscored computed ones missing."""
+    samples = [np.arange(each.samples) for each in validation.separated]
+    columns: dict[str, Array] = {"time_s": np.concatenate(samples) / validation.sampling_rate}
+    if validation.is_joined:
+        numbers = np.arange(len(samples)) + 1
+        columns = {"recording": np.repeat(numbers, [each.size for each in samples]), **columns}
+    for k, name in enumerate(validation.input_names):
+        columns[f"input_{name}"] = validation.inputs[:, k]
+
+    def scored(series: Array, k: int) -> Array:
+        return np.where(responses.scored, series[:, k], np.nan)
+
+    for k, name in enumerate(validation.output_names):
+        measured = responses.outputs[:, k]
+        predicted, simulated = scored(responses.predicted, k), scored(responses.simulated, k)
+        columns |= {
+            f"output_{name}": measured,
+            f"simulated_{name}": simulated,
+            f"predicted_{name}": predicted,
+            f"simulation_error_{name}": measured - simulated,
+            f"prediction_error_{name}": measured - predicted,
+            f"recorded_output_{name}": recorded.outputs[:, k],
+            f"recorded_simulated_{name}": scored(recorded.simulated, k),
+            f"recorded_predicted_{name}": scored(recorded.predicted, k),
+        }
+    return pd.DataFrame(columns)

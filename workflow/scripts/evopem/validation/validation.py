@@ -3,144 +3,161 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from evopem.validation.held_out_tests import HeldOutTest
-from evopem.validation.mode_evidence import ModeEvidence
+from evopem.validation.mode_evidence import ModeTable
 from evopem.validation.peak_evidence import PeakEvidence
 from evopem.validation.recorded_units import RecordedErrors
+from evopem.validation.residual_tests import WhitenessTest
 from evopem.validation.split_spectra import SplitSpectra
-from evopem.validation.whiteness import WhitenessTest
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 @dataclass(frozen=True)
-class CrossCorrelationTest:
-    """Cross-correlation of residuals and input against its 95 % bounds.
+class OutputValidation:
+    """Errors and tests of one output; NaN where a number could not be computed.
 
     Attributes
     ----------
-    share_inside95 : float
-        Share of the lags inside the bounds.
-    max_abs : float
-        Largest correlation.
-    max_in_bounds : float
-        Largest correlation, in units of its bound.
-    lags : int
-        Largest lag to either side.
+    name, unit : str
+    prediction_error_percent, simulation_error_percent, fitted_state_error_percent : float
+        As of :class:`Validation`.
+    recorded : RecordedErrors
+        The errors in the units of the recording.
+    horizon_errors_percent : tuple of float
+        Errors of predictions, by the horizons of the validation.
+    ljung_box : WhitenessTest
+    autocorrelation_share_inside95 : float
+        Share of the residual autocorrelations inside their 95 % bounds.
+    outlier_percent : float
+        Percentage of residuals beyond five robust standard deviations.
+    peaks : tuple of PeakEvidence
+        For each peak of the output's spectrum whether the model gives the output that much power.
     """
 
-    share_inside95: float
+    name: str
+    unit: str
+    prediction_error_percent: float
+    simulation_error_percent: float
+    fitted_state_error_percent: float
+    recorded: RecordedErrors
+    horizon_errors_percent: tuple[float, ...]
+    ljung_box: WhitenessTest
+    autocorrelation_share_inside95: float
+    outlier_percent: float
+    peaks: tuple[PeakEvidence, ...]
+
+
+@dataclass(frozen=True)
+class InputValidation:
+    """What is known of one input."""
+
+    name: str
+    excitation_order: int  # of persistent excitation
+    excitation_needed: int  # coefficients of the plant; 0 for a state-space model
+    split: SplitSpectra  # its spectra in estimation and validation samples beside each other
+
+
+@dataclass(frozen=True)
+class PairCorrelation:
+    """Cross-correlation of the residuals of an output with an input against its 95 % bounds."""
+
+    output: str
+    input: str
+    share_inside95: float  # 0 to 1
     max_abs: float
-    max_in_bounds: float
-    lags: int
+    max_in_bounds: float  # largest correlation, in units of its bound
 
 
 @dataclass(frozen=True)
-class Excitation:
-    """Order of excitation of the input, and the order that the model needs."""
-
-    order: int
-    needed: int
-
-
-@dataclass(frozen=True)
-class HorizonError:
-    """Error of predictions some samples ahead, in percent.
-
-    Attributes
-    ----------
-    samples : int
-        Horizon k: the prediction knows the outputs up to k samples before.
-    error_percent : float
-        ``100 ||y - yhat|| / ||y - mean(y)||``.
-    """
+class StretchErrors:
+    """Errors on one stretch of validation samples in percent, means over the outputs."""
 
     samples: int
-    error_percent: float
+    prediction_error_percent: float
+    simulation_error_percent: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Validation:
-    """Errors and residual tests of one model; NaN where a number could not be computed.
+    """Errors and residual tests of a model; NaN where a number could not be computed.
 
-    Errors are ``100 ||y - yhat|| / ||y - mean(y)||`` over the scored validation samples, and fits
-    are 100 minus the error, as MATLAB's ``compare`` has them.
+    Errors are ``100 ||y - yhat|| / ||y - mean(y)||`` over the scored validation samples, means over
+    the outputs, and fits are 100 minus the error, as MATLAB's ``compare`` has them.
 
     Attributes
     ----------
-    prediction_error_percent, prediction_fit_percent : float
+    samples, unscored_samples : int
+        Validation samples that are scored, and those before them that are not.
+    prediction_error_percent : float
         One step ahead.
-    simulation_error_percent, simulation_fit_percent : float
+    simulation_error_percent : float
         Of a simulation that runs on from the estimation samples, or in another recording from the
         state that its first samples determine; NaN without an input.
     fitted_state_error_percent : float
         Of a simulation from the initial state that fits the validation samples best.
-    samples, unscored_samples : int
-        Validation samples that are scored, and those before them that are not.
-    residual_samples : int
-        Residuals of the estimation samples that the tests use.
-    autocorrelation_share_inside95 : float
-        Share of the residual autocorrelations inside their 95 % bounds.
-    lags : int
-        Largest lag of the residual autocorrelation.
-    ljung_box : WhitenessTest
-    cross_correlation : CrossCorrelationTest
-    residual_outlier_percent : float
-        Percentage of residuals beyond five robust standard deviations.
-    excitation : Excitation
-    recorded : RecordedErrors
-        The errors in the units of the recording.
+    outputs : tuple of OutputValidation
+    inputs : tuple of InputValidation
+    pairs : tuple of PairCorrelation
+        Of each output with each input.
+    horizons : tuple of int
+        Samples ahead of the predictions.
+    stretches : tuple of StretchErrors
+    tested : {"estimation", "validation"}
+        Samples whose residuals the tests use, and ``residual_samples`` of them.
+    lags, correlation_lags : int
+        Largest lag of the residual autocorrelations, and of the cross-correlations to either side.
     input_test : HeldOutTest
-        Of the response to the input, on samples that the model was not estimated from.
-    modes : tuple of ModeEvidence
-        For each mode whether the input reaches it, whether it is stable over the orders, and
-        whether the noise model needs it.
-    peaks : tuple of PeakEvidence
-        For each peak of the output's spectrum whether the model gives the output that much power.
-    split : SplitSpectra
-        The input's spectra in the estimation and the validation samples beside each other.
-    horizons : tuple of HorizonError
-        Errors of k-step predictions of the scored validation samples, by k.
+        Of the response of all outputs to the inputs, on samples that the model was not estimated
+        from.
+    resolution_hz : float
+        Of the spectra whose peaks are judged.
+    modes : ModeTable
     """
 
-    prediction_error_percent: float
-    simulation_error_percent: float
-    prediction_fit_percent: float
-    simulation_fit_percent: float
-    fitted_state_error_percent: float
     samples: int
     unscored_samples: int
+    prediction_error_percent: float
+    simulation_error_percent: float
+    fitted_state_error_percent: float
+    outputs: tuple[OutputValidation, ...]
+    inputs: tuple[InputValidation, ...]
+    pairs: tuple[PairCorrelation, ...]
+    horizons: tuple[int, ...]
+    stretches: tuple[StretchErrors, ...]
+    tested: Literal["estimation", "validation"]
     residual_samples: int
-    autocorrelation_share_inside95: float
     lags: int
-    ljung_box: WhitenessTest
-    cross_correlation: CrossCorrelationTest
-    residual_outlier_percent: float
-    excitation: Excitation
-    recorded: RecordedErrors
+    correlation_lags: int
     input_test: HeldOutTest
-    modes: tuple[ModeEvidence, ...]
-    peaks: tuple[PeakEvidence, ...]
-    split: SplitSpectra
-    horizons: tuple[HorizonError, ...]
+    resolution_hz: float
+    modes: ModeTable
+
+    @property
+    def prediction_fit_percent(self) -> float:
+        """Fit of one-step predictions."""
+        return 100.0 - self.prediction_error_percent
+
+    @property
+    def simulation_fit_percent(self) -> float:
+        """Fit of the simulation."""
+        return 100.0 - self.simulation_error_percent
+
+    @property
+    def horizon_errors_percent(self) -> tuple[float, ...]:
+        """Errors of predictions by horizon, means over the outputs."""
+        errors = [each.horizon_errors_percent for each in self.outputs]
+        return tuple(np.mean(errors, axis=0).tolist())
 
 
 @dataclass(frozen=True, eq=False)
 class ValidationTables:
-    """The series behind a validation.
-
-    Attributes
-    ----------
-    residual_autocorrelation, cross_correlation : pandas.DataFrame
-        By lag, with their 95 % bounds.
-    simulation : pandas.DataFrame
-        Validation samples, predicted and simulated.
-    horizons : pandas.DataFrame
-        Error of k-step predictions, by k in samples and seconds.
-    """
+    """The series behind a validation, as in the CSV files of these names."""
 
     residual_autocorrelation: pd.DataFrame
     cross_correlation: pd.DataFrame

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from evopem.figures.view import ChannelsView
 from evopem.report.section import Material, Section
-from evopem.results.multichannel import MultichannelResults
+from evopem.results.dataset import DatasetResults
 
 
 @dataclass(frozen=True)
@@ -24,14 +23,14 @@ class RecordingRow:
     error_percent: float
 
 
-def recording_rows(results: MultichannelResults) -> list[RecordingRow]:
+def recording_rows(results: DatasetResults) -> list[RecordingRow]:
     """One row for each recording, in their order; none where there is only one."""
     transforms, has_input = results.model.transforms, bool(results.model.input_names)
     used = {each.recording: each.samples for each in transforms.estimation}
     held_out = {each.recording: each.samples for each in transforms.validation}
     errors = {
         number: each.simulation_error_percent if has_input else each.prediction_error_percent
-        for number, each in zip(held_out, results.validation.recordings, strict=False)
+        for number, each in zip(held_out, results.validation.stretches, strict=False)
     }
     return [
         RecordingRow(
@@ -50,7 +49,7 @@ def _content(material: Material) -> dict[str, Any]:
     return {
         "figures": material.figures_of("errors"),
         "outputs": [errors for _, errors in view.worst_first],
-        "recordings": recording_rows(view.results) if isinstance(view, ChannelsView) else [],
+        "recordings": recording_rows(view.results) if not view.is_single else [],
     }
 
 

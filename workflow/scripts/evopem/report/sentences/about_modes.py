@@ -11,8 +11,6 @@ from evopem.figures.view import Channel, View
 from evopem.models.modes import Mode
 from evopem.report.numbers import THIN, fixed, is_number, percent
 from evopem.validation.mode_evidence import ModeEvidence
-from evopem.validation.mode_table import JudgedMode
-from evopem.validation.mode_trust import doubts
 
 # Share of an output's energy below which a mode is not seen there.
 NEGLIGIBLE = 1e-3
@@ -49,21 +47,21 @@ def _line(view: View, mode: Mode) -> ModeLine:
     evidence = view.evidence.get(mode.pole)
     if evidence is None:
         return ModeLine(mode, False, "could not be tested on validation samples")
-    reasons = doubts(evidence, view.sampling_rate)
+    reasons = list(evidence.doubts)
     words = reasons or [_origin(view, evidence)]
     if reasons and len(view.inputs) > 1 and evidence.origin == "input":
         words.append(_origin(view, evidence))
     if len(view.outputs) > 1:
         words.append(_seen_at(view, mode))
-    if isinstance(evidence, JudgedMode) and evidence.order != view.selected_order:
+    if evidence.order != view.results.validation.modes.order:
         words.append(f"of the model of order {evidence.order}")
     if not reasons and is_number(evidence.recurrence):
         words.append(f"{fixed(100 * evidence.recurrence, 0)}{THIN}% of the other orders have it")
-    shape = _shape_doubt(evidence) if isinstance(evidence, JudgedMode) else ""
+    shape = _shape_doubt(evidence)
     return ModeLine(mode, not reasons, "; ".join(words), evidence.stable, shape)
 
 
-def _origin(view: View, evidence: ModeEvidence | JudgedMode) -> str:
+def _origin(view: View, evidence: ModeEvidence) -> str:
     """What drives a mode, and where there are several inputs, which of them."""
     if not view.has_input:
         return "it improves the prediction of validation samples"
@@ -89,7 +87,7 @@ def _strongest(channels: Sequence[Channel], shares: np.ndarray) -> str:
     return ", ".join(f"{channels[k].name} {percent(100.0 * float(shares[k]), 2)}" for k in best)
 
 
-def _shape_doubt(judged: JudgedMode) -> str:
+def _shape_doubt(judged: ModeEvidence) -> str:
     if judged.pair is None:
         return judged.shape_doubt
     return (

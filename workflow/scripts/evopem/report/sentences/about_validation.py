@@ -5,8 +5,8 @@ from __future__ import annotations
 from evopem.report.numbers import count, is_number, number, p_value, percent, plural, times
 from evopem.results.dataset import DatasetResults
 from evopem.validation.checks.residuals import WITHOUT_NOISE_MODEL
-from evopem.validation.validation import CrossCorrelationTest, Validation
-from evopem.validation.whiteness import WhitenessTest
+from evopem.validation.residual_tests import WhitenessTest
+from evopem.validation.validation import PairCorrelation, Validation
 
 
 def residuals(results: DatasetResults) -> list[str]:
@@ -14,20 +14,20 @@ def residuals(results: DatasetResults) -> list[str]:
     validation = results.validation
     sentences = [
         _autocorrelation(validation),
-        _ljung_box(validation.ljung_box),
-        _cross_correlation(validation.cross_correlation),
+        _ljung_box(validation.outputs[0].ljung_box),
+        *(_cross_correlation(each, validation.correlation_lags) for each in validation.pairs),
     ]
     return [" ".join(sentences)]
 
 
 def _autocorrelation(validation: Validation) -> str:
-    share = validation.autocorrelation_share_inside95
+    share = validation.outputs[0].autocorrelation_share_inside95
     if not is_number(share):
         return "The autocorrelation of the residuals is not known."
     return (
         f"{percent(100 * share)} of {count(validation.lags)} residual autocorrelations are within"
         f" the 95 % bounds ±1.96/√N, with N = {count(validation.residual_samples)} residuals of the"
-        " estimation samples. About 95 % are expected of white residuals."
+        f" {validation.tested} samples. About 95 % are expected of white residuals."
     )
 
 
@@ -41,12 +41,12 @@ def _ljung_box(test: WhitenessTest) -> str:
     )
 
 
-def _cross_correlation(test: CrossCorrelationTest) -> str:
+def _cross_correlation(test: PairCorrelation, lags: int) -> str:
     if not is_number(test.share_inside95):
         return "The cross-correlation of residuals and input is not known."
     return (
         f"{percent(100 * test.share_inside95)} of the cross-correlations with the input at lags"
-        f" −{count(test.lags)} to {count(test.lags)} are within their 95 % bounds; the largest is"
+        f" −{count(lags)} to {count(lags)} are within their 95 % bounds; the largest is"
         f" {number(test.max_abs, 2)}. These bounds take the autocorrelation of residuals and input"
         " into account (Ljung 1999, section 16.6)."
     )
@@ -86,14 +86,13 @@ def simulation(results: DatasetResults) -> list[str]:
 
 def horizons(results: DatasetResults) -> list[str]:
     """How the error of the prediction grows with its horizon."""
-    found = results.validation.horizons
-    first, last = found[0], found[-1]
+    horizons, errors = results.validation.horizons, results.validation.horizon_errors_percent
     text = (
         "A prediction k samples ahead knows the input up to the predicted sample and the output up"
-        f" to k samples before. Its error is {percent(first.error_percent)} at k = {first.samples}"
+        f" to k samples before. Its error is {percent(errors[0])} at k = {horizons[0]}"
     )
-    if last is not first:
-        text += f" and {percent(last.error_percent)} at k = {count(last.samples)}"
+    if len(horizons) > 1:
+        text += f" and {percent(errors[-1])} at k = {count(horizons[-1])}"
     text += "."
     if results.model.structure in WITHOUT_NOISE_MODEL:
         text += " Without a noise model it does not depend on the horizon."
@@ -104,7 +103,7 @@ def horizons(results: DatasetResults) -> list[str]:
 
 def _recorded(results: DatasetResults) -> list[str]:
     """The simulation in recorded units, where transforms make that another quantity."""
-    recorded = results.validation.recorded
+    recorded = results.validation.outputs[0].recorded
     if not results.model.transforms.changes_output:
         return []
     text = (

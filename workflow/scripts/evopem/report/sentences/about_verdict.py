@@ -13,7 +13,7 @@ from evopem.figures.view import Results, View, view_of
 from evopem.report.numbers import THIN, count, enumeration, is_number, number, percent, plural
 from evopem.report.sentences.about_modes import mode_lines
 from evopem.validation.checks import Check
-from evopem.validation.checks.excitation import RESTING
+from evopem.validation.checks.inputs import RESTING
 
 Answer = Literal["good", "care", "no"]
 

@@ -1,21 +1,24 @@
 """Checks of a model: each is passed, failed or not judged, with a statement that says why.
 
 A check passes only on numbers that show it. Where a number could not be computed (NaN) or does not
-exist, ``passed`` is None and the statement says which one.
+exist, ``passed`` is None and the statement says which one. A function of :data:`CHECKS` gives None
+where its check does not apply to a model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from evopem.validation.checks.check import SIGNIFICANCE, Check, failed_checks, p_text
-from evopem.validation.checks.excitation import (
-    EXCITATION_ADEQUATE,
-    INDEPENDENT_OF_STATE,
-    INPUT_COMPARABLE,
-    RESPONSE_SIGNIFICANT,
+from evopem.validation.checks.check import (
+    SIGNIFICANCE,
+    Check,
+    Evidence,
+    OrderRange,
+    failed_checks,
+    p_text,
+)
+from evopem.validation.checks.inputs import (
     comparable_split,
     excitation,
     independent_of_state,
@@ -25,6 +28,7 @@ from evopem.validation.checks.recording import saturation
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
     WHITE,
+    better_than_mean,
     input_independence,
     outliers,
     whiteness,
@@ -36,25 +40,28 @@ from evopem.validation.checks.roots import (
     stability,
     stability_bound,
 )
-from evopem.validation.checks.search import STRUCTURES_PHASE, repeatability, search_ranges
+from evopem.validation.checks.search import repeatability, search_ranges
 from evopem.validation.checks.spectral_peaks import spectral_peaks
 
-if TYPE_CHECKING:
-    from evopem.estimation.candidate import PhaseSelection
-    from evopem.estimation.model_record import ModelRecord
-    from evopem.signals.recording_info import RecordingInfo
-    from evopem.signals.spectral.summary import SpectrumSummary
-    from evopem.validation.validation import Validation
-
-# Checks that a model without input does not have.
-OF_THE_INPUT = (
-    INDEPENDENT_OF_INPUT,
-    EXCITATION_ADEQUATE,
-    RESPONSE_SIGNIFICANT,
-    INPUT_COMPARABLE,
-    INDEPENDENT_OF_STATE,
-    DISTINCT,
+CHECKS: tuple[Callable[[Evidence], Check | None], ...] = (
+    stability,
+    invertibility,
+    whiteness,
+    input_independence,
+    spectral_peaks,
+    cancellation,
+    search_ranges,
+    stability_bound,
+    repeatability,
+    excitation,
+    response_to_input,
+    better_than_mean,
+    independent_of_state,
+    comparable_split,
+    outliers,
+    saturation,
 )
+"""Every check, in the order of the report."""
 
 # The automatic recipe has tried what the advice of these would be.
 REMEDIED = (WHITE, INDEPENDENT_OF_INPUT, DISTINCT)
@@ -63,57 +70,13 @@ LEFT_TO_DO = {
     DISTINCT: "The pair hardly affects the frequency response. Do not trust a mode of it."
 }
 
-__all__ = ["SIGNIFICANCE", "Check", "checks", "failed_checks", "p_text"]
+__all__ = ["SIGNIFICANCE", "Check", "Evidence", "OrderRange", "checks", "failed_checks", "p_text"]
 
 
-def checks(
-    model: ModelRecord,
-    validation: Validation,
-    spectrum: SpectrumSummary,
-    phases: Mapping[str, PhaseSelection],
-    recording: RecordingInfo,
-) -> list[Check]:
-    """Check a model against its validation, its order search and its recording.
-
-    Parameters
-    ----------
-    model : ModelRecord
-    validation : Validation
-    spectrum : SpectrumSummary
-        Peaks and resolution of the output's spectrum.
-    phases : mapping of str to PhaseSelection
-        The order search, by the names of its phases.
-    recording : RecordingInfo
-
-    Returns
-    -------
-    list of Check
-        In the order of the report; without an input, those that do not concern it.
-    """
-    judged = [
-        stability(model),
-        invertibility(model),
-        whiteness(model, validation),
-        input_independence(validation),
-        spectral_peaks(model, validation.peaks, spectrum),
-        cancellation(model),
-        search_ranges(phases),
-        stability_bound(model),
-        repeatability(model.search.diagnostics),
-        excitation(model, validation),
-        response_to_input(validation),
-        independent_of_state(
-            validation.simulation_error_percent, validation.fitted_state_error_percent
-        ),
-        comparable_split(validation),
-        outliers(model, validation),
-        saturation(recording),
-    ]
-    if STRUCTURES_PHASE in phases:
-        judged = [_after_remedies(check) for check in judged]
-    if model.has_input:
-        return judged
-    return [check for check in judged if check.name not in OF_THE_INPUT]
+def checks(evidence: Evidence) -> list[Check]:
+    """The checks that apply to a model, in the order of the report."""
+    judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
+    return [_after_remedies(check) for check in judged] if evidence.is_automatic else judged
 
 
 def _after_remedies(check: Check) -> Check:

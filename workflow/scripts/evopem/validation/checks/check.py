@@ -1,13 +1,22 @@
-"""The outcome of one check, and what the checks share."""
+"""The outcome of one check, what it is judged by, and what the checks share."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from scipy.special import ndtri
+
+if TYPE_CHECKING:
+    from evopem.estimation.model_record import ModelRecord
+    from evopem.signals.recording_info import RecordingInfo
+    from evopem.validation.validation import Validation
 
 # Level of the joint tests. At 5 % each, one of a dozen tests would fail in half of all good models.
 SIGNIFICANCE = 0.01
+# Names that a sentence lists at most.
+LISTED = 6
 
 
 @dataclass(frozen=True)
@@ -43,6 +52,40 @@ class Check:
         return "Failed" if self.grade == "defect" else self.grade.capitalize()
 
 
+@dataclass(frozen=True)
+class OrderRange:
+    """The range in which an order was searched."""
+
+    name: str  # such as "na"
+    key: str  # of the configuration
+    value: int  # that was selected
+    low: int
+    high: int
+    least: int = 1  # smallest value there can be
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What checks are judged by.
+
+    Attributes
+    ----------
+    model : ModelRecord
+    validation : Validation
+    recording : RecordingInfo
+    ranges : tuple of OrderRange
+        Of all orders that were searched.
+    is_automatic : bool
+        Whether the automatic recipe has tried what advice would be.
+    """
+
+    model: ModelRecord
+    validation: Validation
+    recording: RecordingInfo
+    ranges: tuple[OrderRange, ...] = field(default=())
+    is_automatic: bool = False
+
+
 def failed_checks(checks: Iterable[Check]) -> list[Check]:
     """The defects among checks: what headlines, lists and tables count as failed."""
     return [check for check in checks if check.passed is False and check.grade == "defect"]
@@ -51,3 +94,19 @@ def failed_checks(checks: Iterable[Check]) -> list[Check]:
 def p_text(value: float) -> str:
     """A p-value as text: "p = 0.42", "p < 0.0001"."""
     return "p < 0.0001" if value < 1e-4 else f"p = {value:.2g}"
+
+
+def largest_by_chance(count: int) -> float:
+    """The largest of some correlations in 95 % bounds that is not significant.
+
+    Bonferroni's inequality needs no independence.
+    """
+    return (
+        float("inf") if count == 0 else float(ndtri(1 - SIGNIFICANCE / (2 * count)) / ndtri(0.975))
+    )
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as a list, the last ones as their number where there are many."""
+    shown = ", ".join(names[:LISTED])
+    return shown if len(names) <= LISTED else f"{shown} and {len(names) - LISTED} more"

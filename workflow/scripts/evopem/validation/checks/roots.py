@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evopem.config.structures import STRUCTURES, plant_order
 from evopem.models.polynomials import root_gradient, roots
 from evopem.models.uncertain_roots import CHI_SQUARE_95
-from evopem.validation.checks.check import Check
+from evopem.validation.checks.check import Check, Evidence
 
 if TYPE_CHECKING:
     from evopem.estimation.model_record import ModelRecord
@@ -29,11 +29,12 @@ DISTINCT = "Poles and zeros distinct"
 INSIDE_BOUND = "Roots inside the stability bound"
 
 
-def stability(model: ModelRecord) -> Check:
-    """All poles of the plant, roots of A and F, inside the unit circle, unless allowed outside."""
+def stability(evidence: Evidence) -> Check:
+    """All poles of the plant inside the unit circle, unless constraints allow them outside."""
+    model = evidence.model
     check = _inside_unit_circle(
         "Stable",
-        _letters(model, "af"),
+        f"roots of {_letters(model, 'af')}" if model.orders else "eigenvalues of A",
         model.poles,
         "Do not simulate with this model. Estimate again with a smaller “search.max_root_radius”.",
     )
@@ -47,13 +48,18 @@ def stability(model: ModelRecord) -> Check:
     )
 
 
-def invertibility(model: ModelRecord) -> Check:
-    """All roots of C and D inside the unit circle."""
-    own_poles = roots(model.polynomials.D[1:])
+def invertibility(evidence: Evidence) -> Check | None:
+    """All roots of C and D, or eigenvalues of the predictor, inside the unit circle."""
+    model = evidence.model
+    if model.orders is None and not model.has_noise_model:
+        return None
+    found = model.noise_zeros
+    if model.orders is not None:
+        found = np.concatenate([found, roots(model.polynomials.D[1:])])
     return _inside_unit_circle(
         "Invertible",
-        _letters(model, "cd"),
-        np.concatenate([model.noise_zeros, own_poles]),
+        f"roots of {_letters(model, 'cd')}" if model.orders else "eigenvalues of A − K C",
+        found,
         "The one-step predictor diverges. Estimate again with a smaller “search.max_root_radius”"
         " or smaller orders of the noise model.",
     )
@@ -66,70 +72,72 @@ def _letters(model: ModelRecord, letters: str) -> str:
     return " and ".join([", ".join(own[:-1]), own[-1]] if len(own) > 1 else own)
 
 
-def _inside_unit_circle(name: str, polynomial: str, found: Roots, advice: str) -> Check:
+def _inside_unit_circle(name: str, what: str, found: Roots, advice: str) -> Check:
     if found.size == 0:
-        none = f"{polynomial} = 1 has no roots." if polynomial else "The model has no such roots."
-        return Check(name, True, none)
+        return Check(name, True, "The model has no such roots.")
     largest = float(np.max(np.abs(found)))
     if not np.isfinite(largest):
-        return Check(name, None, f"The roots of {polynomial} are not finite.", advice)
+        return Check(name, None, f"The {what} are not finite.", advice)
     passed = largest < 1.0
     where = "inside" if passed else "not inside"
     return Check(
         name,
         passed,
-        f"The largest radius of the roots of {polynomial} is {largest:.5f}, {where} the unit"
-        " circle.",
+        f"The largest radius of the {what} is {largest:.5f}, {where} the unit circle.",
         "" if passed else advice,
     )
 
 
-def stability_bound(model: ModelRecord) -> Check:
-    """No root of A, C, D or F at the largest radius that the search allows."""
-    name = INSIDE_BOUND
+def stability_bound(evidence: Evidence) -> Check:
+    """No root of A, C, D or F, and no eigenvalue, at the largest radius that the search allows."""
+    name, model = INSIDE_BOUND, evidence.model
     bound = f"the stability bound (radius {model.search.settings.max_root_radius:g})"
-    letters = _letters(model, "acdf").replace(" and ", " or ")
-    if not letters:
+    letters = _letters(model, "acdf").replace(" and ", " or ") if model.orders else ""
+    if model.orders and not letters:
         return Check(name, True, f"The model has no roots that could lie at {bound}.")
+    what = f"root of {letters}" if letters else "eigenvalue of A or of A − K C"
     if not model.search.at_stability_bound:
-        return Check(name, True, f"No root of {letters} lies at {bound}.")
+        return Check(name, True, f"No {what} lies at {bound}.")
+    a = "A" if letters else "An"
     if model.may_be_unstable:
         return Check(
             name,
             None,
-            f"A root of {letters} lies at or beyond {bound}, and the constraints fix or allow such"
-            " roots.",
+            f"{a} {what} lies at or beyond {bound}, and the constraints fix or allow such roots.",
         )
     return Check(
         name,
         False,
-        f"A root of {letters} lies at {bound}: the bound and not the data determines its radius.",
+        f"{a} {what} lies at {bound}: the bound and not the data determines its radius.",
         "A root of C at the bound indicates overdifferencing: lower “transforms.difference”."
         " A pole there indicates drift or very low damping: remove the drift, or raise"
         " “search.max_root_radius” towards 1. With a short record, lower the orders.",
     )
 
 
-def cancellation(model: ModelRecord) -> Check:
-    """No pole and zero of B/(A F) that their joint 95 % uncertainty cannot distinguish."""
-    name = DISTINCT
-    poles, zeros = model.poles, np.concatenate([np.empty(0), *model.zeros])
-    if poles.size == 0 or zeros.size == 0:
-        return Check(name, True, "The model has no pair of a pole and a zero.")
-    own = model.polynomials
-    distance, pole, zero = min(
+def cancellation(evidence: Evidence) -> Check | None:
+    """No pole and zero of B_i/(A F_i) that their joint 95 % uncertainty cannot distinguish."""
+    name, record = DISTINCT, evidence.model
+    if record.orders is None or not record.has_input:
+        return None
+    model = record.polynomials
+    pairs = [
         (abs(pole - zero), complex(pole), complex(zero))
-        for pole in poles
-        for zero in zeros
+        for place in range(model.inputs)
+        for pole in np.concatenate([roots(model.A[1:]), roots(model.F[place][1:])])
+        for zero in model.zeros(place)
         if pole.imag >= 0 and zero.imag >= 0
-    )
+    ]
+    if not pairs:
+        return Check(name, True, "The model has no pair of a pole and a zero.")
+    distance, pole, zero = min(pairs)
     nearest = f"The nearest pair, pole {_root_text(pole)} and zero {_root_text(zero)}, is"
-    order = plant_order(model.structure)
+    order = plant_order(record.structure)
     advice = (
         f"The pair hardly affects the frequency response: lower {order} and nb by one (a real pair)"
         " or two (a complex pair) and compare the BIC."
     )
-    covariance = model.polynomials.covariance
+    covariance = model.covariance
     if covariance is None:
         if distance < COINCIDENT_DISTANCE:
             return Check(name, False, f"{nearest} only {distance:.2g} apart.", advice, "caution")
@@ -143,7 +151,7 @@ def cancellation(model: ModelRecord) -> Check:
         )
     indistinct = [
         f"{_root_text(pole)} and {_root_text(zero)}"
-        for pole, zero in cancelling_pairs(own, covariance)
+        for pole, zero in cancelling_pairs(model, covariance)
     ]
     if indistinct:
         return Check(
@@ -165,38 +173,38 @@ def cancellation(model: ModelRecord) -> Check:
 def cancelling_pairs(
     model: PolynomialModel, covariance: ParameterCovariance
 ) -> list[tuple[complex, complex]]:
-    """Pairs of a pole of A or F and a zero that do not differ significantly.
+    """Pairs of a pole and a zero that do not differ significantly.
 
-    Parameters
-    ----------
-    model : PolynomialModel
-    covariance : ParameterCovariance
-        Of its coefficients.
+    A pole of F_i with a zero of its own B_i; one of A only where each B_i has such a zero.
     """
+    found = []
+    for place in range(model.inputs):
+        for pole in roots(model.F[place][1:]):
+            found += _zeros_beside(model, covariance, "f", place, pole)
+    for pole in roots(model.A[1:]):
+        of_inputs = [
+            _zeros_beside(model, covariance, "a", place, pole) for place in range(model.inputs)
+        ]
+        found += of_inputs[0] if all(of_inputs) and of_inputs else []
+    return found
+
+
+def _zeros_beside(
+    model: PolynomialModel, covariance: ParameterCovariance, letter: str, place: int, pole: complex
+) -> list[tuple[complex, complex]]:
+    """A pole of A or F_i with each zero of B_i that it may coincide with."""
+    index = np.arange(model.orders.parameters)
+    denominator = model.A if letter == "a" else model.F[place]
+    at = [index[model.part(letter, place)], index[model.part("b", place)]]
+    own = covariance.part(np.concatenate(at))
     return [
         (complex(pole), complex(zero))
-        for letter in "af"
-        for pole in roots(getattr(model, letter)[1:])
-        for zero in model.zeros()
+        for zero in model.zeros(place)
         if pole.imag >= 0
         and zero.imag >= 0
         and abs(pole - zero) < MAX_CANCELLATION_DISTANCE
-        and indistinguishable(
-            complex(pole),
-            complex(zero),
-            getattr(model, letter),
-            model.b,
-            _with_numerator(model, letter, covariance),
-        )
+        and indistinguishable(complex(pole), complex(zero), denominator, model.B[place], own)
     ]
-
-
-def _with_numerator(
-    model: PolynomialModel, letter: str, covariance: ParameterCovariance
-) -> ParameterCovariance:
-    """Covariance of the coefficients of A or F and of those of B."""
-    index = np.arange(model.orders.parameters)
-    return covariance.part(np.concatenate([index[model.part(letter)], index[model.part("b")]]))
 
 
 def indistinguishable(

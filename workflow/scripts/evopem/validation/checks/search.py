@@ -9,10 +9,10 @@ from evopem.config.structures import AUTOMATIC_PHASES, plant_order, varied_order
 from evopem.estimation.search.certificate import (
     MANY_OPTIMA,
     POLYNOMIALS,
-    Calibration,
+    STATE_SPACE,
     is_certified,
 )
-from evopem.validation.checks.check import Check
+from evopem.validation.checks.check import Check, Evidence, OrderRange
 
 if TYPE_CHECKING:
     from evopem.estimation.candidate import PhaseSelection
@@ -31,29 +31,61 @@ REPEATABLE = "Search repeatable"
 STRUCTURES_PHASE, CHOSEN_PHASE = AUTOMATIC_PHASES
 
 
-def search_ranges(phases: Mapping[str, PhaseSelection]) -> Check:
-    """No selected order at an end of its range, unless the order cannot go beyond that end."""
-    name = "Orders inside their search ranges"
+def ranges_of_phases(phases: Mapping[str, PhaseSelection]) -> tuple[OrderRange, ...]:
+    """The ranges of the orders that were searched one after the other."""
     if STRUCTURES_PHASE in phases:
-        return _grown_ranges(name, phases)
-    at_end, inside, fixed = [], [], []
+        orders = phases[CHOSEN_PHASE].orders
+        order = plant_order(orders.structure)
+        tried = [
+            getattr(each.orders.single, order)
+            for each in phases[STRUCTURES_PHASE].candidates
+            if each.orders.structure == orders.structure
+        ]
+        if not tried:
+            return ()
+        value = getattr(orders.single, order)
+        return (OrderRange(order, "orders.joint", value, min(tried), max(tried)),)
+    ranges = []
     for phase, selection in phases.items():
         key, least = RANGES[phase]
         order = varied_order(phase, selection.orders.structure)
         tried = [getattr(candidate.orders.single, order) for candidate in selection.candidates]
-        low, high, value = min(tried), max(tried), getattr(selection.orders.single, order)
-        if low == high:
-            fixed.append(f"{order} = {value}")
-        elif value == high or (value == low and value > least):
-            at_end.append((f"{order} = {value} ({key}: {low} to {high})", key))
+        value = getattr(selection.orders.single, order)
+        ranges.append(OrderRange(order, key, value, min(tried), max(tried), least))
+    return tuple(ranges)
+
+
+def search_ranges(evidence: Evidence) -> Check:
+    """No selected order at an end of its range, unless the order cannot go beyond that end.
+
+    The automatic recipe's ranges begin at 1 and grow until nothing is gained.
+    """
+    name, model = "Orders inside their search ranges", evidence.model
+    if not evidence.ranges:
+        return Check(
+            name,
+            None,
+            f"{model.text} came of a remedy: no range of {model.structure.upper()} models was"
+            " searched.",
+            "Compare it with the candidates of the other structures.",
+        )
+    at_end, inside, fixed = [], [], []
+    for each in evidence.ranges:
+        text = f"{each.name} = {each.value}"
+        if each.low == each.high:
+            fixed.append(text)
+        elif each.value >= each.high or each.value == each.low > each.least:
+            at_end.append((f"{text} ({each.key}: {each.low} to {each.high})", each.key))
         else:
-            inside.append(f"{order} = {value} ({key}: {low} to {high})")
+            inside.append(f"{text} ({each.key}: {each.low} to {each.high})")
+    at_end += [(f"{place}, in {model.text}", "orders") for place in model.at_upper_ends]
     if at_end:
+        keys = dict.fromkeys(f"“{key}”" for _, key in at_end)
         return Check(
             name,
             False,
             f"At an end of the range: {'; '.join(text for text, _ in at_end)}.",
-            f"Widen {', '.join(f'“{key}”' for _, key in at_end)}: a better model may lie outside.",
+            f"Widen {', '.join(keys)}: a better model may lie outside.",
             "note",
         )
     if not inside:
@@ -67,59 +99,11 @@ def search_ranges(phases: Mapping[str, PhaseSelection]) -> Check:
     return Check(name, True, f"Inside: {'; '.join(inside)}.{remark}")
 
 
-def _grown_ranges(name: str, phases: Mapping[str, PhaseSelection]) -> Check:
-    """The automatic recipe's ranges begin at 1 and grow until nothing is gained."""
-    orders = phases[CHOSEN_PHASE].orders
-    structure = orders.structure
-    order = plant_order(structure)
-    tried = [
-        getattr(each.orders.single, order)
-        for each in phases[STRUCTURES_PHASE].candidates
-        if each.orders.structure == structure
-    ]
-    value = getattr(orders.single, order)
-    if not tried:
-        return Check(
-            name,
-            None,
-            f"{orders} came of a remedy: no range of {structure.upper()} models was searched.",
-            "Compare it with the candidates of the other structures.",
-        )
-    low, high = min(tried), max(tried)
-    text = f"{order} = {value}; {order} from {low} to {high} was tried"
-    if low == high:
-        return Check(
-            name,
-            None,
-            f"The configuration fixes the order: {text}.",
-            "Give “orders” a range, if the orders are not known.",
-        )
-    if value >= high:
-        return Check(
-            name,
-            False,
-            f"At the upper end: {text}, as far as the record, the limits of the configuration and"
-            " the budget go.",
-            "Record longer, or give “orders.joint” a higher upper end if it was given.",
-            "note",
-        )
-    if value == low > 1:
-        return Check(
-            name,
-            False,
-            f"At the lower end: {text}.",
-            "Lower the lower end of “orders.joint”: a smaller model may be as good.",
-            "note",
-        )
-    return Check(name, True, f"Inside: {text}, until nothing was gained.")
-
-
-def repeatability(diagnostics: SearchDiagnostics, measured: Calibration = POLYNOMIALS) -> Check:
-    """A certified minimum: random points or restarts agree on it as the certificate requires.
-
-    ``measured`` says how often searches of this kind were wrong.
-    """
-    name = REPEATABLE
+def repeatability(evidence: Evidence) -> Check:
+    """A certified minimum: random points or restarts agree on it as the certificate requires."""
+    name, diagnostics = REPEATABLE, evidence.model.search.diagnostics
+    # How often searches of this kind were wrong.
+    measured = STATE_SPACE if evidence.model.orders is None else POLYNOMIALS
     advice = (
         "Raise “search.evaluations”, and compare the model with one of another “search.seed”. A"
         " model of lower order has fewer local minima."

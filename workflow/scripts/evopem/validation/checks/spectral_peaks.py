@@ -6,12 +6,10 @@ import math
 from typing import TYPE_CHECKING
 
 from evopem.signals.spectral.peaks import line_spacing
-from evopem.validation.checks.check import Check
+from evopem.validation.checks.check import Check, Evidence
 
 if TYPE_CHECKING:
-    from evopem.estimation.model_record import ModelRecord
     from evopem.models.modes import Mode
-    from evopem.signals.spectral.summary import SpectrumSummary
     from evopem.validation.peak_evidence import PeakEvidence
 
 # Missed peaks that a statement lists.
@@ -20,29 +18,31 @@ MAX_LISTED = 6
 MAX_RELATIVE_DISTANCE = 0.1
 
 
-def spectral_peaks(
-    model: ModelRecord, peaks: tuple[PeakEvidence, ...], spectrum: SpectrumSummary
-) -> Check:
-    """A mode near every peak of the output's spectrum, or a density there that the model gives."""
-    name = "Every spectral peak modelled"
-    frequencies = [peak.frequency_hz for peak in peaks]
-    if not frequencies:
+def spectral_peaks(evidence: Evidence) -> Check:
+    """A mode near every peak of the outputs' spectra, or a density there that the model gives."""
+    name, outputs = "Every spectral peak modelled", evidence.validation.outputs
+    count = sum(len(each.peaks) for each in outputs)
+    if not count:
         return Check(name, True, "The output's spectrum has no distinct peaks.")
-    spacing = line_spacing(frequencies)
-    if spacing is not None:
+    spacings = [line_spacing([peak.frequency_hz for peak in each.peaks]) for each in outputs]
+    resolution = evidence.validation.resolution_hz
+    modes = (*evidence.model.modes, *evidence.model.noise_modes)
+    lines = [k for k, spacing in enumerate(spacings) if spacing is not None]
+    if len(lines) == len(outputs):
+        spacing = spacings[0] or 0.0
         return Check(
             name,
             None,
-            f"The spectrum has {len(frequencies)} peaks about {spacing:.3g} Hz apart. These are the"
-            " lines of a periodic input, among which resonances do not show as peaks.",
+            f"The spectrum has {len(outputs[0].peaks)} peaks about {spacing:.3g} Hz apart. These"
+            " are the lines of a periodic input, among which resonances do not show as peaks.",
             "Compare the gain of the model with the multitaper estimate at the lines.",
         )
-    resolution = spectrum.resolution_hz
-    modes = (*model.modes, *model.noise_modes)
     # A NaN is no density that the model gives.
     missed = [
-        peak
-        for peak in peaks
+        (peak, each.name)
+        for k, each in enumerate(outputs)
+        if k not in lines
+        for peak in each.peaks
         if not peak.excess <= peak.chance
         and not any(_accounts_for(mode, peak.frequency_hz, resolution) for mode in modes)
     ]
@@ -50,21 +50,23 @@ def spectral_peaks(
         return Check(
             name,
             True,
-            f"Each of the {len(frequencies)} spectral peaks has a mode within the resolution of the"
+            f"Each of the {count} spectral peaks has a mode within the resolution of the"
             f" spectrum ({resolution:.2g} Hz) or within the mode's own bandwidth and uncertainty,"
             " or is no higher than the model and chance make it.",
         )
-    listed = ", ".join(map(_stated, missed[:MAX_LISTED]))
-    if len(missed) > MAX_LISTED:
-        listed += f" and {len(missed) - MAX_LISTED} more"
+    stated = [
+        _stated(peak) + (f" of {output}" if outputs[1:] else "")
+        for peak, output in missed[:MAX_LISTED]
+    ]
+    more = f" and {len(missed) - MAX_LISTED} more" if len(missed) > MAX_LISTED else ""
     return Check(
         name,
         False,
-        f"{len(frequencies) - len(missed)} of {len(frequencies)} spectral peaks have a mode or"
-        f" a density that follows from the model. The output has more power than the model gives it"
-        f" at {listed}.",
-        "Raise the upper end of “orders.joint”, or check whether the peak is in the input already"
-        " or caused by a transform.",
+        f"{count - len(missed)} of {count} spectral peaks have a mode or"
+        " a density that follows from the model. The output has more power than the model gives it"
+        f" at {', '.join(stated)}{more}.",
+        f"Raise the upper end of “orders.{'joint' if evidence.model.orders else 'nx'}”, or check"
+        " whether the peak is in the input already or caused by a transform.",
     )
 
 

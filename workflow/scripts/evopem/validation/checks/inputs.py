@@ -1,17 +1,12 @@
-"""Checks of the input: whether it excites the system, and whether the output responds to it."""
+"""Checks of the inputs: whether they excite the system, and whether the outputs respond to them."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
+from evopem.validation.checks.check import SIGNIFICANCE, Check, Evidence, listed, p_text
 from evopem.validation.split_spectra import FEWEST_SAMPLES
-
-if TYPE_CHECKING:
-    from evopem.estimation.model_record import ModelRecord
-    from evopem.validation.validation import Validation
-
+from evopem.validation.validation import InputValidation, Validation
 
 EXCITATION_ADEQUATE = "Excitation adequate"
 RESPONSE_SIGNIFICANT = "Response to the input significant"
@@ -30,17 +25,26 @@ EXCITE_AGAIN = (
 )
 
 
-def excitation(model: ModelRecord, validation: Validation) -> Check:
-    """The order of excitation of the input at least the number of coefficients of the plant."""
-    order, needed = validation.excitation.order, validation.excitation.needed
-    orders = model.polynomials.orders
-    terms = [name for name in ("na", "nf", "nb") if getattr(orders.single, name) or name == "nb"]
-    passed = order >= needed
+def excitation(evidence: Evidence) -> Check | None:
+    """The order of excitation of each input at least the number of coefficients of its plant.
+
+    Of polynomials: the states of a state-space model are shared by inputs and outputs.
+    """
+    inputs = [each for each in evidence.validation.inputs if each.excitation_needed]
+    if not inputs:
+        return None
+    worst = min(inputs, key=lambda each: each.excitation_order - each.excitation_needed)
+    orders = evidence.model.polynomials.orders
+    nf = any(orders.nf)
+    terms = [name for name, has in (("na", orders.na), ("nf", nf), ("nb", True)) if has]
+    passed = worst.excitation_order >= worst.excitation_needed
+    called = "The input" if len(inputs) == 1 else f"The input {worst.name}"
     return Check(
         EXCITATION_ADEQUATE,
         passed,
-        f"The input is persistently exciting of order {order}, and the model needs {needed}"
-        f" ({' + '.join(terms)}). Directions more than 40 dB below the strongest are not counted.",
+        f"{called} is persistently exciting of order {worst.excitation_order}, and the model needs"
+        f" {worst.excitation_needed} ({' + '.join(terms)}). Directions more than 40 dB below the"
+        " strongest are not counted.",
         ""
         if passed
         else "Trust the model only at frequencies where the input has power. Record with a broader"
@@ -48,9 +52,11 @@ def excitation(model: ModelRecord, validation: Validation) -> Check:
     )
 
 
-def response_to_input(validation: Validation) -> Check:
-    """The response to the input significant on samples that were not used for estimation."""
-    name = RESPONSE_SIGNIFICANT
+def response_to_input(evidence: Evidence) -> Check | None:
+    """The response to the inputs significant on samples that were not used for estimation."""
+    name, validation = RESPONSE_SIGNIFICANT, evidence.validation
+    if not validation.inputs:
+        return None
     test = validation.input_test
     passed = test.significant(SIGNIFICANCE)
     if passed is None and input_rests(validation):
@@ -76,19 +82,18 @@ def response_to_input(validation: Validation) -> Check:
 
 
 def input_rests(validation: Validation) -> bool:
-    """Whether the input does not change in validation samples that are enough to tell."""
-    return validation.samples >= FEWEST_SAMPLES and validation.split.comparable is None
+    """Whether no input changes in validation samples that are enough to tell."""
+    enough = validation.samples >= FEWEST_SAMPLES
+    return enough and all(each.split.comparable is None for each in validation.inputs)
 
 
-def independent_of_state(simulated: float, fitted: float) -> Check:
-    """Simulations do as well without a state that is fitted to the validation samples.
-
-    Parameters
-    ----------
-    simulated, fitted : float
-        Errors in percent: with the state that earlier samples give, and with the one that fits.
-    """
-    name = INDEPENDENT_OF_STATE
+def independent_of_state(evidence: Evidence) -> Check | None:
+    """Simulations do as well without a state that is fitted to the validation samples."""
+    name, validation = INDEPENDENT_OF_STATE, evidence.validation
+    if not validation.inputs:
+        return None
+    simulated = validation.simulation_error_percent
+    fitted = validation.fitted_state_error_percent
     if not (math.isfinite(simulated) and math.isfinite(fitted)):
         return Check(name, None, "One of the simulation errors is not known.", CHECK_THE_MODEL)
     passed = simulated <= STATE_FACTOR * fitted + STATE_MARGIN
@@ -102,11 +107,12 @@ def independent_of_state(simulated: float, fitted: float) -> Check:
     )
 
 
-def comparable_split(validation: Validation) -> Check:
-    """The validation input has power only where the estimation input has power as well."""
-    name = INPUT_COMPARABLE
-    split = validation.split
-    if input_rests(validation):
+def comparable_split(evidence: Evidence) -> Check | None:
+    """The validation inputs have power only where the estimation inputs have power as well."""
+    name, inputs = INPUT_COMPARABLE, evidence.validation.inputs
+    if not inputs:
+        return None
+    if input_rests(evidence.validation):
         return Check(
             name,
             None,
@@ -114,25 +120,33 @@ def comparable_split(validation: Validation) -> Check:
             " response.",
             EXCITE_AGAIN,
         )
-    if split.comparable is None:
+    known = [each for each in inputs if each.split.comparable is not None]
+    if not known:
         return Check(
             name,
             None,
             "The spectra of the input in the two parts could not be compared: a part is too short.",
             "Leave more samples to validation.",
         )
-    bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in split.bands_hz[:4])
-    statement = (
-        f"{100 * split.share_outside:.2g} % of the power of the validation input lies where the"
-        " estimation input has none"
-    )
+    worst = max(known, key=lambda each: each.split.share_outside)
+    failed = [each.name for each in known if not each.split.comparable]
     return Check(
         name,
-        split.comparable,
-        f"{statement}{f' ({bands})' if bands else ''}.",
+        not failed,
+        _outside(worst, len(inputs) > 1) + (f" Also of {listed(failed)}." if failed[1:] else ""),
         ""
-        if split.comparable
+        if not failed
         else "The validation errors measure extrapolation. Divide the recording differently"
         " (“split”), or give an independent recording with the same kind of input"
         " (“validation_file”).",
+    )
+
+
+def _outside(worst: InputValidation, is_named: bool) -> str:
+    split = worst.split
+    bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in split.bands_hz[:4])
+    return (
+        f"{100 * split.share_outside:.2g} % of the power of the validation input"
+        f"{f' {worst.name}' if is_named else ''} lies where the estimation input has none"
+        f"{f' ({bands})' if bands else ''}."
     )
