@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from evopem.config.rule_digest import code_version, imported_modules
-from evopem.pipeline.stages import STAGES
+from evopem.pipeline.planning.stages import STAGES
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
 

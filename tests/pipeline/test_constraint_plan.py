@@ -6,7 +6,7 @@ import pytest
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.pipeline.constraint_plan import check_fit, check_planned_fits, known_rate
+from evopem.pipeline.planning.constraint_plan import check_fit, check_planned_fits, known_rate
 
 EMPTY = {"frequency_band": [5, 6], "forbidden_bands": [[4, 7]]}
 

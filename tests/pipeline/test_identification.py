@@ -20,7 +20,7 @@ from evopem.config.settings import (
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.pipeline.identification import identify_dataset, jobs, run_stage
-from evopem.pipeline.stages import results_of
+from evopem.pipeline.planning.stages import results_of
 from evopem.results.layout import DatasetFiles
 
 PHASES = phases_of("armax")

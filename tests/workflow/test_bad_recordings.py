@@ -8,7 +8,7 @@ import pytest
 from evopem.config.defaults import complete
 from evopem.files.job import job
 from evopem.pipeline.identification import jobs
-from evopem.pipeline.stages import PREPARING
+from evopem.pipeline.planning.stages import PREPARING
 from evopem.results.layout import DatasetFiles
 
 from .bad_recordings import BAD, GOOD, PAYLOAD_RAN, RATE, VALIDATION_FILES, text, write

@@ -1,4 +1,4 @@
-"""A rule for each stage: what it reads, writes and depends on stands in `evopem.pipeline.stages`."""
+"""A rule for each stage: what it reads, writes and depends on stands in `evopem.pipeline.planning.stages`."""
 
 for own in provider.rules:
 

@@ -27,11 +27,11 @@ from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.files.job import interrupt_on_hangup
-from evopem.pipeline.constraint_plan import check_planned_fits
-from evopem.pipeline.provider import IDENTIFY, LIST, Provider
-from evopem.pipeline.stage_rules import FILES as files
-from evopem.pipeline.stage_rules import modules_of
-from evopem.pipeline.stage import module_of
+from evopem.pipeline.planning.constraint_plan import check_planned_fits
+from evopem.pipeline.planning.provider import IDENTIFY, LIST, Provider
+from evopem.pipeline.planning.stage_rules import FILES as files
+from evopem.pipeline.planning.stage_rules import modules_of
+from evopem.pipeline.planning.stage import module_of
 from evopem.results.layout import BATCH, BATCH_CHECKSUMS, OVERVIEW
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.results.made_from import forget_incomplete_batches

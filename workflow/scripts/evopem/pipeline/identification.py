@@ -12,9 +12,9 @@ from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 from evopem.pipeline.call import Log, call
-from evopem.pipeline.stage import Stage
-from evopem.pipeline.stages import stages_of
-from evopem.pipeline.task import Task
+from evopem.pipeline.planning.stage import Stage
+from evopem.pipeline.planning.stages import stages_of
+from evopem.pipeline.planning.task import Task
 from evopem.results.layout import DatasetFiles
 
 Announce = Callable[[str, int, int], None]

@@ -23,7 +23,7 @@ from evopem.config.order_grid import check_samples
 from evopem.config.settings import FitSettings, OrderGrid, PreparationSettings, SampleRequirements
 from evopem.errors import InputError
 from evopem.files.json_form import save
-from evopem.pipeline.constraint_plan import check_fit
+from evopem.pipeline.planning.constraint_plan import check_fit
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import PreparedData, save_prepared

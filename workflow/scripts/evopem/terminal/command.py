@@ -239,7 +239,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
     from evopem.pipeline.identification import identify_dataset
-    from evopem.pipeline.stages import results_of
+    from evopem.pipeline.planning.stages import results_of
     from evopem.terminal.results_text import dataset_text, show
 
     progress = ProgressLine(sys.stderr, sys.stderr.isatty())

@@ -14,7 +14,7 @@ from evopem.automatic.structures import Comparison, compare_structures
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings, InputRanges
 from evopem.files.json_form import load, save
-from evopem.pipeline.estimation_samples import errors_name_dataset, load_record, load_scorer
+from evopem.pipeline.search.estimation_samples import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
 

@@ -14,7 +14,7 @@ from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Comparison
 from evopem.automatic.subspace_comparison import SUBJECT
 from evopem.files.json_form import load, save
-from evopem.pipeline.estimation_samples import load_record
+from evopem.pipeline.search.estimation_samples import load_record
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import total_samples
 from evopem.signals.recording_info import RecordingInfo

@@ -16,10 +16,10 @@ from evopem.config import resources
 from evopem.config.configuration import Configuration
 from evopem.config.dataset_names import RESERVED_NAMES
 from evopem.files.json_form import to_json
-from evopem.pipeline.stage import Demand, Stage
-from evopem.pipeline.stage_rules import FILES, RecordingRule, StageRule, Wildcards
-from evopem.pipeline.stages import STAGES, results_of, stages_of
-from evopem.pipeline.task import Task
+from evopem.pipeline.planning.stage import Demand, Stage
+from evopem.pipeline.planning.stage_rules import FILES, RecordingRule, StageRule, Wildcards
+from evopem.pipeline.planning.stages import STAGES, results_of, stages_of
+from evopem.pipeline.planning.task import Task
 from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles
 from evopem.results.made_from import is_finished, was_read_from
 

@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import AUTOMATIC_STRUCTURES
-from evopem.pipeline.stage_lists import LISTS
-from evopem.pipeline.task import Task
+from evopem.pipeline.planning.stage_lists import LISTS
+from evopem.pipeline.planning.task import Task
 
 Demand = Literal["small", "reading", "model", "estimation"]
 
@@ -90,7 +90,7 @@ class Stage:
 
 def module_of(function: str) -> Path:
     """The file of the module that holds a function, which is not imported."""
-    return Path(__file__).parent / (function.partition(":")[0].replace(".", "/") + ".py")
+    return Path(__file__).parents[1] / (function.partition(":")[0].replace(".", "/") + ".py")
 
 
 def paths(name: str, task: Task) -> list[str]:

@@ -15,8 +15,8 @@ from evopem.config.structures import (
     searched_structures,
     searched_variants,
 )
-from evopem.pipeline.constraint_plan import known_rate
-from evopem.pipeline.task import Task
+from evopem.pipeline.planning.constraint_plan import known_rate
+from evopem.pipeline.planning.task import Task
 
 
 def is_recorded(settings: DatasetSettings) -> bool:

@@ -28,7 +28,7 @@ from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_model_mat
-from evopem.pipeline.estimation_samples import errors_name_dataset, load_record, load_scorer
+from evopem.pipeline.search.estimation_samples import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
 from evopem.results.responses import frequency_response_rows
 from evopem.signals.prepared_data import PreparedData, load_prepared

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from evopem.config.settings import DatasetSettings
 from evopem.files.json_form import to_json
-from evopem.pipeline.stage import Stage
-from evopem.pipeline.stages import PREPARING, STAGES, stages_of
-from evopem.pipeline.task import Task
+from evopem.pipeline.planning.stage import Stage
+from evopem.pipeline.planning.stages import PREPARING, STAGES, stages_of
+from evopem.pipeline.planning.task import Task
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
-    from evopem.pipeline.provider import Provider
+    from evopem.pipeline.planning.provider import Provider
 
 FILES = DatasetFiles.of_dataset("{dataset}")
 """The files of a data set, with the wildcard in their paths."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from evopem.config import order_grid
 from evopem.config.settings import DatasetSettings
-from evopem.pipeline import stage_lists as of
-from evopem.pipeline.stage import Stage
-from evopem.pipeline.task import Task
+from evopem.pipeline.planning import stage_lists as of
+from evopem.pipeline.planning.stage import Stage
+from evopem.pipeline.planning.task import Task
 from evopem.results.layout import DatasetFiles
 
 PREPARING = ("synthesize", "read_recording", "read_validation", "prepare")
@@ -95,7 +95,7 @@ STAGES = (
     ),
     Stage(
         "decide_folds",
-        "search:decide_folds",
+        "search.structures:decide_folds",
         "choosing the held-out samples",
         of.is_automatic,
         inputs=_DECIDED,
@@ -104,7 +104,7 @@ STAGES = (
     ),
     Stage(
         "decide_delay",
-        "search:decide_delay",
+        "search.structures:decide_delay",
         "searching the delay of each input",
         of.is_automatic,
         inputs=_DECIDED,
@@ -113,7 +113,7 @@ STAGES = (
     ),
     Stage(
         "search_structure",
-        "search:search_structure",
+        "search.structures:search_structure",
         "searching the orders of {structure} models",
         of.is_automatic,
         inputs=("search:{nested}", *_SCORED),
@@ -129,7 +129,7 @@ STAGES = (
     ),
     Stage(
         "choose",
-        "search:choose",
+        "search.structures:choose",
         "comparing the structures",
         of.is_automatic,
         inputs=("search:{wanted}", *_SCORED),
@@ -143,7 +143,7 @@ STAGES = (
     ),
     Stage(
         "revise",
-        "search:act_on_checks",
+        "search.structures:act_on_checks",
         "acting on failed checks",
         of.is_automatic,
         inputs=("decision:comparison", *_SCORED),
@@ -153,7 +153,7 @@ STAGES = (
     ),
     Stage(
         "estimate",
-        "chosen:estimate_chosen",
+        "search.chosen:estimate_chosen",
         "searching the chosen model globally",
         of.is_single_automatic,
         inputs=("decision:comparison", "decision:remedies", *_SCORED),
@@ -167,7 +167,7 @@ STAGES = (
     ),
     Stage(
         "estimate_candidates",
-        "order_search:estimate_candidates",
+        "search.order_search:estimate_candidates",
         "searching the orders: {phase}",
         of.is_by_chapter,
         inputs=(*_PREPARED, "phase:{previous}", "{resonances}"),
@@ -184,7 +184,7 @@ STAGES = (
     ),
     Stage(
         "select_candidate",
-        "order_search:select_candidate",
+        "search.order_search:select_candidate",
         "selecting the orders: {phase}",
         of.is_by_chapter,
         inputs=("part:{phase},{parts}", *_PREPARED),
@@ -212,7 +212,7 @@ STAGES = (
     ),
     Stage(
         "complete_model",
-        "chosen:complete_channel_model",
+        "search.chosen:complete_channel_model",
         "searching the chosen model globally",
         of.has_several,
         inputs=(*_PREPARED, "decision:remedies"),
@@ -227,7 +227,7 @@ STAGES = (
     ),
     Stage(
         "complete_other",
-        "chosen:complete_other",
+        "search.chosen:complete_other",
         "model for the other purpose",
         of.is_automatic,
         inputs=("decision:comparison", *_DECIDED),
@@ -243,7 +243,7 @@ STAGES = (
     ),
     Stage(
         "tabulate",
-        "candidates:tabulate_candidates",
+        "search.candidates:tabulate_candidates",
         "table of candidates",
         of.is_any,
         inputs=("phase:{phases}", "{tabulated}"),
@@ -262,7 +262,7 @@ STAGES = (
     ),
     Stage(
         "collect_decisions",
-        "decisions:collect_decisions",
+        "search.decisions:collect_decisions",
         "decisions",
         of.is_automatic,
         inputs=(
