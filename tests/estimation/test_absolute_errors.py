@@ -8,7 +8,7 @@ from evopem import SearchSettings, estimate
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.estimate import estimate_state_space
-from evopem.estimation.state_space.problem import AbsoluteStateSpaceErrors
+from evopem.estimation.state_space.problem import AbsoluteStateSpaceProblem
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 
@@ -70,9 +70,9 @@ def test_the_jacobian_is_the_derivative_of_the_errors(structure):
     record = scaled_recording(
         concatenated([Recording(u[:90], y[:90], RATE), Recording(u[90:], y[90:], RATE)]), [0, 1]
     )
-    errors = AbsoluteStateSpaceErrors(StateSpaceErrors(record, 3, structure, "noise"))
+    errors = AbsoluteStateSpaceProblem(StateSpaceErrors(record, 3, structure, "noise"))
     generator = np.random.default_rng(2)
-    coordinates = 0.3 * generator.standard_normal(errors.quadratic.dimension)
+    coordinates = 0.3 * generator.standard_normal(errors.plain.dimension)
     point = errors.completed(coordinates)
     for k, (columns, places) in enumerate(errors.jacobians(point)):
         expected = np.zeros((150, errors.dimension))

@@ -23,13 +23,8 @@ LIMIT, DEVIATIONS = 3.0, 1.4826
 def log_loss(errors: Array, objective: str) -> float:
     """Minus twice the largest log-likelihood of a sample of errors, but for a constant.
 
-    Of normal errors, correlated between the outputs, for the quadratic objective, and of
+    Of normal errors, (N, l), correlated between the outputs, for the quadratic objective, and of
     independent ones with Laplace's distribution for the absolute one.
-
-    Parameters
-    ----------
-    errors : (N, l) array
-    objective : {"quadratic", "absolute"}
     """
     if objective == "absolute":
         with np.errstate(divide="ignore"):
@@ -57,32 +52,18 @@ def sample_autocovariances(errors: Array, bounds: NDArray[np.int64], lags: int) 
 
 @dataclass(frozen=True, eq=False)
 class Autoregression:
-    """A vector autoregression of errors, ``e_t = sum_k coefficients[k - 1] e_(t-k) + noise``.
+    """A vector autoregression of errors, ``e_t = sum_k coefficients[k - 1] e_(t-k) + noise``."""
 
-    Attributes
-    ----------
-    coefficients : (order, l, l) array
-    autocovariances : (order + 1, l, l) array
-        Sample autocovariances of the errors, behind the coefficients.
-    bic : float
-        ``ln det(cov noise) + p ln(N) / N`` with p coefficients.
-    """
-
-    coefficients: Array
-    autocovariances: Array
-    bic: float
+    coefficients: Array  # (order, l, l)
+    autocovariances: Array  # (order + 1, l, l): sample ones of the errors
+    bic: float  # ln det(cov noise) + p ln(N) / N with p coefficients
 
 
 def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregression:
     """The vector autoregression of the order that BIC prefers; order 0 is among them.
 
-    By multivariate Yule-Walker equations, whose estimates are stable.
-
-    Parameters
-    ----------
-    errors : (N, l) array
-    bounds : (segments + 1,) array
-        First sample of each segment, and N.
+    By multivariate Yule-Walker equations, whose estimates are stable, of (N, l) errors; ``bounds``
+    are the first samples of the segments, and N.
     """
     samples, ny = errors.shape
     most = int(min(MOST_LAGS, SHARE * samples / ny))
@@ -99,16 +80,7 @@ def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregressio
 
 
 def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
-    """``E e_(t+k) e_t'`` for k = 0, 1, ... until they are negligible, (lags + 1, l, l).
-
-    Those of :func:`autoregression_of`.
-
-    Parameters
-    ----------
-    errors : (N, l) array
-    bounds : (segments + 1,) array
-        First sample of each segment, and N.
-    """
+    """``E e_(t+k) e_t'`` of :func:`autoregression_of` until they are negligible, (lags, l, l)."""
     samples, ny = errors.shape
     fitted = autoregression_of(errors, bounds)
     chosen, found = fitted.coefficients, list(fitted.autocovariances)

@@ -22,13 +22,14 @@ from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.pem.constrained_parameters import Gain
 from evopem.estimation.state_space.errors import ScaledRecording, StateSpaceErrors
 from evopem.estimation.state_space.kernels import entry_derivatives
-from evopem.estimation.state_space.point_model import COMPLEX_STEP, degrees_of_freedom
+from evopem.estimation.state_space.point_model import COMPLEX_STEP, recorded_model
 from evopem.estimation.state_space.pole_coordinates import blocks_of, coupling_of, modal_basis
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
     STEPS,
     TOLERANCE,
+    percent_of_absolute,
 )
 from evopem.models.state_space import StateSpaceModel
 
@@ -214,8 +215,8 @@ class EntryProblem:
     def percent(self, errors: Array) -> float:
         """Objective of errors, (N, l), in percent."""
         if self.absolute:
-            value = absolute_descent.criterion(errors / self.sizes, self.weighing)
-            return 100.0 * (float(np.exp(value)) - absolute_descent.ROUNDING)
+            criterion = absolute_descent.criterion(errors / self.sizes, self.weighing)
+            return percent_of_absolute(criterion)
         return self.plain.percent(self.plain.criterion(errors.T @ errors / len(errors)))
 
     # What a descent of squares asks for.
@@ -337,17 +338,10 @@ class EntryProblem:
 
     def model(self, point: Array) -> StateSpaceModel:
         """The model of a point in the units of the recording, without covariance."""
-        data, found = self.plain.data, self.projection(point)
-        noise = found.one_step.T @ found.one_step / degrees_of_freedom(self.plain)
-        A, B, C, D, K, level = self._recorded(found.parts)
-        return StateSpaceModel(
-            *(A, B, C, D, K, data.recording.sampling_rate, data.output_offsets + level),
-            noise * np.outer(data.output_scales, data.output_scales),
-            input_delays=data.shifts if any(data.shifts) else (),
-            structure=self.plain.structure,
-            input_names=data.recording.input_names,
-            output_names=data.recording.output_names,
-        )
+        found = self.projection(point)
+        *matrices, level = self._recorded(found.parts)
+        level = self.plain.data.output_offsets + level
+        return recorded_model(self.plain, (*matrices, level), found.one_step)
 
     def model_derivatives(self, found: EntryErrors) -> Array:
         """Derivatives of ``[A, B, C, D, K, level]`` by the point."""

@@ -205,10 +205,9 @@ class Projection:
 class StateSpaceErrors:
     """Criterion, normal equations and feasibility of models of one order on a recording.
 
-    The criterion is the logarithm of the determinant of the errors' covariance
-    (``determinant``: maximum likelihood for white errors), the sum of the logarithms of their
-    variances (``noise``: each output weighed by its own noise, iterated to agreement), or the sum
-    of the variances relative to the power of the outputs (``power``).
+    The criterion is the logarithm of the determinant of the errors' covariance (``determinant``),
+    the sum of the logarithms of their variances (``noise``), or the sum of the variances relative
+    to the power of the outputs (``power``).
     ``radius`` is the largest one allowed of the eigenvalues of A and of ``A - K C``.
     """
 
@@ -275,11 +274,6 @@ class StateSpaceErrors:
         """Multiplications of one set of normal equations."""
         signals = 2 * self.layout.sections * self.layout.drives + 2 * self.order
         return float(self.data.samples) * signals**2
-
-    @property
-    def logarithmic(self) -> bool:
-        """Whether N times the criterion is comparable with twice a log likelihood."""
-        return self.weighting != "power"
 
     def projection(self, point: Array) -> Projection:
         """Errors with the best C, D and constants."""

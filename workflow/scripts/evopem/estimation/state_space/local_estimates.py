@@ -230,7 +230,7 @@ def refitted(
     """The same optimum of another recording: as :func:`descend_from`, the model alone."""
     with one_blas_thread():
         problem, result = _descended_from(model, recording, task, steps, TOLERANCE)
-        return model_of(problem.errors, problem.projection(result.point))
+        return model_of(problem.plain, problem.projection(result.point))
 
 
 def _descended_from(
@@ -257,7 +257,7 @@ def point_of_model(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
 
 def described(problem: StateSpaceProblem, result: SearchResult) -> StateSpaceEstimate:
     """The model at a search's best point, with criteria, residuals and covariance."""
-    errors, projection = problem.errors, problem.projection(result.point)
+    errors, projection = problem.plain, problem.projection(result.point)
     point_model = PointModel(errors, projection)
     model = replace(point_model.model(), covariance=problem.covariance(projection))
     coordinates = problem.coordinates(result.point)
@@ -319,7 +319,7 @@ def two_fold_simulation_errors(
         with one_blas_thread():
             errors = task.errors(train, span[-1])
             for problem, result in swept(errors, span, task.settings, width, None, 1 + fold):
-                model = model_of(problem.errors, problem.projection(result.point))
+                model = model_of(problem.plain, problem.projection(result.point))
                 at = span.index(model.order)
                 seen[at] += 1
                 for each in test.segments:

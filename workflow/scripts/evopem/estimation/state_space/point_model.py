@@ -35,6 +35,22 @@ def degrees_of_freedom(errors: StateSpaceErrors) -> float:
     return float(max(errors.data.samples - errors.estimated / outputs, 1.0))
 
 
+def recorded_model(
+    errors: StateSpaceErrors, entries: tuple[Array, ...], one_step: Array
+) -> StateSpaceModel:
+    """The model of A, B, C, D, K and level, with the noise of (N, l) scaled errors."""
+    data, (A, B, C, D, K, level) = errors.data, entries
+    recording, y = data.recording, data.output_scales
+    noise = one_step.T @ one_step * np.outer(y, y) / degrees_of_freedom(errors)
+    return StateSpaceModel(
+        *(A, B, C, D, K, recording.sampling_rate, level, 0.5 * (noise + noise.T)),
+        input_delays=data.shifts if any(data.shifts) else (),
+        structure=errors.structure,
+        input_names=recording.input_names,
+        output_names=recording.output_names,
+    )
+
+
 class PointModel:
     """Matrices of the model of a point; the states are those of the sections times a basis."""
 
@@ -47,18 +63,7 @@ class PointModel:
 
     def model(self) -> StateSpaceModel:
         """The model in the units of the recording, without covariance."""
-        data = self._errors.data
-        y = data.output_scales
-        degrees = degrees_of_freedom(self._errors)
-        noise = self._projection.covariance * np.outer(y, y) * data.samples / degrees
-        A, B, C, D, K, level = self._entries(*self._matrices)
-        return StateSpaceModel(
-            *(A, B, C, D, K, data.recording.sampling_rate, level, 0.5 * (noise + noise.T)),
-            input_delays=data.shifts if any(data.shifts) else (),
-            structure=self._errors.structure,
-            input_names=data.recording.input_names,
-            output_names=data.recording.output_names,
-        )
+        return recorded_model(self._errors, self._entries(*self._matrices), self._projection.errors)
 
     def levels(self) -> Array:
         """Level of each segment in the units of the outputs, (segments, l)."""

@@ -14,17 +14,15 @@ from evopem.estimation.absolute_descent import Places, Weighing
 from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.covariance import density_at_zero
-from evopem.estimation.state_space.errors import EDGE, Projection, StateSpaceErrors
+from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.point_model import parameter_covariance
 from evopem.estimation.state_space.sections import (
     inside,
     largest_radius,
-    moved,
     normalised,
     scale_of,
 )
 from evopem.estimation.state_space.starting_points import from_poles, random_poles
-from evopem.estimation.vector_autoregression import limited
 from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
@@ -42,8 +40,8 @@ class StateSpaceProblem:
     objective: Objective = "quadratic"
     min_multistart = 1
 
-    def __init__(self, errors: StateSpaceErrors) -> None:
-        self.errors = errors
+    def __init__(self, plain: StateSpaceErrors) -> None:
+        self.plain = plain
         self.grams = 1  # Gram matrices of one set of normal equations
         self._starts: Array | None = None
 
@@ -54,11 +52,11 @@ class StateSpaceProblem:
 
     def nearest(self, coordinates: list[Array]) -> tuple[Array, int]:
         """Points next to optima of the quadratic objective, (m, n), and the evaluations."""
-        return np.array(coordinates).reshape(-1, self.errors.dimension), 0
+        return np.array(coordinates).reshape(-1, self.plain.dimension), 0
 
     def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
         """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
-        return optima[0].point, self.errors.percent(optima[0].value), 0
+        return optima[0].point, self.plain.percent(optima[0].value), 0
 
     def completed(self, coordinates: Array) -> Array:
         """The point of some coordinates."""
@@ -70,16 +68,12 @@ class StateSpaceProblem:
 
     def projection(self, point: Array) -> Projection:
         """States, linear coefficients and errors of a point."""
-        return self.errors.projection(point)
-
-    def limited(self, errors: Array) -> Array:
-        """Errors, (N, l), as their autoregression is fitted to them."""
-        return errors
+        return self.plain.projection(point)
 
     def covariance(self, projection: Projection) -> ParameterCovariance | None:
         """Covariance of the entries of the model."""
         return parameter_covariance(
-            self.errors, projection, self.errors.weights(projection.covariance)
+            self.plain, projection, self.plain.weights(projection.covariance)
         )
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
@@ -96,19 +90,19 @@ class StateSpaceProblem:
 
     def random(self, count: int, generator: np.random.Generator) -> Array:
         """Independent points with random poles, whose inputs fit the recording."""
-        order = self.errors.order
+        order = self.plain.order
         return np.array(
-            [from_poles(self.errors, random_poles(order, generator)) for _ in range(count)]
+            [from_poles(self.plain, random_poles(order, generator)) for _ in range(count)]
         )
 
     def repair(self, points: Array) -> Array:
         """Move poles beyond the radius to it."""
-        limit = self.errors.radius * (1.0 - 1e-6)
-        return np.array([inside(self.errors.layout, point, limit) for point in points])
+        limit = self.plain.radius * (1.0 - 1e-6)
+        return np.array([inside(self.plain.layout, point, limit) for point in points])
 
     def values(self, points: Array) -> Array:
         """Criterion of each row in percent, (M,)."""
-        return np.array([self.errors.percent(self.errors.value(point)) for point in points])
+        return np.array([self.plain.percent(self.plain.value(point)) for point in points])
 
     def descend(self, points: Array) -> Descent:
         """Levenberg-Marquardt from each row."""
@@ -125,7 +119,7 @@ class StateSpaceProblem:
 
         Sections are ordered by the angle of their poles: those of one place are much alike.
         """
-        layout = self.errors.layout
+        layout = self.plain.layout
         pairs = generator.integers(len(parents), size=(2, count))
         from_first = generator.random((count, layout.sections)) < 0.5
         offspring = parents[pairs[1]].copy()
@@ -139,117 +133,165 @@ class StateSpaceProblem:
 
     def descents(self, points: Array, steps: int, tolerance: float) -> Descent:
         """Descents of at most some steps from each row."""
-        optima = [descend(self.errors, point, steps, tolerance) for point in points]
-        return _descent_of(optima, points, self.errors.percent)
+        optima = [descend(self.plain, point, steps, tolerance) for point in points]
+        return _descent_of(optima, points, self.plain.percent)
 
 
-class AbsoluteStateSpaceErrors:
-    """Errors, Jacobians and feasibility of models whose C, D and levels are part of a point.
+class AbsoluteStateSpaceProblem(StateSpaceProblem):
+    """As :class:`.StateSpaceProblem`, of absolute errors; C, D and levels are part of a point.
 
     Absolute errors of several outputs have no common least-squares solution, so that nothing is
-    eliminated.  A point is that of ``quadratic``, followed by C, D and the constants of each
-    output.  ``power`` weighs the outputs by their power, any other weighting by their noise.
+    eliminated.  A point holds the coordinates, then C, D and the constants of each output.
+    ``power`` weighs the outputs by their power, any other weighting by their noise.
     """
 
-    def __init__(self, quadratic: StateSpaceErrors) -> None:
-        self.quadratic = quadratic
-        self.weighing: Weighing = "power" if quadratic.weighting == "power" else "noise"
-        self.sizes = quadratic.data.absolute_sizes
-        self._regressors = quadratic.order + sum(each.shape[1] for each in quadratic.direct)
-        self._latest: tuple[Array, Projection] | None = None
+    objective: Objective = "absolute"
 
-    @property
-    def dimension(self) -> int:
-        """Length of a point."""
-        return self.quadratic.dimension + self._regressors * len(self.sizes)
+    def __init__(self, plain: StateSpaceErrors) -> None:
+        super().__init__(plain)
+        self.sizes = plain.data.absolute_sizes
+        self.grams = len(self.sizes)
+        self.weighing: Weighing = "power" if plain.weighting == "power" else "noise"
+        self._regressors = plain.order + sum(each.shape[1] for each in plain.direct)
+        self.dimension = plain.dimension + self._regressors * len(self.sizes)
+        self._latest: tuple[Array, Projection] | None = None
 
     def projection(self, point: Array) -> Projection:
         """States and errors of a point; the errors in the units of the scaled recording."""
         if self._latest is None or not np.array_equal(self._latest[0], point):
-            count = self.quadratic.dimension
-            linear = point[count:].reshape(len(self.sizes), self._regressors).T
-            projection = self.quadratic.with_linear(point[:count], linear)
+            linear = point[self.plain.dimension :].reshape(len(self.sizes), self._regressors).T
+            projection = self.plain.with_linear(self.coordinates(point), linear)
             self._latest = (point.copy(), projection)
         return self._latest[1]
+
+    # What a descent of absolute errors asks for.
 
     def errors(self, point: Array) -> Array:
         """Errors over the mean absolute values of their outputs, (N, l)."""
         if not np.isfinite(point).all():
-            return np.full(self.quadratic.data.outputs.shape, np.nan)
+            return np.full(self.plain.data.outputs.shape, np.nan)
         return np.asarray(self.projection(point).errors / self.sizes)
 
     def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
         """Derivatives of the errors of each output by its part of a point."""
-        problem, projection = self.quadratic, self.projection(point)
-        signals = problem.signals.derivatives(projection.sections, projection.states)
+        plain, projection = self.plain, self.projection(point)
+        signals = plain.signals.derivatives(projection.sections, projection.states)
         own = np.arange(self._regressors)
-        shared = np.arange(problem.dimension)
+        shared = np.arange(plain.dimension)
         for k, size in enumerate(self.sizes):
-            by_coordinates = problem.derivatives.of_output(
-                projection.sections, signals, projection.linear[: problem.order, k]
+            by_coordinates = plain.derivatives.of_output(
+                projection.sections, signals, projection.linear[: plain.order, k]
             )
             columns = np.column_stack([by_coordinates, projection.regressors]) / -size
-            yield columns, np.concatenate([shared, problem.dimension + k * len(own) + own])
+            yield columns, np.concatenate([shared, plain.dimension + k * len(own) + own])
 
     def moved(self, point: Array, step: Array) -> Array:
         """A point after a step, with poles beyond the radius drawn in to it.
 
         The second state of a section follows its scale, and C follows that state.
         """
-        problem, count = self.quadratic, self.quadratic.dimension
+        layout, count = self.plain.layout, self.plain.dimension
         after = point + step
-        limit = problem.radius * (1.0 - EDGE)
-        coordinates = moved(problem.layout, point[:count], step[:count])
-        after[:count] = inside(problem.layout, coordinates, limit)
-        pairs = problem.layout.pairs
-        if pairs:
-            deltas = [problem.layout.pair_rows(each[:count])[:, 1] for each in (point, after)]
+        after[:count] = self.plain.moved(point[:count], step[:count])
+        if layout.pairs:
+            deltas = [layout.pair_rows(each[:count])[:, 1] for each in (point, after)]
             ratio = scale_of(deltas[1]) / scale_of(deltas[0])
             of_outputs = after[count:].reshape(len(self.sizes), self._regressors)
-            of_outputs[:, 1 : 2 * pairs : 2] *= ratio
+            of_outputs[:, 1 : 2 * layout.pairs : 2] *= ratio
         return after
 
     def is_stable(self, point: Array) -> bool:
         """Whether A is stable as well."""
-        return self.quadratic.stable(self.projection(point))
+        return self.plain.stable(self.projection(point))
+
+    # What the search asks for.
+
+    def nearest(self, coordinates: list[Array]) -> tuple[Array, int]:
+        """Optima next to those of the quadratic objective, (m, n), and the evaluations."""
+        starts = self._all_completed(coordinates)
+        reached = self._descended(starts, absolute_descent.SEARCH_WIDTH)
+        return reached.points, reached.evaluations + len(starts)
+
+    def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
+        """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
+        points = self._all_completed([each.point for each in optima[:DESCENDED]])
+        reached = self._descended(points, absolute_descent.SWEEP_WIDTH)
+        lowest = int(np.argmin(reached.values))
+        return reached.points[lowest], float(reached.values[lowest]), reached.evaluations
 
     def completed(self, coordinates: Array) -> Array:
-        """A point with C, D and constants of nearly the least absolute errors."""
+        """The point of some coordinates, C, D and constants of nearly the least absolute errors."""
         if not np.isfinite(coordinates).all():
             return np.full(self.dimension, np.nan)
-        projection = self.quadratic.projection(coordinates)
-        along = absolute_descent.linear_coefficients(projection.basis, self.quadratic.data.outputs)
+        projection = self.plain.projection(coordinates)
+        along = absolute_descent.linear_coefficients(projection.basis, self.plain.data.outputs)
         triangle = projection.basis.T @ projection.regressors
         linear = np.linalg.lstsq(triangle, along, rcond=None)[0]
         return np.concatenate([coordinates, linear.T.ravel()])
 
-    def value(self, point: Array) -> float:
-        """Percent of the mean absolute outputs; infinite where a point is not feasible."""
+    def coordinates(self, point: Array) -> Array:
+        """The coordinates of a point."""
+        return point[: self.plain.dimension]
+
+    def random(self, count: int, generator: np.random.Generator) -> Array:
+        """Independent points with random poles, whose inputs fit the recording."""
+        return self._all_completed(super().random(count, generator))
+
+    def repair(self, points: Array) -> Array:
+        """Move poles beyond the radius to it."""
+        return np.array([self.moved(each, np.zeros_like(each)) for each in points])
+
+    def values(self, points: Array) -> Array:
+        """Objective of each row in percent, infinite where it is not feasible, (M,)."""
+        return np.array([self._value(point) for point in points])
+
+    def _value(self, point: Array) -> float:
         if not np.isfinite(point).all():
             return float("inf")
-        layout = self.quadratic.layout
-        if largest_radius(layout, point[: self.quadratic.dimension]) > self.quadratic.radius:
+        if largest_radius(self.plain.layout, self.coordinates(point)) > self.plain.radius:
             return float("inf")
         if not self.is_stable(point):
             return float("inf")
-        return self.percent(absolute_descent.criterion(self.errors(point), self.weighing))
+        return percent_of_absolute(absolute_descent.criterion(self.errors(point), self.weighing))
 
-    def percent(self, criterion: float) -> float:
-        """A criterion in percent of the mean absolute outputs, y less its mean with a level."""
-        return 100.0 * (
-            float(np.exp(criterion))
-            - (absolute_descent.ROUNDING if np.isfinite(criterion) else 0.0)
-        )
+    def recombine(
+        self, parents: Array, count: int, generator: np.random.Generator
+    ) -> tuple[Array, int]:
+        """Offspring with each section from one of two parents, and C, D and levels anew."""
+        coordinates = parents[:, : self.plain.dimension]
+        offspring, used = super().recombine(coordinates, count, generator)
+        return self._all_completed(offspring), used + count
 
-    def descents(self, points: Array, last_width: float | None = None) -> Descent:
-        """Descents from each row of (m, n) points; without a last width to the last digits."""
-        optima = [
-            absolute_descent.polish(self, point)
-            if last_width is None
-            else absolute_descent.descend(self, point, last_width)
-            for point in points
-        ]
-        return _descent_of(optima, points, self.percent)
+    def descents(self, points: Array, steps: int, tolerance: float) -> Descent:  # noqa: ARG002
+        """Descents from each row, to the last digits where the tolerance asks for them."""
+        if tolerance >= TOLERANCE:
+            return self._descended(points, absolute_descent.SEARCH_WIDTH)
+        optima = [absolute_descent.polish(self, point) for point in points]
+        return _descent_of(optima, points, percent_of_absolute)
+
+    def _descended(self, points: Array, last_width: float) -> Descent:
+        optima = [absolute_descent.descend(self, point, last_width) for point in points]
+        return _descent_of(optima, points, percent_of_absolute)
+
+    def covariance(self, projection: Projection) -> ParameterCovariance | None:
+        """Covariance of the entries; None where no density of the errors at zero is known."""
+        found = absolute_scores(self.plain, projection.errors, self.weighing)
+        if found is None:
+            return None
+        scores, weights = found
+        covariance = scores.T @ scores / len(scores)
+        own = replace(projection, errors=scores, covariance=covariance)
+        return parameter_covariance(self.plain, own, weights)
+
+    def _all_completed(self, coordinates: Sequence[Array] | Array) -> Array:
+        completed = [self.completed(each) for each in coordinates]
+        return np.array(completed).reshape(-1, self.dimension)
+
+
+def percent_of_absolute(criterion: float) -> float:
+    """A criterion in percent of the mean absolute outputs, y less its mean with a level."""
+    rounding = absolute_descent.ROUNDING if np.isfinite(criterion) else 0.0
+    return 100.0 * (float(np.exp(criterion)) - rounding)
 
 
 def absolute_scores(
@@ -267,87 +309,6 @@ def absolute_scores(
     sizes = errors.data.absolute_sizes
     relative = absolute_descent.output_weights(one_step / sizes, weighing) / sizes
     return np.sign(one_step) / (2.0 * density), np.diag(2.0 * density * relative)
-
-
-class AbsoluteStateSpaceProblem(StateSpaceProblem):
-    """As :class:`.StateSpaceProblem`; C, D and levels are part of a point."""
-
-    objective: Objective = "absolute"
-
-    def __init__(self, errors: StateSpaceErrors) -> None:
-        super().__init__(errors)
-        self.grams = errors.data.outputs.shape[1]
-        self._absolute = AbsoluteStateSpaceErrors(errors)
-
-    def nearest(self, coordinates: list[Array]) -> tuple[Array, int]:
-        """Optima next to those of the quadratic objective, (m, n), and the evaluations."""
-        points = [self.completed(each) for each in coordinates]
-        starts = np.array(points).reshape(-1, self._absolute.dimension)
-        reached = self._absolute.descents(starts, absolute_descent.SEARCH_WIDTH)
-        return reached.points, reached.evaluations + len(points)
-
-    def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
-        """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
-        points = np.array([self.completed(each.point) for each in optima[:DESCENDED]])
-        reached = self._absolute.descents(points, absolute_descent.SWEEP_WIDTH)
-        lowest = int(np.argmin(reached.values))
-        return reached.points[lowest], float(reached.values[lowest]), reached.evaluations
-
-    def completed(self, coordinates: Array) -> Array:
-        """The point of some coordinates, with nearly the best C, D and levels."""
-        return self._absolute.completed(coordinates)
-
-    def coordinates(self, point: Array) -> Array:
-        """The coordinates of a point."""
-        return point[: self.errors.dimension]
-
-    def projection(self, point: Array) -> Projection:
-        """States, linear coefficients and errors of a point."""
-        return self._absolute.projection(point)
-
-    def random(self, count: int, generator: np.random.Generator) -> Array:
-        """Independent points with random poles, whose inputs fit the recording."""
-        return self._all_completed(super().random(count, generator))
-
-    def repair(self, points: Array) -> Array:
-        """Move poles beyond the radius to it."""
-        return np.array([self._absolute.moved(each, np.zeros_like(each)) for each in points])
-
-    def values(self, points: Array) -> Array:
-        """Objective of each row in percent, (M,)."""
-        return np.array([self._absolute.value(point) for point in points])
-
-    def recombine(
-        self, parents: Array, count: int, generator: np.random.Generator
-    ) -> tuple[Array, int]:
-        """Offspring with each section from one of two parents, and C, D and levels anew."""
-        coordinates = parents[:, : self.errors.dimension]
-        offspring, used = super().recombine(coordinates, count, generator)
-        return self._all_completed(offspring), used + count
-
-    def descents(self, points: Array, steps: int, tolerance: float) -> Descent:  # noqa: ARG002
-        """Descents from each row, to the last digits where the tolerance asks for them."""
-        return self._absolute.descents(
-            points, absolute_descent.SEARCH_WIDTH if tolerance >= TOLERANCE else None
-        )
-
-    def limited(self, errors: Array) -> Array:
-        """Errors, (N, l), with those that stand out drawn in."""
-        return limited(errors)
-
-    def covariance(self, projection: Projection) -> ParameterCovariance | None:
-        """Covariance of the entries; None where no density of the errors at zero is known."""
-        problem = self.errors
-        found = absolute_scores(problem, projection.errors, self._absolute.weighing)
-        if found is None:
-            return None
-        scores, weights = found
-        covariance = scores.T @ scores / len(scores)
-        own = replace(projection, errors=scores, covariance=covariance)
-        return parameter_covariance(problem, own, weights)
-
-    def _all_completed(self, coordinates: Array) -> Array:
-        return np.array([self.completed(each) for each in coordinates])
 
 
 def _descent_of(

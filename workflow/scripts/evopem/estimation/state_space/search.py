@@ -27,6 +27,7 @@ from evopem.estimation.state_space.starting_points import (
     from_poles,
     random_poles,
 )
+from evopem.estimation.vector_autoregression import limited
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -101,7 +102,9 @@ def _in_laps(
 
 def rough_tolerance(errors: StateSpaceErrors) -> float:
     """Tolerance of a descent whose last digits no choice depends on."""
-    return max(NEGLIGIBLE / errors.data.samples if errors.logarithmic else 0.0, TOLERANCE)
+    # N times the criterion is comparable with twice a log likelihood, but for weighting by power.
+    least = 0.0 if errors.weighting == "power" else NEGLIGIBLE / errors.data.samples
+    return max(least, TOLERANCE)
 
 
 def continued(errors: StateSpaceErrors, optimum: Optimum, steps: int, tolerance: float) -> Optimum:
@@ -246,7 +249,7 @@ def generator_of(
 def _evaluations(problem: StateSpaceProblem, settings: SearchSettings) -> int:
     """By the size of the problem; the settings limit it, or raise it above their default."""
     raised = max(settings.evaluations / SearchSettings.evaluations, 1.0)
-    each = problem.errors.cost
+    each = problem.plain.cost
     if each > HEAVY and raised == 1.0:
         return 0
     own = np.clip(BUDGET / each / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS)
@@ -373,7 +376,7 @@ def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
     What stands out of the errors of a first optimum is subtracted from the outputs, so that
     estimates by linear algebra bear outliers as well.  Of the quadratic objective itself nothing.
     """
-    errors = problem.errors
+    errors = problem.plain
     if problem.objective == "quadratic":
         return errors
     models = StartingModels(errors, errors.order, thorough=False)
@@ -381,7 +384,7 @@ def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
     if not optima:
         return errors
     left = problem.projection(problem.lowest_of(optima)[0]).errors
-    outputs = errors.data.outputs - (left - problem.limited(left))
+    outputs = errors.data.outputs - (left - limited(left))
     return replace(errors, data=replace(errors.data, outputs=outputs))
 
 
