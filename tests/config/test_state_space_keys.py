@@ -292,7 +292,7 @@ def test_complete_keys_come_back(tmp_path):
             "datasets.a.form",
             "a plant that inputs drive",
         ),
-        ("orders: {nf: 3}", "datasets.a.orders.nf", "write structure: state_space"),
+        ("orders: {nf: 3}", "datasets.a.orders.nf", "no such range"),
         ("delay: {nk: {u: 1}}", "datasets.a.delay.nk", "one input has one range"),
         (OE + "orders: {nb: [1, 2, 3]}", "datasets.a.orders.nb", "such as [[2, 2], [1, 1]]"),
         (OE + "orders: {nb: [[1, 2], 3]}", "datasets.a.orders.nb", "numbers beside ranges"),

@@ -13,7 +13,7 @@ from evopem.config.channels import (
     UnitSettings,
     is_pattern,
 )
-from evopem.config.checks import Place, check_several_recordings
+from evopem.config.checks import check_several_recordings
 from evopem.config.constraints import Constraints, FixedPole, Prior
 from evopem.config.defaults import complete
 from evopem.config.settings import (
@@ -28,6 +28,7 @@ from evopem.config.settings import (
     SplitSettings,
     TransformSettings,
 )
+from evopem.config.source_checks import Place
 from evopem.config.yaml_form import keys_of, read_settings, yaml_text
 from evopem.errors import InputError
 

@@ -6,17 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from evopem.config.checks import (
-    Place,
     check_analysis,
     check_automatic,
     check_chapter,
-    check_no_results,
     check_one_channel,
     check_orders_of,
     check_several_channels,
     check_several_recordings,
     check_something_left,
-    check_source,
     orders_of,
 )
 from evopem.config.configuration import (
@@ -27,11 +24,11 @@ from evopem.config.configuration import (
     order_of,
     with_jobs,
 )
-from evopem.config.dataset_names import check_names
 from evopem.config.keys import CONFIGURATION, STATE_SPACE, input_ranges_of
-from evopem.config.sample_sheet import Origin, expand, shard_of, with_matching_files
+from evopem.config.sample_sheet import Origin, check_names, expand, shard_of, with_matching_files
 from evopem.config.schema import checked, normalized
 from evopem.config.settings import DatasetSettings
+from evopem.config.source_checks import Place, check_no_results, check_source
 from evopem.config.strict_yaml import Keys
 from evopem.config.structures import is_polynomial, phases_of
 from evopem.config.yaml_form import (

@@ -39,13 +39,6 @@ def job_environment(environment: Mapping[str, str], folder: Path) -> dict[str, s
     Machine code of BLAS is fixed (:func:`evopem.config.blas.blas_code`). Without a home folder that
     can be written to, as in many containers, matplotlib, fontconfig and numba keep their caches
     below the working directory, where they would create a home folder or fail.
-
-    Parameters
-    ----------
-    environment : mapping
-        The variables that are set.
-    folder : Path
-        The working directory.
     """
     wanted = blas_code()
     home = Path(environment.get("HOME") or "~").expanduser()
@@ -56,14 +49,7 @@ def job_environment(environment: Mapping[str, str], folder: Path) -> dict[str, s
 
 
 def check_environment(environment: Mapping[str, str]) -> None:
-    """Refuse an environment in which no job can run.
-
-    Raises
-    ------
-    InputError
-        When compilation is disabled, or the address space is limited so far that the libraries
-        of a job end it without a message.
-    """
+    """Refuse an environment in which no job can run."""
     if environment.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         raise InputError(
             "NUMBA_DISABLE_JIT",

@@ -70,13 +70,7 @@ def phase_of_orders(structure: str) -> str:
 
 
 def previous_phase(phase: str, structure: str) -> str | None:
-    """Name the phase whose selection `phase` takes; None for the first one.
-
-    Examples
-    --------
-    >>> previous_phase("nc", "armax")
-    'joint'
-    """
+    """Name the phase whose selection `phase` takes; None for the first one."""
     phases = phases_of(structure)
     position = phases.index(phase)
     return phases[position - 1] if position else None
@@ -87,19 +81,6 @@ def joint_range(joint: Range | str, resonances: int | None) -> Range:
 
     With ``"auto"`` each resonance needs a pair of complex poles, so the lower end is twice their
     number. It stays within the range that the graph was planned for.
-
-    Parameters
-    ----------
-    joint : (lower, upper) or "auto"
-    resonances : int or None
-        Number of spectral peaks that may be resonances; None gives the widest range.
-
-    Examples
-    --------
-    >>> joint_range("auto", resonances=3)
-    (6, 14)
-    >>> joint_range((2, 9), resonances=3)
-    (2, 9)
     """
     if not isinstance(joint, str):
         return joint
@@ -114,13 +95,6 @@ def joint_orders(k: int, grid: OrderGrid, nk: int = 0) -> CandidateOrders:
     polynomial makes it; where there is D beside C or A, it is limited by the upper ends of the
     ranges of nc and nd: two polynomials of high order would cancel each other.  In the general
     structure A, beside F, begins at the lower end of its range.
-
-    Examples
-    --------
-    >>> joint_orders(7, OrderGrid(), nk=3)
-    {'na': 7, 'nb': 7, 'nc': 7, 'nk': 3}
-    >>> joint_orders(7, OrderGrid(structure="bj"), nk=1)
-    {'nb': 7, 'nc': 7, 'nd': 4, 'nf': 7, 'nk': 1}
     """
     names = STRUCTURES[grid.structure]
     orders = dict.fromkeys(names, k)
@@ -141,25 +115,7 @@ def candidate_orders(
     selected: Mapping[str, int] | None = None,
     resonances: int | None = None,
 ) -> list[CandidateOrders]:
-    """List the candidates of a phase.
-
-    Parameters
-    ----------
-    phase : str
-        One of the phases of the grid's structure.
-    grid : OrderGrid
-    selected : mapping of str to int, optional
-        Orders that the phase before selected; not needed for the first phase.
-    resonances : int, optional
-        Number of spectral peaks that may be resonances, for ``orders.joint: auto``.
-
-    Examples
-    --------
-    The third phase, with the built-in grid, from the selection of the second one:
-
-    >>> candidate_orders("nc", OrderGrid(), {"na": 7, "nb": 7, "nc": 7, "nk": 3})[0]
-    {'na': 7, 'nb': 7, 'nc': 2, 'nk': 3}
-    """
+    """List the candidates of a phase."""
     if phase == "delay":
         return [
             joint_orders(order, grid, delay)
@@ -209,13 +165,7 @@ def grid_of_selection(phase: str, grid: OrderGrid) -> OrderGrid:
 
 
 def max_candidate_count(phase: str, grid: OrderGrid) -> int:
-    """Count the candidates of a phase, at most: the number that the graph is planned for.
-
-    Examples
-    --------
-    >>> max_candidate_count("joint", OrderGrid())  # orders 6 to 14
-    9
-    """
+    """Count the candidates of a phase, at most: the number that the graph is planned for."""
     return len(candidate_orders(phase, grid, dict.fromkeys(STRUCTURES[grid.structure], 1)))
 
 
@@ -224,11 +174,6 @@ def part_count(phase: str, grid: OrderGrid, candidates_per_job: int | str) -> in
 
     With ``"auto"`` there is one job, which shares its candidates out among its cores: the graph
     does not depend on the number of cores.
-
-    Examples
-    --------
-    >>> part_count("joint", OrderGrid(), candidates_per_job=4)
-    3
     """
     if candidates_per_job == "auto":
         return 1
@@ -246,22 +191,6 @@ def scoring_window(settings: DatasetSettings) -> ScoringWindow:
     Residuals start behind the longest memory of any candidate: the largest of its degrees and of
     nb + nk - 1. The loss starts ``search.n_initial_discard`` samples later: the unknown initial
     noise fits the first residuals.
-
-    Examples
-    --------
-    >>> from evopem.config.settings import (
-    ...     PreparationSettings, SearchSettings, SpectrumSettings, SyntheticSource
-    ... )
-    >>> settings = DatasetSettings(
-    ...     "arm",
-    ...     SyntheticSource("flexible_arm"),
-    ...     PreparationSettings(),
-    ...     SpectrumSettings(),
-    ...     OrderGrid(),
-    ...     SearchSettings(n_initial_discard=50),
-    ... )
-    >>> scoring_window(settings)
-    ScoringWindow(residual_start=18, loss_start=68)
     """
     largest = _largest_orders(settings.order_grid)
     degrees = [order for name, order in largest.items() if name not in ("nb", "nk")]
@@ -322,18 +251,6 @@ def check_samples(
     Every candidate needs more residuals in its loss than parameters. The validation samples have
     to outnumber twice those in which the longest model settles: the initial state of a simulation
     is estimated from them, and would explain fewer by itself.
-
-    Parameters
-    ----------
-    requirements : SampleRequirements
-    estimation, validation : int
-        Numbers of prepared samples.
-    place : str
-        Configuration key of the data set, such as ``datasets.arm``.
-
-    Raises
-    ------
-    InputError
     """
     left = max(estimation - requirements.loss_start, 0)
     if left <= requirements.parameters:

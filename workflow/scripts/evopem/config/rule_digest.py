@@ -31,21 +31,6 @@ def code_version(
 
     Contents count, not times or places: a touched file or a fresh clone has the same digest.
     The ``__init__`` of a top-level package is left out: it holds no numerics.
-
-    Parameters
-    ----------
-    script : path
-    others : iterable of path
-        Further files it uses, such as templates.
-    folders : sequence of path
-        Folders other than the script's own that hold packages or modules it imports.
-    modules : iterable of path
-        Modules that it imports by names which it is given.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
     """
     script = Path(script).resolve()
     root = script.parent

@@ -1,9 +1,10 @@
-"""Many data sets in few words: a table with a row for each recording, and names with a `*`."""
+"""The data sets of a configuration: their names, a table of them, and names with a `*`."""
 
 from __future__ import annotations
 
 import glob
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -17,24 +18,12 @@ _PATHS = ("file", "validation_file")
 
 @dataclass(frozen=True)
 class Origin:
-    """Where the user wrote the data sets, for an error to name.
+    """Where the user wrote the data sets, for an error to name."""
 
-    Attributes
-    ----------
-    source : str
-        The configuration, or the table.
-    templates : mapping
-        The name with a `*` behind a data set's own.
-    lines : mapping
-        A table's line for each data set; empty where there is no table.
-    columns : tuple of str
-        The table's columns.
-    """
-
-    source: str
-    templates: Mapping[str, str] = field(default_factory=dict)
-    lines: Mapping[str, int] = field(default_factory=dict)
-    columns: tuple[str, ...] = ()
+    source: str  # the configuration, or the table
+    templates: Mapping[str, str] = field(default_factory=dict)  # a data set's name with a *
+    lines: Mapping[str, int] = field(default_factory=dict)  # of a table
+    columns: tuple[str, ...] = ()  # of a table
 
     def of_name(self, name: str) -> str:
         """Where a data set got its name."""
@@ -53,28 +42,7 @@ class Origin:
 
 
 def expand(written: Any, source: str) -> tuple[Any, Origin]:
-    """Write out every data set of a configuration's ``datasets:``.
-
-    Parameters
-    ----------
-    written : mapping, str or anything
-        Entries by name, of which one with a `*` stands for all files that its ``file`` matches; or
-        the path of a table. Anything else comes back as it is, for the schema to refuse.
-    source : str
-        What the configuration is called in an error.
-
-    Returns
-    -------
-    datasets : mapping or anything
-        The entries by name, none of them with a `*`.
-    origin : Origin
-        Where they stand.
-
-    Raises
-    ------
-    InputError
-        For a table that cannot be read, or a pattern that no file or too many names match.
-    """
+    """Write out every data set of a configuration's ``datasets:``."""
     if isinstance(written, str):
         table = read_table(written)
         return table.entries, Origin(written, lines=table.lines, columns=table.columns)
@@ -100,20 +68,7 @@ def expand(written: Any, source: str) -> tuple[Any, Origin]:
 
 
 def with_matching_files(datasets: Any, source: str) -> Any:
-    """Write out the patterns under ``file`` and ``validation_file``: all files that match.
-
-    Parameters
-    ----------
-    datasets : mapping or anything
-        Entries by name. Anything else comes back as it is, for the schema to refuse.
-    source : str
-        What the configuration is called in an error.
-
-    Raises
-    ------
-    InputError
-        For a pattern that no file matches.
-    """
+    """Write out the patterns under ``file`` and ``validation_file``: all files that match."""
     if not isinstance(datasets, Mapping):
         return datasets
     return {
@@ -139,13 +94,7 @@ def _files(written: Any, source: str, place: str) -> Any:
 
 
 def shard_of(datasets: Mapping[str, T], shard: str, source: str) -> dict[str, T]:
-    """Take every n-th data set: ``3/40`` is the third and every fortieth after it.
-
-    Raises
-    ------
-    InputError
-        When there is no such shard.
-    """
+    """Take every n-th data set: ``3/40`` is the third and every fortieth after it."""
     number, count = map(int, shard.split("/"))
     if number > count:
         raise InputError(
@@ -179,3 +128,70 @@ def _matching(name: str, entry: Any, source: str) -> dict[str, Any]:
             source, f"no file matches {pattern}", "correct the pattern", f"{place}.file"
         )
     return found
+
+
+RESULTS_FOLDER = "results"
+
+RESERVED_NAMES = (
+    "index.html",
+    "fleet.csv",
+    "fleet_modes.csv",
+    "fleet.parquet",
+    "logs",
+    "benchmarks",
+    "checksums",
+    "fletcher_powell",
+)
+"""Names of other files and folders of the results."""
+
+MAX_LENGTH = 100
+"""Most characters of a name: file systems take 255 bytes, and Snakemake's own names add to it."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+# Snakemake takes a wildcard that ends like this for an endless recursion of rules.
+_PERIODIC = re.compile(r"(.+?)\1{19}$")
+
+
+def check_names(names: Iterable[str], origin: Origin) -> None:
+    """Refuse names that cannot be folders on every file system, or wildcards of Snakemake."""
+    folders: dict[str, str] = {}
+    for name in names:
+        problem, remedy = _problem(name, folders)
+        if problem:
+            raise InputError(origin.source, problem, remedy, origin.of_name(name))
+        folders[name.lower()] = name
+
+
+def is_valid(name: str) -> bool:
+    """Whether a text can be the name of a data set, beside no others."""
+    return not _problem(name, {})[0]
+
+
+def _problem(name: str, folders: dict[str, str]) -> tuple[str, str]:
+    """What is wrong with a name and what to do; two empty texts where nothing is."""
+    shown = name if len(name) <= 60 else f"{name[:57]}..."
+    if len(name) > MAX_LENGTH:
+        return (
+            f"the data set name {shown!r} has {len(name)} characters",
+            f"give it a name of at most {MAX_LENGTH}",
+        )
+    if name.lower() in RESERVED_NAMES:
+        return (
+            f"{name} is the name of something else among the results",
+            "give the data set another name",
+        )
+    if not _NAME.fullmatch(name) or ".." in name or name.endswith(".") or _DEVICE.fullmatch(name):
+        return (
+            f"the data set name {shown!r} cannot be the name of a folder everywhere",
+            "use letters, digits, _, - and single dots, a letter or digit first",
+        )
+    if _PERIODIC.search(name):
+        return (
+            f"the data set name {shown!r} ends in 20 equal parts, which Snakemake does not accept",
+            "shorten the repetition at its end",
+        )
+    twin = folders.get(name.lower(), name)
+    if twin != name:
+        return f"{twin} and {name} are one folder where letter case does not count", "rename one"
+    return "", ""

@@ -118,14 +118,7 @@ def adapter(kind: Any) -> TypeAdapter[Any]:
 
 
 def checked(kind: Any, written: Any, source: str) -> Any:
-    """Refuse keys and values that a type does not have; return the values in their one form.
-
-    Raises
-    ------
-    InputError
-        Naming the path of the key (``datasets.arm.delay.orders``), its value, what is wrong with it
-        and what to do.
-    """
+    """Refuse keys and values that a type does not have; return the values in their one form."""
     try:
         return adapter(kind).validate_json(json.dumps(written), strict=True)
     except ValidationError as error:

@@ -223,36 +223,19 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class StateSpaceSearchSettings:
-    """Settings of the searches for the parameters of models of several channels.
-
-    Attributes
-    ----------
-    seed : int
-    evaluations : int, optional
-        Evaluations after which the search of the chosen model begins no new generation; by the
-        size of the problem where it is None.
-    max_root_radius : float
-    objective : {"quadratic", "absolute"}
-    """
+    """Settings of the searches for the parameters of models of several channels."""
 
     seed: int = 1
-    evaluations: int | None = None
+    evaluations: int | None = None  # of the chosen model; by the size of the problem where None
     max_root_radius: float = 0.9999
     objective: Objective = "quadratic"
 
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What the model of the selected orders is fitted for, and what it must meet.
+    """What the model of the selected orders is fitted for, and what it must meet."""
 
-    Attributes
-    ----------
-    focus : {"prediction", "simulation"} or int
-        Errors of one step, of simulation, or of predictions that many samples ahead.
-    constraints : Constraints, optional
-    """
-
-    focus: Focus = "prediction"
+    focus: Focus = "prediction"  # errors of one step, of simulation, or so many samples ahead
     constraints: Constraints | None = None
 
     @property
@@ -286,13 +269,7 @@ class SampleRequirements:
 
 @dataclass(frozen=True)
 class InputRanges:
-    """Ranges of the inputs, both ends included, in one of three ways; what is missing is decided.
-
-    Examples
-    --------
-    >>> InputRanges(by_name={"cold": (1, 1)}).of_inputs(("hot", "cold"))
-    (None, (1, 1))
-    """
+    """Ranges of the inputs, both ends included, in one of three ways."""
 
     all: Range | None = None  # of all inputs
     in_order: tuple[Range, ...] = ()  # one for each
@@ -343,32 +320,20 @@ class OrderRanges:
 
 @dataclass(frozen=True)
 class AutomaticSettings:
-    """What the configuration decides of an automatic identification; None where the recording does.
+    """What the configuration decides of the automatic recipe; None where the recording does."""
 
-    Attributes
-    ----------
-    purpose : {"auto", "simulation", "prediction", "modes"}
-        ``auto`` is simulation, or prediction without inputs.
-    focus : {"prediction", "simulation"}, optional
-        Errors that the forms which are searched are fitted for, with several channels.
-    start_given, rate_given, differences_given, box_cox_given : bool
-        Whether ``split.discard``, ``resample`` and the ``transforms`` are written.
-    evaluations : int, optional
-        Of the last search.
-    """
-
-    purpose: Purpose = "auto"
+    purpose: Purpose = "auto"  # simulation, or prediction without inputs
     structure: Literal["state_space"] | Structure | None = None
     form: StateSpaceForm | None = None
     weighting: OutputWeighting | None = None
     orders: OrderRanges = OrderRanges()
-    focus: Literal["prediction", "simulation"] | None = None
-    start_given: bool = False
-    rate_given: bool = False
-    differences_given: bool = False
+    focus: Literal["prediction", "simulation"] | None = None  # of the forms that are searched
+    start_given: bool = False  # by split.discard
+    rate_given: bool = False  # by resample
+    differences_given: bool = False  # by transforms
     box_cox_given: bool = False
     objective: Objective | None = None
-    evaluations: int | None = None
+    evaluations: int | None = None  # of the last search
 
     @property
     def other_purpose(self) -> Literal["simulation", "prediction"]:

@@ -39,20 +39,7 @@ _NOT_TEXT = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff]")
 
 
 def check_yaml_files(paths: Iterable[str | Path]) -> None:
-    """Refuse a configuration file that YAML reads in another way than its user would.
-
-    Parameters
-    ----------
-    paths : iterable of path
-        Configuration files; one that does not exist is passed over, for whoever reads it to say.
-
-    Raises
-    ------
-    InputError
-        Naming the file and the line: broken YAML, a repeated key, a key that is not text, a
-        number that is not written in decimal digits, a date or a truth value without quotes, a
-        tag, an alias to what contains it, or nesting beyond :data:`MAX_DEPTH`.
-    """
+    """Refuse a configuration file that YAML reads in another way than its user would."""
     for path in map(Path, paths):
         if not path.exists():
             continue
@@ -77,19 +64,7 @@ def check_yaml_files(paths: Iterable[str | Path]) -> None:
 
 
 def read_value(text: str, source: str, place: str) -> Any:
-    """Read a short YAML text, such as a list in brackets.
-
-    Parameters
-    ----------
-    text : str
-    source, place : str
-        For an error to name.
-
-    Raises
-    ------
-    InputError
-        As for :func:`check_yaml_files`.
-    """
+    """Read a short YAML text, such as a list in brackets."""
     _checked_node(text, _Place(source, place))
     return yaml.safe_load(text)
 
@@ -131,21 +106,12 @@ def _checked_node(text: str, place: _Place) -> yaml.Node | None:
 
 @dataclass
 class _Checker:
-    """Checks every node of a text once, however many aliases lead to it.
-
-    Attributes
-    ----------
-    place : _Place
-    sizes, depths : dict
-        Number of values and depth of the nodes checked so far, by their identity.
-    open : set
-        The nodes that contain the one being checked.
-    """
+    """Checks every node of a text once, however many aliases lead to it."""
 
     place: _Place
-    sizes: dict[int, int] = field(default_factory=dict)
+    sizes: dict[int, int] = field(default_factory=dict)  # values in a checked node, by its identity
     depths: dict[int, int] = field(default_factory=dict)
-    open: set[int] = field(default_factory=set)
+    open: set[int] = field(default_factory=set)  # nodes that contain the one being checked
 
     def check(self, node: yaml.Node) -> None:
         identity = id(node)

@@ -45,13 +45,7 @@ AUTOMATIC_STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def searched_structures(wanted: str | None) -> tuple[str, ...]:
-    """The structures that are searched for one of them, itself last; all of them for None.
-
-    Examples
-    --------
-    >>> searched_structures("oe")
-    ('arx', 'armax', 'oe')
-    """
+    """The structures that are searched for one of them, itself last; all of them for None."""
     if wanted is None:
         return tuple(AUTOMATIC_STRUCTURES)
     needed = {wanted}
@@ -67,17 +61,7 @@ def has_input(structure: str) -> bool:
 
 
 def phases_of(structure: str) -> tuple[str, ...]:
-    """The phases of a structure's order search, in their order.
-
-    Examples
-    --------
-    >>> phases_of("armax")
-    ('delay', 'joint', 'nc', 'nb')
-    >>> phases_of("oe")
-    ('delay', 'joint', 'nb')
-    >>> phases_of("arma")
-    ('joint', 'nc')
-    """
+    """The phases of a structure's order search, in their order."""
     orders = STRUCTURES[structure]
     existing = {
         "delay": "nk" in orders,
@@ -92,13 +76,7 @@ def phases_of(structure: str) -> tuple[str, ...]:
 
 
 def varied_order(phase: str, structure: str) -> str:
-    """The order that shows what a phase has selected.
-
-    Examples
-    --------
-    >>> varied_order("joint", "armax"), varied_order("joint", "oe"), varied_order("delay", "oe")
-    ('na', 'nf', 'nk')
-    """
+    """The order that shows what a phase has selected."""
     if phase == "delay":
         return "nk"
     if phase == "joint":
@@ -144,13 +122,7 @@ def is_polynomial(form: str) -> bool:
 
 
 def variant_name(form: str, weighting: str) -> str:
-    """The name of a form with its weighting, as in names of files.
-
-    Examples
-    --------
-    >>> variant_name("ss", "noise"), variant_name("armax", "determinant")
-    ('ss_noise', 'armax')
-    """
+    """The name of a form with its weighting, as in names of files."""
     return form if is_polynomial(form) else f"{form}_{weighting}"
 
 

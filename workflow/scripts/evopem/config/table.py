@@ -51,21 +51,11 @@ Row = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Table:
-    """The data sets of a table.
+    """The data sets of a table."""
 
-    Attributes
-    ----------
-    entries : dict
-        Keys and values of each data set, by its name.
-    lines : dict of str to int
-        Line of each data set.
-    columns : tuple of str
-        The columns that hold keys.
-    """
-
-    entries: dict[str, Any]
-    lines: dict[str, int]
-    columns: tuple[str, ...]
+    entries: dict[str, Any]  # keys and values of each data set, by its name
+    lines: dict[str, int]  # the line of each data set
+    columns: tuple[str, ...]  # those that hold keys
 
 
 def cell(line: int, column: str) -> str:
@@ -74,14 +64,7 @@ def cell(line: int, column: str) -> str:
 
 
 def read_table(path: str) -> Table:
-    """Read a table of data sets; a dot in a column's name leads to a key below another one.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read, is no table, has rows of another length than its header, a
-        column or a data set twice, or a cell that is not certain to mean one thing.
-    """
+    """Read a table of data sets; a dot in a column's name leads to a key below another one."""
     separator, (header_line, header), rows = _rows(path)
     columns = _columns(header, rows, path, header_line)
     comma_place = _decimal_comma(columns, rows, separator)
@@ -140,12 +123,7 @@ def _rows(path: str) -> tuple[str, Row, list[Row]]:
 
 
 def check_locale(path: str, source: str, place: str = "") -> None:
-    """Refuse a path that the locale cannot encode: Python would say that the file is missing.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a path that the locale cannot encode: Python would say that the file is missing."""
     try:
         os.fsencode(path)
     except UnicodeEncodeError:

@@ -369,13 +369,7 @@ def read_single_channel_settings(path: str | Path) -> DatasetSettings:
 
 
 def read_dataset(path: str | Path, settings_of_keys: Callable[[str, Keys], Settings]) -> Settings:
-    """Read the one data set that :func:`yaml_text` wrote, by a function of its name and keys.
-
-    Raises
-    ------
-    InputError
-        When the file is missing or holds something else.
-    """
+    """Read the one data set that :func:`yaml_text` wrote, by a function of its name and keys."""
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         ((name, keys),) = content["datasets"].items()

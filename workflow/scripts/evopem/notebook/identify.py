@@ -8,10 +8,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from evopem.config.dataset_names import RESULTS_FOLDER
 from evopem.config.defaults import complete
 from evopem.config.environment import check_environment
 from evopem.config.keys import NONE
+from evopem.config.sample_sheet import RESULTS_FOLDER
 from evopem.config.yaml_form import one_or_list
 from evopem.errors import InputError
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings

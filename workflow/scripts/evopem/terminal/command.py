@@ -14,9 +14,9 @@ from typing import Any
 import yaml
 
 from evopem.config.channels import SyntheticSource
-from evopem.config.dataset_names import RESULTS_FOLDER
 from evopem.config.defaults import complete
 from evopem.config.environment import check_environment, job_environment
+from evopem.config.sample_sheet import RESULTS_FOLDER
 from evopem.config.settings import DatasetSettings
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.config.yaml_form import one_or_list, read_dataset

@@ -11,8 +11,8 @@ from pathlib import Path
 import yaml
 
 from evopem.config.configuration import MANY
-from evopem.config.dataset_names import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
 from evopem.config.defaults import complete
+from evopem.config.sample_sheet import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
 from evopem.config.schema import schema_file
 from evopem.errors import InputError
 from evopem.signals.channel_roles import INPUT_NAMES, OUTPUT_NAMES, named

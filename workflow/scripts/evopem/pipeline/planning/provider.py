@@ -14,7 +14,7 @@ from typing import Any
 
 from evopem.config import resources
 from evopem.config.configuration import Configuration
-from evopem.config.dataset_names import RESERVED_NAMES
+from evopem.config.sample_sheet import RESERVED_NAMES
 from evopem.files.json_form import to_json
 from evopem.pipeline.planning.stage import Demand, Stage
 from evopem.pipeline.planning.stage_rules import FILES, RecordingRule, StageRule, Wildcards
