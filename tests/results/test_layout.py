@@ -16,7 +16,11 @@ FILES = DatasetFiles.of_dataset("arm")
 
 def listed(files):
     """Every path that a layout names by a property."""
-    properties = [name for name, each in vars(DatasetFiles).items() if isinstance(each, property)]
+    properties = [
+        name
+        for name, each in vars(DatasetFiles).items()
+        if isinstance(each, property) or type(each).__name__ == "_File"
+    ]
     for name in properties:
         value = getattr(files, name)
         if name not in ("name", "results", "batch_results", "pages"):  # these are made of the others

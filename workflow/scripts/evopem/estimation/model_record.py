@@ -59,25 +59,13 @@ class SearchRecord:
 
 @dataclass(frozen=True)
 class FitRecord:
-    """What a model was fitted for, and what its constraints cost.
+    """What a model was fitted for, and what its constraints cost."""
 
-    Attributes
-    ----------
-    focus : {"prediction", "simulation"} or int
-        Errors of one step, of simulation, or of predictions that many samples ahead.
-    constraints : Constraints, optional
-    objective : float
-        Objective of the errors in focus, percent, priors not included.
-    objective_without : float, optional
-        The same at the optimum without the constraints.
-    active : tuple of str
-        Equalities, priors, and the inequalities at whose bound the model lies.
-    """
-
-    focus: Focus
+    focus: Focus  # errors of one step, of simulation, or of predictions that many samples ahead
     constraints: Constraints | None
-    objective: float
-    objective_without: float | None
+    objective: float  # objective of the errors in focus, percent, priors not included
+    objective_without: float | None  # the same at the optimum without the constraints
+    # Equalities, priors, and the inequalities at whose bound the model lies
     active: tuple[str, ...]
 
     @classmethod
@@ -99,83 +87,50 @@ class FitRecord:
 
 @dataclass(frozen=True, eq=False)
 class ModelRecord:
-    """A model with everything that is known of it.
+    """A model with everything that is known of it."""
 
-    Attributes
-    ----------
-    structure : str
-        A structure of polynomials, such as ``armax``, or the form of a state-space model: ``ss``,
-        ``ss_oe``, ``ss_oe_drift`` or ``ss_bj``.
-    orders : Orders, optional
-        Of polynomials.
-    model : PolynomialModel or StateSpaceModel
-        With the covariance of its coefficients or entries.
-    plant_states : int
-        Number of the first states, in state space, which the inputs drive; those that follow are
-        of the noise alone.
-    weighting : str
-        Of the outputs in the criterion of a state-space model.
-    level_of_simulation : {"constant", "state", "none"}
-        Level of other samples than those of the estimation: that of the model, one that is fitted
-        to them along with the initial state, or none.
-    input_names, output_names, input_units, output_units : tuple of str
-    objective : float
-        Percent of the power, or of the mean absolute value, of the outputs.
-    fit_percent : tuple of float
-        ``100 (1 - ||e|| / ||y - mean(y)||)`` of one step on the estimation samples, of each output.
-    bic : float
-    window : ScoringWindow, optional
-        The estimation samples that count; all of them for a state-space model.
-    initial_states : (n,) array
-        What the past adds to the first equations, estimated along with the model.
-    modes, noise_modes : tuple of Mode
-        Of the plant, and of the noise filter of polynomials.
-    poles, noise_poles, noise_zeros : complex arrays
-        Of plant and noise filter in the z plane.
-    zeros : tuple of complex arrays
-        From each input of polynomials, delay aside.
-    parameter_standard_errors : (n,) array, optional
-        Of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``, b and f those of all inputs one after the other.
-    search : SearchRecord
-    transforms : Transforms
-    fit : FitRecord, optional
-        Where the model was fitted with a focus or constraints.
-    at_upper_ends : tuple of str
-        Orders at the upper end of a range of the configuration, such as "nb of hot".
-    evopem : str
-        Version of this package.
-    versions : dict
-        Versions of the libraries behind the numbers.
-    """
-
+    # A structure of polynomials, such as ``armax``, or the form of a state-space model: ``ss``,
+    # ``ss_oe``, ``ss_oe_drift`` or ``ss_bj``
     structure: str
-    orders: Orders | None
-    model: Model
+    orders: Orders | None  # of polynomials
+    model: Model  # with the covariance of its coefficients or entries
+    # Number of the first states, in state space, which the inputs drive; those that follow are of
+    # the noise alone
     plant_states: int
-    weighting: str
+    weighting: str  # of the outputs in the criterion of a state-space model
+    # Level of other samples than those of the estimation: that of the model, one that is fitted to
+    # them along with the initial state, or none
     level_of_simulation: LevelOfSimulation
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
-    objective: float
+    objective: float  # percent of the power, or of the mean absolute value, of the outputs
+    # ``100 (1 - ||e|| / ||y - mean(y)||)`` of one step on the estimation samples, of each output
     fit_percent: tuple[float, ...]
     bic: float
+    # The estimation samples that count; all of them for a state-space model
     window: ScoringWindow | None
+    # (n,) What the past adds to the first equations, estimated along with the model
     initial_states: Array
+    # modes, noise_modes: of the plant, and of the noise filter of polynomials
     modes: tuple[Mode, ...]
     noise_modes: tuple[Mode, ...]
+    # poles, noise_poles, noise_zeros: of plant and noise filter in the z plane
     poles: Roots
-    zeros: tuple[Roots, ...]
+    zeros: tuple[Roots, ...]  # from each input of polynomials, delay aside
     noise_poles: Roots
     noise_zeros: Roots
+    # (n,) Of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``, b and f those of all inputs one after the
+    # other
     parameter_standard_errors: Array | None
     search: SearchRecord
     transforms: Transforms
-    fit: FitRecord | None
+    fit: FitRecord | None  # where the model was fitted with a focus or constraints
+    # Orders at the upper end of a range of the configuration, such as "nb of hot"
     at_upper_ends: tuple[str, ...]
-    evopem: str
-    versions: dict[str, str]
+    evopem: str  # version of this package
+    versions: dict[str, str]  # versions of the libraries behind the numbers
 
     @classmethod
     def of(
@@ -194,20 +149,10 @@ class ModelRecord:
     ) -> ModelRecord:
         """The record of an estimate.
 
-        Parameters
-        ----------
-        estimate : PolynomialEstimate or StateSpaceEstimate
-        estimation : Recording
-            Samples that it was made from.
-        settings, transforms
-        level : {"constant", "state", "none"}
-            Of other samples.
-        model : StateSpaceModel, optional
-            The plant that was estimated, with a noise model beside it.
-        variant : (structure, weighting)
-            Of a state-space model.
-        focus, constraints, at_upper_ends
-            As of the record.
+        ``estimation``: samples that it was made from.  ``level`` {"constant", "state", "none"}: of
+        other samples.  ``model``: the plant that was estimated, with a noise model beside it.
+        ``variant``: of a state-space model.  ``focus``, ``constraints``, ``at_upper_ends``: as of
+        the record.
         """
         return cls(
             **derived_from(model or estimate.model, estimate.plant_states),
@@ -238,10 +183,7 @@ class ModelRecord:
     def polynomials(self) -> PolynomialModel:
         """The model, of a structure of polynomials.
 
-        Raises
-        ------
-        ValueError
-            For a state-space model.
+        Raises ValueError for a state-space model.
         """
         if not isinstance(self.model, PolynomialModel):
             raise ValueError(f"{self.text} has no polynomials")
@@ -377,9 +319,7 @@ def _check_polynomials(model: PolynomialModel, orders: Orders | None, record: Mo
 def load_record(path: str | Path) -> ModelRecord:
     """Read a ``model.json``, and verify that its numbers are a model of its orders.
 
-    Raises
-    ------
-    InputError
+    Raises InputError.
     """
     record = load(ModelRecord, path)
     try:

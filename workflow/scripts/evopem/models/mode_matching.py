@@ -33,10 +33,7 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
     As many modes as possible are paired, with the least sum of squared distances in the logarithm
     of frequency (an assignment problem). Modes further apart than :data:`SAME_MODE` are not paired.
 
-    Returns
-    -------
-    dict of int to int
-        Index of the reference, by index of the estimate.
+    Returns index of the reference, by index of the estimate.
 
     Examples
     --------
@@ -86,10 +83,7 @@ def mode_distance(first: Mode, second: Mode) -> float:
     The largest of three differences, each relative to what is allowed: of frequency, of damping
     ratio, and of shape, ``1 - MAC``.
 
-    Parameters
-    ----------
-    first, second : Mode
-        With the same outputs.
+    ``first``, ``second``: with the same outputs.
     """
     frequency = 0.5 * (first.frequency_hz + second.frequency_hz)
     damping = 0.5 * (abs(first.damping_ratio) + abs(second.damping_ratio))
@@ -106,16 +100,8 @@ def mode_distance(first: Mode, second: Mode) -> float:
 def cluster_modes(modes: Mapping[int, Sequence[Mode]]) -> list[dict[int, int]]:
     """Group the modes of models of several orders.
 
-    Parameters
-    ----------
-    modes : mapping of int to sequence of Mode
-        By the order of their model.
-
-    Returns
-    -------
-    list of dict of int to int
-        Groups, by increasing median frequency: the index of the mode in the model of each order
-        that has it.
+    ``modes``: by the order of their model.  Returns groups, by increasing median frequency: the
+    index of the mode in the model of each order that has it.
     """
     nodes = [(order, index) for order in sorted(modes) for index in range(len(modes[order]))]
     pairs = []

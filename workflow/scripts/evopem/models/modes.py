@@ -127,14 +127,8 @@ def modes_of(
 ) -> list[Mode]:
     """Modes of ``A = 1 + a_1 q^-1 + ...`` from ``s = ln(z) fs`` (chapter table 2), by frequency.
 
-    Parameters
-    ----------
-    coefficients : (na,) array
-        ``a_1 ... a_na``.
-    sampling_rate : float
-        Hz.
-    covariance : ParameterCovariance, optional
-        Of the na coefficients; propagated to the modes to first order.
+    ``coefficients`` (na,): ``a_1 ... a_na``.  ``sampling_rate``: Hz.  ``covariance``: of the na
+    coefficients; propagated to the modes to first order.
 
     Examples
     --------
@@ -159,14 +153,8 @@ def modes_of(
 def pole_mode(coefficients: Array, pole: complex, sampling_rate: float) -> tuple[Array, Array]:
     """Frequency in Hz and damping ratio of one pole, (2,), and their derivatives, (2, na).
 
-    Parameters
-    ----------
-    coefficients : (na,) array
-        ``a_1 ... a_na``.
-    pole : complex
-        A root; for zero, and for a repeated root, the derivatives are taken for zero.
-    sampling_rate : float
-        Hz.
+    ``coefficients`` (na,): ``a_1 ... a_na``.  ``pole``: A root; for zero, and for a repeated root,
+    the derivatives are taken for zero.  ``sampling_rate``: Hz.
     """
     if pole == 0.0:
         return np.array([sampling_rate, 1.0]), np.zeros((2, len(coefficients)))
@@ -192,18 +180,9 @@ def state_space_modes(
 ) -> list[Mode]:
     """Modes of ``x+ = A x + B u + K e, y = C x + ...``, by frequency.
 
-    Parameters
-    ----------
-    A : (n, n) array
-    B : (n, m) array
-    C : (l, n) array
-    K : (n, l) array
-    levels : int
-        Entries that follow ``[A, B, C, D, K]`` in the covariance.
-    sampling_rate : float
-        Hz.
-    covariance : ParameterCovariance, optional
-        Of ``[A, B, C, D, K, level]``, row by row; propagated to first order.
+    ``A`` (n, n).  ``B`` (n, m).  ``C`` (l, n).  ``K`` (n, l).  ``levels``: entries that follow
+    ``[A, B, C, D, K]`` in the covariance.  ``sampling_rate``: Hz.  ``covariance``: of ``[A, B, C,
+    D, K, level]``, row by row; propagated to first order.
     """
     poles, right, left = _eigenvectors(A)
     adjoint: Complex = left.conj().T.astype(complex)

@@ -47,10 +47,7 @@ class ParameterCovariance:
         matrix below its rounding error, negative ones among them, are raised to that error: the
         variance of what depends on them is then an upper bound.
 
-        Raises
-        ------
-        ValueError
-            When the matrix is not square.
+        Raises ValueError when the matrix is not square.
         """
         covariance = np.asarray(matrix, dtype=float)
         if covariance.ndim != 2 or covariance.shape[0] != covariance.shape[1]:
@@ -91,10 +88,7 @@ class ParameterCovariance:
     def identifiable(self, jacobian: ArrayLike) -> NDArray[np.bool_]:
         """Whether each function of the parameters is free of unidentifiable directions, (m,).
 
-        Parameters
-        ----------
-        jacobian : (m, n) array_like
-            Gradients of m functions.
+        ``jacobian`` (m, n): gradients of m functions.
         """
         gradients = np.asarray(jacobian, dtype=float)
         terms = gradients[:, :, None] * self.null_space[: gradients.shape[1]]
@@ -107,10 +101,7 @@ class ParameterCovariance:
         Infinite for functions that depend on an unidentifiable direction, NaN where the gradient
         is not finite.  Computed as the norm of a row of ``jacobian @ factor``: never negative.
 
-        Parameters
-        ----------
-        jacobian : (m, n) array_like
-            Gradients of m functions.
+        ``jacobian`` (m, n): gradients of m functions.
         """
         gradients = np.asarray(jacobian, dtype=float)
         defined = np.isfinite(gradients).all(axis=1)
@@ -126,10 +117,7 @@ class ParameterCovariance:
         Rows and columns of functions that depend on an unidentifiable direction are NaN, and
         infinite on the diagonal; those of functions without a finite gradient are NaN.
 
-        Parameters
-        ----------
-        jacobian : (m, n) array_like
-            Gradients of m functions.
+        ``jacobian`` (m, n): gradients of m functions.
         """
         gradients = np.asarray(jacobian, dtype=float)
         defined = np.isfinite(gradients).all(axis=1)
@@ -151,10 +139,7 @@ def wald_p_value(value: ArrayLike, covariance: ArrayLike) -> float:
     the covariance has rank.  NaN where the covariance is not finite or zero: the test is then
     not possible.
 
-    Parameters
-    ----------
-    value : (m,) array_like
-    covariance : (m, m) array_like
+    ``value`` (m,).  ``covariance`` (m, m).
     """
     from scipy.special import chdtrc
 

@@ -54,18 +54,8 @@ def response_interval(
     depends on a direction of the parameters that the data do not determine, as between the lines
     of a periodic input. The upper end is infinite where it leaves the range of numbers.
 
-    Parameters
-    ----------
-    model : PolynomialModel
-    frequencies : (M,) array_like
-        Hz.
-    which : {"plant", "noise"}
-        ``G = B / (A F)`` or ``H = C / (A D)``.
-
-    Returns
-    -------
-    lower, upper, phase_error : (M,) arrays
-        The standard error of the phase in radians.
+    ``frequencies`` (M,): Hz.  ``which`` {"plant", "noise"}: ``G = B / (A F)`` or ``H = C / (A D)``.
+    Returns (M,): The standard error of the phase in radians.
     """
     frequencies = np.asarray(frequencies, dtype=float)
     if model.covariance is None:
@@ -105,24 +95,11 @@ def response_standard_errors(
 ) -> Array:
     """Standard errors of a real function of a model, to first order (Ljung 1999, section 9.4).
 
-    Parameters
-    ----------
-    model : PolynomialModel
-        With a covariance.
-    response : callable
-        For instance ``lambda model: model.step_response(100)``, or
-        ``lambda model: 20 * np.log10(np.abs(model.frequency_response(frequencies)))``.
-
-    Returns
-    -------
-    array
-        Of the shape of the response; infinite where it depends on a direction of the coefficients
-        that the data do not determine.
-
-    Raises
-    ------
-    ValueError
-        When the model has no covariance.
+    ``model``: with a covariance.  ``response``: for instance ``lambda model:
+    model.step_response(100)``, or ``lambda model: 20 *
+    np.log10(np.abs(model.frequency_response(frequencies)))``.  Returns of the shape of the
+    response; infinite where it depends on a direction of the coefficients that the data do not
+    determine.  Raises ValueError when the model has no covariance.
     """
     if model.covariance is None:
         raise ValueError("the model has no covariance of its coefficients")

@@ -77,10 +77,7 @@ def uncertain_roots(model: PolynomialModel, polynomial: Polynomial) -> list[Unce
 
     The covariance of the coefficients is propagated to the roots to first order.
 
-    Parameters
-    ----------
-    model : PolynomialModel
-    polynomial : {"A", "B", "C", "D", "F"}
+    ``polynomial`` {"A", "B", "C", "D", "F"}.
     """
     letter = polynomial.lower()
     coefficients = getattr(model, letter)
@@ -104,19 +101,10 @@ def root_covariance(
 ) -> Array:
     """Covariance of a root's real and imaginary part, to first order.
 
-    Parameters
-    ----------
-    coefficients : ndarray, shape (n + 1,)
-        A polynomial in z, highest power first.
-    root : complex
-        One of its roots.
-    covariance : ParameterCovariance, or ndarray of shape (n, n) or (n + 1, n + 1)
-        Covariance of the coefficients; of all but the first where that is a 1 known exactly.
-
-    Returns
-    -------
-    ndarray, shape (2, 2)
-        Infinite variances where the data do not determine the root, NaN for a repeated root.
+    ``coefficients`` (n + 1,): A polynomial in z, highest power first.  ``root``: one of its roots.
+    ``covariance`` (n, n): covariance of the coefficients; of all but the first where that is a 1
+    known exactly.  Returns (2, 2): Infinite variances where the data do not determine the root, NaN
+    for a repeated root.
     """
     if not isinstance(covariance, ParameterCovariance):
         covariance = ParameterCovariance.from_matrix(covariance)

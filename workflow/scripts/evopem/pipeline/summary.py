@@ -19,13 +19,8 @@ from evopem.validation.validation import Validation
 def summarize_dataset(files: DatasetFiles, phases: tuple[str, ...], is_automatic: bool) -> None:
     """Check the model of one data set, and write the summary.
 
-    Parameters
-    ----------
-    files : DatasetFiles
-    phases : sequence of str
-        Of the order search; none for several channels.
-    is_automatic : bool
-        Whether the automatic recipe has chosen the model.
+    ``phases``: of the order search; none for several channels.  ``is_automatic``: whether the
+    automatic recipe has chosen the model.
     """
     record = load(ModelRecord, files.model)
     ranges = ranges_of_phases({phase: load(PhaseSelection, files.phase(phase)) for phase in phases})

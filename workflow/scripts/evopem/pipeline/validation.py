@@ -21,13 +21,8 @@ from evopem.validation.validate import validate
 def validate_model(files: DatasetFiles, phase: str | None, spectrum: SpectrumSettings) -> None:
     """Validate the model on samples that it was not estimated from.
 
-    Parameters
-    ----------
-    files : DatasetFiles
-    phase : str, optional
-        The phase over whose models the modes are compared; None for several channels, of which
-        these are the models of all orders of the chosen structure.
-    spectrum : SpectrumSettings
+    ``phase``: the phase over whose models the modes are compared; None for several channels, of
+    which these are the models of all orders of the chosen structure.
     """
     record = load(ModelRecord, files.model)
     prepared = load_prepared(files.prepared, files.transforms)

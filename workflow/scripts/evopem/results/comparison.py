@@ -22,18 +22,11 @@ MOST = 6
 
 @dataclass(frozen=True)
 class MatchedMode:
-    """One mode as each model has it.
+    """One mode as each model has it."""
 
-    Attributes
-    ----------
-    modes : tuple of Mode or None
-        In the order of the models; None where a model has no such mode.
-    trusted : tuple of bool
-        Whether the data give no reason to doubt it, likewise.
-    """
-
+    # In the order of the models; None where a model has no such mode
     modes: tuple[Mode | None, ...]
-    trusted: tuple[bool, ...]
+    trusted: tuple[bool, ...]  # whether the data give no reason to doubt it, likewise
 
     @property
     def present(self) -> list[Mode]:
@@ -56,26 +49,17 @@ class MatchedMode:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Models side by side.
+    """Models side by side."""
 
-    Attributes
-    ----------
-    labels : tuple of str
-        One for each model, all different.
-    results : tuple of DatasetResults
-    """
-
-    labels: tuple[str, ...]
+    labels: tuple[str, ...]  # one for each model, all different
     results: tuple[DatasetResults, ...]
 
     @classmethod
     def of(cls, results: Sequence[DatasetResults], labels: Sequence[str] = ()) -> Comparison:
         """Compare data sets, by default under their names and, where these agree, their models.
 
-        Raises
-        ------
-        InputError
-            For fewer than two, more than :data:`MOST`, or labels that do not tell them apart.
+        Raises InputError for fewer than two, more than :data:`MOST`, or labels that do not tell
+        them apart.
         """
         if not 2 <= len(results) <= MOST:
             raise InputError(

@@ -33,50 +33,28 @@ from evopem.validation.validation import Validation, ValidationTables
 
 @dataclass(frozen=True, eq=False)
 class DatasetResults:
-    """The results of one data set, as typed objects and tables.
-
-    Attributes
-    ----------
-    settings : DatasetSettings
-    recording : Recording
-    recording_info : RecordingInfo
-    validation_recording_info : RecordingInfo, optional
-    prepared : PreparedData
-    candidates, frequency_response : pandas.DataFrame
-        As in the CSV files of these names.
-    model : ModelRecord
-    validation : Validation
-    validation_tables : ValidationTables
-    truth : Truth, optional
-    decisions : DecisionRecord, optional
-        Of the automatic recipe.
-    spectrum, time_response : pandas.DataFrame, optional
-        As in their CSV files, of one channel of each kind.
-    spectrum_summary : SpectrumSummary
-    phases : dict of str to PhaseSelection
-        By the names of the phases of the order search, in their order; of one channel.
-    searches : tuple of StructureSearch
-        Of several channels, like the choice.
-    choice : Choice, optional
-    """
+    """The results of one data set, as typed objects and tables."""
 
     settings: DatasetSettings
     recording: Recording
     recording_info: RecordingInfo
     validation_recording_info: RecordingInfo | None
     prepared: PreparedData
+    # candidates, frequency_response: as in the CSV files of these names
     candidates: pd.DataFrame
     frequency_response: pd.DataFrame
     model: ModelRecord
     validation: Validation
     validation_tables: ValidationTables
     truth: Truth | None
-    decisions: DecisionRecord | None
+    decisions: DecisionRecord | None  # of the automatic recipe
+    # spectrum, time_response: as in their CSV files, of one channel of each kind
     spectrum: pd.DataFrame
     time_response: pd.DataFrame
     spectrum_summary: SpectrumSummary
+    # By the names of the phases of the order search, in their order; of one channel
     phases: dict[str, PhaseSelection]
-    searches: tuple[StructureSearch, ...] = ()
+    searches: tuple[StructureSearch, ...] = ()  # of several channels, like the choice
     choice: Choice | None = None
 
     @property
@@ -138,10 +116,7 @@ def searched_range(
 def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> DatasetResults:
     """Read the results of one data set.
 
-    Raises
-    ------
-    InputError
-        When a file is missing or damaged.
+    Raises InputError when a file is missing or damaged.
     """
 
     def optional_table(path: str) -> pd.DataFrame:
@@ -186,10 +161,7 @@ def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> Data
 def read_table(path: str) -> pd.DataFrame:
     """Read a CSV table of the results.
 
-    Raises
-    ------
-    InputError
-        When the file is missing or not a table.
+    Raises InputError when the file is missing or not a table.
     """
     try:
         return pd.read_csv(path)

@@ -37,50 +37,28 @@ GAIN_BANDS = 60
 
 @dataclass(frozen=True)
 class DatasetSummary:
-    """The summary of one data set.
+    """The summary of one data set."""
 
-    Attributes
-    ----------
-    file, sha256 : str, optional
-        The recorded file; None for a synthetic recording.
-    sampling_rate : float
-        Hz, after all transforms.
-    estimation_samples, validation_samples : int
-    model : str
-        In a few words: structure and orders.
-    orders : Orders, optional
-        None for a state-space model.
-    bic : float
-    prediction_error_percent, simulation_error_percent : float
-    fitted_state_error_percent : float
-        Of a simulation from the state that fits the validation samples best.
-    checks : tuple of Check
-    modes : tuple of Mode
-    trusted : tuple of bool
-        For each mode whether the data give no reason to doubt it.
-    gain_db : tuple of float
-        Gain of the model in decibels: the largest in each of :data:`GAIN_BANDS` equal bands from
-        0 Hz to half the sampling rate, for a small plot. Of a model without input, of its noise
-        filter.
-    made_from : dict of str to str
-        SHA-256 of files that the summary was made from, by their names in the data set's folder.
-    """
-
+    # file, sha256: the recorded file; None for a synthetic recording
     file: str | None
     sha256: str | None
-    sampling_rate: float
+    sampling_rate: float  # Hz, after all transforms
     estimation_samples: int
     validation_samples: int
-    model: str
-    orders: Orders | None
+    model: str  # in a few words: structure and orders
+    orders: Orders | None  # None for a state-space model
     bic: float
     prediction_error_percent: float
     simulation_error_percent: float
+    # Of a simulation from the state that fits the validation samples best
     fitted_state_error_percent: float
     checks: tuple[Check, ...]
     modes: tuple[Mode, ...]
-    trusted: tuple[bool, ...]
+    trusted: tuple[bool, ...]  # for each mode whether the data give no reason to doubt it
+    # Gain of the model in decibels: the largest in each of :data:`GAIN_BANDS` equal bands from 0 Hz
+    # to half the sampling rate, for a small plot. Of a model without input, of its noise filter
     gain_db: tuple[float, ...]
+    # SHA-256 of files that the summary was made from, by their names in the data set's folder
     made_from: dict[str, str]
 
     @property
@@ -149,11 +127,7 @@ def recorded_modes(summary: DatasetSummary) -> list[RecordedMode]:
 def read_entry(files: DatasetFiles, required: Collection[str] = (), pending: bool = False) -> Entry:
     """Read the summary of a data set, or find out why its results are not whole.
 
-    Parameters
-    ----------
-    files : DatasetFiles
-    required, pending
-        As of :func:`evopem.results.identity.incompleteness`.
+    ``required``, ``pending``: as of :func:`evopem.results.identity.incompleteness`.
     """
     try:
         fault = incompleteness(files, required, pending)
@@ -170,14 +144,7 @@ def fleet_table(entries: Mapping[str, Entry]) -> pd.DataFrame:
     A data set without modes, or without complete results, has one row. Cells without a value are
     missing.
 
-    Parameters
-    ----------
-    entries : mapping of str to DatasetSummary or IncompleteDataset
-        By the names of the data sets.
-
-    Returns
-    -------
-    pandas.DataFrame
+    ``entries``: by the names of the data sets.
     """
     import pandas as pd
 

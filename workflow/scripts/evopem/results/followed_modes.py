@@ -41,53 +41,28 @@ NORMAL_95 = 1.959964
 
 @dataclass(frozen=True)
 class RecordedMode:
-    """A mode of one recording.
-
-    Attributes
-    ----------
-    frequency_hz, damping_ratio : float
-    frequency_se_hz, damping_se : float
-        Standard errors.
-    trusted : bool
-        Whether the data give no reason to doubt it.
-    shape : tuple of complex
-        Empty for a single output.
-    """
+    """A mode of one recording."""
 
     frequency_hz: float
     damping_ratio: float
+    # frequency_se_hz, damping_se: standard errors
     frequency_se_hz: float
     damping_se: float
-    trusted: bool = True
-    shape: tuple[complex, ...] = ()
+    trusted: bool = True  # whether the data give no reason to doubt it
+    shape: tuple[complex, ...] = ()  # empty for a single output
 
 
 @dataclass(frozen=True)
 class FollowedMode:
-    """One mode in the recordings of a structure that have it.
+    """One mode in the recordings of a structure that have it."""
 
-    Attributes
-    ----------
-    group : str
-        What the names of the recordings begin with.
-    number : int
-        From 1, by frequency.
-    recordings : tuple of str
-        Those that have it, in their order.
-    places : tuple of float
-        Position of each: its number from 1, or the value that the recordings are ordered by.
-    modes : tuple of RecordedMode
-        In each recording.
-    levels : Levels, optional
-        Of the frequency; None for too few recordings.
-    """
-
-    group: str
-    number: int
-    recordings: tuple[str, ...]
+    group: str  # what the names of the recordings begin with
+    number: int  # from 1, by frequency
+    recordings: tuple[str, ...]  # those that have it, in their order
+    # Position of each: its number from 1, or the value that the recordings are ordered by
     places: tuple[float, ...]
-    modes: tuple[RecordedMode, ...]
-    levels: Levels | None
+    modes: tuple[RecordedMode, ...]  # in each recording
+    levels: Levels | None  # of the frequency; None for too few recordings
 
     @property
     def frequency_hz(self) -> float:
@@ -123,17 +98,8 @@ def follow_modes(
     Only trusted modes with a known standard error are followed.  All tests of all modes together
     warn with a probability of at most :data:`FALSE_ALARMS` where nothing changes.
 
-    Parameters
-    ----------
-    recordings : mapping of str to sequence of RecordedMode
-        By name, in their order where no places are given.
-    places : mapping of str to float, optional
-        What the recordings are ordered by.
-
-    Returns
-    -------
-    list of FollowedMode
-        By group and frequency.
+    ``recordings``: by name, in their order where no places are given.  ``places``: what the
+    recordings are ordered by.  Returns by group and frequency.
     """
     groups: dict[str, list[str]] = {}
     for name in recordings:

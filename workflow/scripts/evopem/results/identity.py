@@ -21,30 +21,19 @@ from evopem.results.layout import DatasetFiles
 
 @dataclass(frozen=True)
 class IncompleteDataset:
-    """A data set whose results are not complete.
+    """A data set whose results are not complete."""
 
-    Attributes
-    ----------
-    status : {"failed", "unfinished"}
-        ``unfinished`` where the run ended before its jobs, or a job of it could not start.
-    problem : str
-        What is wrong, in a sentence.
-    log : str
-        The log that says more, relative to the data set's folder; empty where there is none.
-    """
-
+    # ``unfinished`` where the run ended before its jobs, or a job of it could not start
     status: Literal["failed", "unfinished"]
-    problem: str
+    problem: str  # what is wrong, in a sentence
+    # The log that says more, relative to the data set's folder; empty where there is none
     log: str = ""
 
 
 def check_results(files: DatasetFiles) -> None:
     """Refuse results that no run has finished, or that were changed afterwards.
 
-    Raises
-    ------
-    InputError
-        Naming the folder and what is wrong.
+    Raises InputError naming the folder and what is wrong.
     """
     fault = incompleteness(files)
     if fault is not None:
@@ -60,13 +49,8 @@ def incompleteness(
     They are whole if no job is left or unfinished, every required file exists, every file is as its
     job wrote it, and the summary was made from the present model, validation and recording.
 
-    Parameters
-    ----------
-    files : DatasetFiles
-    required : collection of path
-        Beside model, validation and summary.
-    pending : bool
-        Whether the run has ended with jobs of this data set left.
+    ``required``: beside model, validation and summary.  ``pending``: whether the run has ended with
+    jobs of this data set left.
     """
     needed = (*required, files.model, files.validation, files.summary)
     missing = next((file for file in needed if not Path(file).exists()), None)

@@ -52,17 +52,21 @@ BATCH_CHECKSUMS = f"{FOLDER}/checksums/{BATCH}.sha256"
 """What the job of a batch writes when all its recordings are identified."""
 
 
+class _File:
+    """The path of a file in a data set's folder."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __get__(self, files: DatasetFiles, owner: type | None = None) -> str:
+        return f"{files.folder}/{self.name}"
+
+
 @dataclass(frozen=True)
 class DatasetFiles:
-    """The files of one data set.
+    """The files of one data set."""
 
-    Attributes
-    ----------
-    folder : str
-        The data set's folder; in a rule it holds the wildcard, ``results/{dataset}``.
-    """
-
-    folder: str
+    folder: str  # the data set's folder; in a rule it holds the wildcard, ``results/{dataset}``
 
     @classmethod
     def of_dataset(cls, name: str) -> DatasetFiles:
@@ -79,64 +83,25 @@ class DatasetFiles:
         """Name of the data set."""
         return Path(self.folder).name
 
-    @property
-    def config(self) -> str:
-        """The complete configuration of the data set."""
-        return f"{self.folder}/config.yaml"
-
-    @property
-    def recording(self) -> str:
-        """Samples of the recording."""
-        return f"{self.folder}/recording.npz"
-
-    @property
-    def recording_info(self) -> str:
-        """Origin and properties of the recording."""
-        return f"{self.folder}/recording.json"
-
-    @property
-    def validation_recording(self) -> str:
-        """Samples of the independent recording for validation."""
-        return f"{self.folder}/validation_recording.npz"
-
-    @property
-    def validation_recording_info(self) -> str:
-        """Origin and properties of the independent recording for validation."""
-        return f"{self.folder}/validation_recording.json"
-
-    @property
-    def truth(self) -> str:
-        """The system behind a synthetic recording."""
-        return f"{self.folder}/truth.json"
-
-    @property
-    def prepared(self) -> str:
-        """Estimation and validation samples after all transforms."""
-        return f"{self.folder}/prepared.npz"
-
-    @property
-    def transforms(self) -> str:
-        """The transforms, with what undoes them."""
-        return f"{self.folder}/transforms.json"
-
-    @property
-    def spectrum(self) -> str:
-        """Multitaper spectrum and empirical frequency response, by frequency."""
-        return f"{self.folder}/spectrum.csv"
-
-    @property
-    def spectrum_summary(self) -> str:
-        """Settings and peaks of the spectrum."""
-        return f"{self.folder}/spectrum.json"
+    config = _File("config.yaml")  # the complete configuration of the data set
+    recording = _File("recording.npz")  # samples of the recording
+    recording_info = _File("recording.json")  # origin and properties of the recording
+    # Samples of the independent recording for validation
+    validation_recording = _File("validation_recording.npz")
+    # Origin and properties of the independent recording for validation
+    validation_recording_info = _File("validation_recording.json")
+    truth = _File("truth.json")  # the system behind a synthetic recording
+    prepared = _File("prepared.npz")  # estimation and validation samples after all transforms
+    transforms = _File("transforms.json")  # the transforms, with what undoes them
+    # Multitaper spectrum and empirical frequency response, by frequency
+    spectrum = _File("spectrum.csv")
+    spectrum_summary = _File("spectrum.json")  # settings and peaks of the spectrum
 
     def part(self, phase: str, part: int | str) -> str:
         """Candidates of one job of a phase."""
         return f"{self.phase_folder}/{phase}/part-{part}.json"
 
-    @property
-    def phase_folder(self) -> str:
-        """Folder with the files of all phases."""
-        return f"{self.folder}/phases"
+    phase_folder = _File("phases")  # folder with the files of all phases
 
     def phase(self, phase: str) -> str:
         """Selection and all candidates of a phase."""
@@ -158,20 +123,10 @@ class DatasetFiles:
         """The models of all orders of one form with its weighting, of several channels."""
         return self.decision(f"orders/{variant}")
 
-    @property
-    def decisions(self) -> str:
-        """All decisions of the automatic recipe, and its trials of remedies."""
-        return f"{self.folder}/decisions.json"
-
-    @property
-    def candidates(self) -> str:
-        """Every candidate of every phase."""
-        return f"{self.folder}/candidates.csv"
-
-    @property
-    def model(self) -> str:
-        """The model, for evopem and people."""
-        return f"{self.folder}/model.json"
+    # All decisions of the automatic recipe, and its trials of remedies
+    decisions = _File("decisions.json")
+    candidates = _File("candidates.csv")  # every candidate of every phase
+    model = _File("model.json")  # the model, for evopem and people
 
     def other_model(self, purpose: str) -> str:
         """The model of an automatic recipe for another purpose than that of :attr:`model`."""
@@ -181,60 +136,20 @@ class DatasetFiles:
         """What the model for another purpose reaches."""
         return self.decision(f"models/{purpose}")
 
-    @property
-    def model_mat(self) -> str:
-        """The model, for MATLAB."""
-        return f"{self.folder}/model.mat"
-
-    @property
-    def modes(self) -> str:
-        """Natural frequencies and damping ratios of plant and noise filter."""
-        return f"{self.folder}/modes.csv"
-
-    @property
-    def frequency_response(self) -> str:
-        """Frequency responses of plant and noise filter with 95 % intervals."""
-        return f"{self.folder}/frequency_response.csv"
-
-    @property
-    def time_response(self) -> str:
-        """Impulse and step responses with 95 % intervals."""
-        return f"{self.folder}/time_response.csv"
-
-    @property
-    def horizons(self) -> str:
-        """Errors of k-step predictions of the validation samples, by k."""
-        return f"{self.folder}/horizons.csv"
-
-    @property
-    def validation(self) -> str:
-        """Errors and residual tests."""
-        return f"{self.folder}/validation.json"
-
-    @property
-    def residual_autocorrelation(self) -> str:
-        """Autocorrelation of the residuals, by lag."""
-        return f"{self.folder}/residual_autocorrelation.csv"
-
-    @property
-    def cross_correlation(self) -> str:
-        """Cross-correlation of residuals and input, by lag."""
-        return f"{self.folder}/cross_correlation.csv"
-
-    @property
-    def simulation(self) -> str:
-        """Validation samples, predicted and simulated."""
-        return f"{self.folder}/simulation.csv"
-
-    @property
-    def summary(self) -> str:
-        """Orders, errors, modes and checks."""
-        return f"{self.folder}/summary.json"
-
-    @property
-    def report(self) -> str:
-        """The report."""
-        return f"{self.folder}/report.html"
+    model_mat = _File("model.mat")  # the model, for MATLAB
+    modes = _File("modes.csv")  # natural frequencies and damping ratios of plant and noise filter
+    # Frequency responses of plant and noise filter with 95 % intervals
+    frequency_response = _File("frequency_response.csv")
+    time_response = _File("time_response.csv")  # impulse and step responses with 95 % intervals
+    horizons = _File("horizons.csv")  # errors of k-step predictions of the validation samples, by k
+    validation = _File("validation.json")  # errors and residual tests
+    # Autocorrelation of the residuals, by lag
+    residual_autocorrelation = _File("residual_autocorrelation.csv")
+    # Cross-correlation of residuals and input, by lag
+    cross_correlation = _File("cross_correlation.csv")
+    simulation = _File("simulation.csv")  # validation samples, predicted and simulated
+    summary = _File("summary.json")  # orders, errors, modes and checks
+    report = _File("report.html")  # the report
 
     def figure(self, figure: str) -> str:
         """One figure of the report."""
@@ -245,20 +160,15 @@ class DatasetFiles:
         """All figures of the report, in its order."""
         return [self.figure(figure) for figure in FIGURES]
 
-    @property
-    def details(self) -> str:
-        """All other results of a recording that was identified in a batch."""
-        return f"{self.folder}/details.zip"
+    # All other results of a recording that was identified in a batch
+    details = _File("details.zip")
 
     @property
     def checksums(self) -> str:
         """Checksums of the results that one job has made."""
         return f"{self.folder}/checksums/{IDENTIFICATION}.sha256"
 
-    @property
-    def logs(self) -> str:
-        """Folder of the logs."""
-        return f"{self.folder}/logs"
+    logs = _File("logs")  # folder of the logs
 
     @property
     def batch_results(self) -> list[str]:
@@ -312,10 +222,7 @@ class DatasetFiles:
 def check_folders(names: Iterable[str]) -> None:
     """Refuse files where the folders of results must be.
 
-    Raises
-    ------
-    InputError
-        Naming the file.
+    Raises InputError naming the file.
     """
     for folder in (FOLDER, *(DatasetFiles.of_dataset(name).folder for name in names)):
         if Path(folder).is_symlink() and not Path(folder).exists():

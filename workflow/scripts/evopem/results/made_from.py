@@ -35,14 +35,7 @@ def mark_replaced_recordings(
     The content is compared, by its SHA-256, only where the size differs or the file's status
     changed after it was read; a touched file of equal content leaves everything as it is.
 
-    Parameters
-    ----------
-    datasets : mapping of str to DatasetSettings
-
-    Returns
-    -------
-    list of str
-        The recorded files whose results are out of date.
+    Returns the recorded files whose results are out of date.
     """
     replaced = []
     for path, recording, info in _read_files(datasets):
@@ -112,20 +105,11 @@ MADE_FROM = "made_from.json"
 
 @dataclass(frozen=True)
 class MadeFrom:
-    """What results depend on.
+    """What results depend on."""
 
-    Attributes
-    ----------
-    code : str
-        Digest of the package's code.
-    settings : str
-        SHA-256 of the settings of the data set.
-    recordings : dict of str to str
-        SHA-256 of each recorded file by its path, empty for one that does not exist.
-    """
-
-    code: str
-    settings: str
+    code: str  # digest of the package's code
+    settings: str  # SHA-256 of the settings of the data set
+    # SHA-256 of each recorded file by its path, empty for one that does not exist
     recordings: dict[str, str]
 
     @property

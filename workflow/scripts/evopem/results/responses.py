@@ -21,11 +21,7 @@ def frequency_response_rows(
 
     One row for each frequency of each pair; without an input none.
 
-    Parameters
-    ----------
-    record : ModelRecord
-    estimation : Recording
-        Samples behind the measured response.
+    ``estimation``: samples behind the measured response.
     """
     names = (
         *("frequency_hz", "output", "input", "gain", "gain_lower", "gain_upper", "phase_deg"),

@@ -13,19 +13,10 @@ EXCITED = 1e-4
 def excitation_order(inputs: ArrayLike, largest: int) -> int:
     """Number of directions of the input's past that it excites, out of ``largest``.
 
-    Parameters
-    ----------
-    inputs : array_like, shape (N,)
-        The input; its mean is removed.
-    largest : int
-        Size of the covariance matrix, na + nb for an ARMAX model.
-
-    Returns
-    -------
-    int
-        Eigenvalues of the ``largest`` × ``largest`` covariance matrix that are above 10⁻⁴ of the
-        biggest. ``largest`` means persistently exciting of that order in practice, not only in
-        rank (Ljung 1999, chapter 13).
+    ``inputs`` (N,): the input; its mean is removed.  ``largest``: size of the covariance matrix, na
+    + nb for an ARMAX model.  Returns the number of its eigenvalues above 10⁻⁴ of the biggest;
+    ``largest`` means persistently exciting of that order in practice, not only in rank (Ljung 1999,
+    chapter 13).
     """
     u = np.asarray(inputs, dtype=float)
     if u.size < largest or largest < 1 or np.ptp(u) == 0:

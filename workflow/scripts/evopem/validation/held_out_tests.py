@@ -26,26 +26,16 @@ MOST_WHITENING = 30
 
 @dataclass(frozen=True)
 class HeldOutTest:
-    """One-sided test that a part of a model improves predictions of held-out samples.
+    """One-sided test that a part of a model improves predictions of held-out samples."""
 
-    Attributes
-    ----------
-    coefficient : float
-        Regression coefficient of the prediction error without the part on what the part
-        contributes: about 1 for a part that is right, about 0 for one that is made of noise.
-    statistic : float
-        Student's t of the coefficient.
-    p_value : float
-        Of the statistic, for coefficients above 0.  NaN where no test is possible: fewer than
-        :data:`FEWEST_SAMPLES` samples, a part that contributes nothing, or an input that rests.
-    samples : int
-        Number of held-out samples.
-    """
-
+    # Regression coefficient of the prediction error without the part on what the part contributes:
+    # about 1 for a part that is right, about 0 for one that is made of noise
     coefficient: float
-    statistic: float
+    statistic: float  # Student's t of the coefficient
+    # Of the statistic, for coefficients above 0.  NaN where no test is possible: fewer than
+    # :data:`FEWEST_SAMPLES` samples, a part that contributes nothing, or an input that rests
     p_value: float
-    samples: int
+    samples: int  # number of held-out samples
 
     def significant(self, level: float) -> bool | None:
         """Whether the part is significant at a level; None where no test is possible."""
@@ -58,17 +48,13 @@ NO_TEST = HeldOutTest(math.nan, math.nan, math.nan, 0)
 
 @dataclass(frozen=True, eq=False)
 class HeldOutContribution:
-    """What one part of a model contributes to the outputs of a held-out record.
+    """What one part of a model contributes to the outputs of a held-out record."""
 
-    Attributes
-    ----------
-    errors_without, contributions : (N, ny) arrays
-    nuisance : sequence of (N, k) arrays
-        Further regressors of each output, with coefficients of their own; a constant always is one.
-    """
-
+    # errors_without, contributions: (N, ny)
     errors_without: Array
     contributions: Array
+    # (N, k) Further regressors of each output, with coefficients of their own; a constant always is
+    # one
     nuisance: Sequence[Array]
 
 
@@ -204,11 +190,8 @@ def improvement_test(records: Sequence[tuple[Array, Array]]) -> HeldOutTest:
     Student's t of the mean difference of squared errors (Diebold & Mariano 1995), whitened as in
     :func:`joint_contribution_test`.  The coefficient is the relative decrease of the mean square.
 
-    Parameters
-    ----------
-    records : sequence of two (N, l) arrays
-        Errors without and with the part over held-out samples of each record; each output is
-        weighed by the inverse of its error with it.
+    ``records`` (N, l): errors without and with the part over held-out samples of each record; each
+    output is weighed by the inverse of its error with it.
     """
     from scipy.special import stdtr
 

@@ -33,47 +33,24 @@ FREEDOM = 0.25
 
 @dataclass(frozen=True)
 class LevelChange:
-    """A step from one level to another.
+    """A step from one level to another."""
 
-    Attributes
-    ----------
-    index : int
-        First estimate at the new level.
-    before, after : float
-        Levels on either side, up to the next step.
-    standard_error : float
-        Of their difference.
-    p_value : float
-        That a step as significant as this one is found anywhere where there is none.
-    """
-
-    index: int
+    index: int  # first estimate at the new level
+    # before, after: levels on either side, up to the next step
     before: float
     after: float
-    standard_error: float
-    p_value: float
+    standard_error: float  # of their difference
+    p_value: float  # that a step as significant as this one is found anywhere where there is none
 
 
 @dataclass(frozen=True)
 class Levels:
-    """Levels of a sequence of estimates.
+    """Levels of a sequence of estimates."""
 
-    Attributes
-    ----------
-    values : tuple of float
-        Level at each estimate.
-    scatter : float
-        Standard deviation beyond the standard errors.
-    changes : tuple of LevelChange
-        By index.
-    outlying : tuple of int
-        Single estimates away from their level.
-    """
-
-    values: tuple[float, ...]
-    scatter: float
-    changes: tuple[LevelChange, ...]
-    outlying: tuple[int, ...]
+    values: tuple[float, ...]  # level at each estimate
+    scatter: float  # standard deviation beyond the standard errors
+    changes: tuple[LevelChange, ...]  # by index
+    outlying: tuple[int, ...]  # single estimates away from their level
 
 
 def find_levels(values: Array, standard_errors: Array, significance: float) -> Levels:
@@ -84,11 +61,7 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
     significant step and each part tested again, with a quarter of the significance at each
     division, so that all parts together keep to it.
 
-    Parameters
-    ----------
-    values, standard_errors : (n,) arrays
-        Finite, standard errors above 0.
-    significance : float
+    ``values``, ``standard_errors`` (n,): finite, standard errors above 0.
     """
     count = len(values)
     scatter = excess_scatter(values, standard_errors)
@@ -121,9 +94,7 @@ def excess_scatter(values: Array, standard_errors: Array) -> float:
     squared normal variables, less half of that median's standard error: too small a scatter
     would make false alarms.  0 where they are smaller without it.
 
-    Parameters
-    ----------
-    values, standard_errors : (n,) arrays
+    ``values``, ``standard_errors`` (n,).
     """
     from scipy.optimize import brentq
 
@@ -148,14 +119,8 @@ def step_probability(statistic: float, splits: int, first: float, last: float) -
     The smaller of Bonferroni's bound and the tail of the standardised Brownian bridge between two
     times, ``P(max |B(t)| / sqrt(t (1 - t)) > b)`` (Miller & Siegmund 1982, eq. 8).
 
-    Parameters
-    ----------
-    statistic : float
-        Largest ``|difference of means| / standard error``, b.
-    splits : int
-        Places that were tried.
-    first, last : float
-        Share of the weight before the first and the last of them.
+    ``statistic``: largest ``|difference of means| / standard error``, b.  ``splits``: places that
+    were tried.  ``first``, ``last``: share of the weight before the first and the last of them.
     """
     b = statistic
     single = math.erfc(b / math.sqrt(2.0))

@@ -64,46 +64,28 @@ class PoleOfOrder:
 
 @dataclass(frozen=True, eq=False)
 class ModeEvidence:
-    """A mode with what the data say about it.
-
-    Attributes
-    ----------
-    mode : Mode
-    order : int
-        Order of the model that it is taken from.
-    orders : tuple of int
-        Orders whose models have it.
-    recurrence : float
-        Share of the other orders that have it, of those with more poles than all modes need: that
-        the others lack it says nothing about it.  NaN where there are none.
-    input_test : HeldOutTest
-        Of the mode's response to the inputs, on held-out samples beside the responses of all other
-        modes; one test of all outputs.
-    noise_test : HeldOutTest
-        Of one-step predictions with the pole in the noise filter: of one output against those
-        without it and the zeros nearest to it, of several of what the mode adds, driven by past
-        innovations, beside all other modes.
-    reached, needed_by_noise : bool or None
-        Whether they are significant; None where a test was not possible.
-    doubts : tuple of str
-        Reasons not to trust it, see :func:`doubts`.
-    shape_doubt : str
-        Reason not to trust its shape, see :func:`shape_doubt`.
-    pair : int or None
-        Of a shape that is doubted: the row of the table with the neighbour whose shape spans with
-        this one a plane that is known.
-    """
+    """A mode with what the data say about it."""
 
     mode: Mode
-    order: int
-    orders: tuple[int, ...]
+    order: int  # order of the model that it is taken from
+    orders: tuple[int, ...]  # orders whose models have it
+    # Share of the other orders that have it, of those with more poles than all modes need: that the
+    # others lack it says nothing about it.  NaN where there are none
     recurrence: float
+    # Of the mode's response to the inputs, on held-out samples beside the responses of all other
+    # modes; one test of all outputs
     input_test: HeldOutTest
+    # reached, needed_by_noise: whether they are significant; None where a test was not possible
     reached: bool | None
+    # Of one-step predictions with the pole in the noise filter: of one output against those without
+    # it and the zeros nearest to it, of several of what the mode adds, driven by past innovations,
+    # beside all other modes
     noise_test: HeldOutTest
     needed_by_noise: bool | None
-    doubts: tuple[str, ...] = ()
-    shape_doubt: str = ""
+    doubts: tuple[str, ...] = ()  # reasons not to trust it, see :func:`doubts`
+    shape_doubt: str = ""  # reason not to trust its shape, see :func:`shape_doubt`
+    # Of a shape that is doubted: the row of the table with the neighbour whose shape spans with
+    # this one a plane that is known
     pair: int | None = None
 
     @property
@@ -218,14 +200,8 @@ def table_of_models(
 ) -> ModeTable:
     """The table of models of several orders, of which one was chosen.
 
-    Parameters
-    ----------
-    models : sequence of OrderModel
-        By order.
-    chosen : int
-        The order whose modes are all listed.
-    held_out : callable
-        Gives the stretches for the tests of a model; without any they are not possible.
+    ``models``: by order.  ``chosen``: the order whose modes are all listed.  ``held_out``: gives
+    the stretches for the tests of a model; without any they are not possible.
     """
     by_order = {each.order: each for each in models}
     tests: dict[int, list[tuple[HeldOutTest, HeldOutTest]]] = {}

@@ -24,21 +24,13 @@ NOISE_GRID = 33
 
 @dataclass(frozen=True)
 class PeakEvidence:
-    """The density of the output at a peak of its spectrum, compared with the model's.
-
-    Attributes
-    ----------
-    frequency_hz : float
-    excess : float
-        Density of the output over that of the model's response to the measured input and of its
-        noise; NaN where the model gives no finite density.
-    chance : float
-        Excess that chance reaches in 1 % of records, at whichever frequency.
-    """
+    """The density of the output at a peak of its spectrum, compared with the model's."""
 
     frequency_hz: float
+    # Density of the output over that of the model's response to the measured input and of its
+    # noise; NaN where the model gives no finite density
     excess: float
-    chance: float
+    chance: float  # excess that chance reaches in 1 % of records, at whichever frequency
 
 
 def peak_evidence(
@@ -53,10 +45,7 @@ def peak_evidence(
     counts every resolution cell (width 2W), because peaks are picked from all of them
     (Bonferroni).
 
-    Returns
-    -------
-    tuple of PeakEvidence
-        By rising frequency; empty where no spectrum can be estimated.
+    Returns by rising frequency; empty where no spectrum can be estimated.
     """
     from scipy.stats import chi2
 

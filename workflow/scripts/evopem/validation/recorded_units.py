@@ -16,22 +16,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RecordedErrors:
-    """Errors of an output in the units of the recording, over the scored validation samples.
+    """Errors of an output in the units of the recording, over the scored validation samples."""
 
-    Attributes
-    ----------
-    prediction_error_percent, simulation_error_percent : float
-        ``100 ||y - yhat|| / ||y - mean(y)||``; NaN where no sample is defined.
-    undefined_samples : int
-        Simulated samples that leave the range of the Box-Cox transform and have no recorded value.
-    integrations : int
-        Number of times that the inverse of differencing sums up the error of the simulation. From
-        1 on this error drifts, and its percentage grows with the length of the record.
-    """
-
+    # prediction_error_percent, simulation_error_percent: ``100 ||y - yhat|| / ||y - mean(y)||``;
+    # NaN where no sample is defined
     prediction_error_percent: float
     simulation_error_percent: float
+    # Simulated samples that leave the range of the Box-Cox transform and have no recorded value
     undefined_samples: int
+    # Number of times that the inverse of differencing sums up the error of the simulation. From 1
+    # on this error drifts, and its percentage grows with the length of the record
     integrations: int
 
 

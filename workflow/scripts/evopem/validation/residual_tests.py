@@ -37,11 +37,7 @@ def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:
     1980): the trapezoidal rule is applied with a step that keeps the aliasing error below
     :data:`ACCURACY`.  NaN when no weight is positive or the value is not finite.
 
-    Parameters
-    ----------
-    value : float
-    weights : array_like
-        Of at least zero.
+    ``weights``: of at least zero.
     """
     from scipy.special import chdtrc
 
@@ -129,22 +125,11 @@ def whiteness_test(
     weighted sum of chi-square variables that follows from
     :func:`residual_autocorrelation_covariance`.
 
-    Parameters
-    ----------
-    residuals : (N,) array_like
-        Prediction errors on the samples that the fit has scored.
-    jacobian : iterable of (M, p) arrays
-        Consecutive rows of the Jacobian of these residuals with respect to everything estimated,
-        N rows in all, as the prediction errors yield them.
-    lags : int
-        Number of lags tested jointly, less than N.
-    objective : {"absolute", "quadratic"}
-        What the fit minimised.
-
-    Raises
-    ------
-    ValueError
-        When there are not more residuals than lags, or the objective is not known.
+    ``residuals`` (N,): prediction errors on the samples that the fit has scored.  ``jacobian`` (M,
+    p): consecutive rows of the Jacobian of these residuals with respect to everything estimated, N
+    rows in all, as the prediction errors yield them.  ``lags``: number of lags tested jointly, less
+    than N.  ``objective`` {"absolute", "quadratic"}: what the fit minimised.  Raises ValueError
+    when there are not more residuals than lags, or the objective is not known.
     """
     check_choice("objective", objective, OBJECTIVES)
     e = np.asarray(residuals, dtype=float)
@@ -175,14 +160,8 @@ def residual_autocorrelation_covariance(
     structure.  The absolute objective uses the score ``sign(e)``, and ``X J^-1 X'`` is weighed by
     ``(2 k E|e| - k^2) / var(e)``, with ``k = 1 / (2 f(0))`` and f the density of the residuals.
 
-    Parameters
-    ----------
-    residuals, jacobian, lags, objective
-        As for :func:`whiteness_test`.
-
-    Returns
-    -------
-    (lags, lags) array
+    ``residuals``, ``jacobian``, ``lags``, ``objective``: as for :func:`whiteness_test`.  Returns
+    (lags, lags).
     """
     e = np.asarray(residuals, dtype=float)
     scale = float(np.sqrt(np.mean(e**2) * e.size))
@@ -220,20 +199,11 @@ def _score_weight(residuals: Array, estimated: int, objective: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ResidualCorrelation:
-    """Correlations of residuals with themselves or with the input.
+    """Correlations of residuals with themselves or with the input."""
 
-    Attributes
-    ----------
-    lag : (L,) int array
-    values : (L,) array
-        Normalised to ±1; ``nan`` where a series does not vary.
-    bound95 : (L,) array
-        95 % bound of each, were the residuals white and independent of the input.
-    """
-
-    lag: NDArray[np.int64]
-    values: Array
-    bound95: Array
+    lag: NDArray[np.int64]  # (L,)
+    values: Array  # (L,) Normalised to ±1; ``nan`` where a series does not vary
+    bound95: Array  # (L,) 95 % bound of each, were the residuals white and independent of the input
 
     @property
     def largest_ratio(self) -> float:
@@ -261,12 +231,8 @@ def apart(signal: Array, bounds: Sequence[int], lags: int) -> Array:
 
     Without that mean, products of samples up to ``lags`` apart are those within the recordings.
 
-    Parameters
-    ----------
-    signal : (N,) array
-    bounds : sequence of int
-        First sample of each of several recordings, and N; none for one recording.
-    lags : int
+    ``signal`` (N,).  ``bounds``: first sample of each of several recordings, and N; none for one
+    recording.
     """
     if len(bounds) <= 2:
         return signal
@@ -280,25 +246,12 @@ def autocorrelation_of(
 ) -> ResidualCorrelation:
     """Sample autocorrelation of the residuals, with the 95 % bound of a white sequence.
 
-    Parameters
-    ----------
-    residuals : array_like, shape (N,)
-        Prediction errors on the estimation samples.
-    lags : int
-        Largest lag; cut to N - 1.
-    bounds : sequence of int
-        First sample of each of several recordings, and N; none for one recording.
-
-    Returns
-    -------
-    ResidualCorrelation
-        At lags 0, 1, …: biased estimate, mean removed. The bound is 1.96/√N, and 0 at lag 0, where
-        the value is 1 by definition.
-
-    Notes
-    -----
-    Ljung (1999), section 16.6. A fitted model makes the first few lags smaller than the bound
-    allows for, so the bound is cautious there (Box and Pierce 1970).
+    ``residuals`` (N,): prediction errors on the estimation samples.  ``lags``: largest lag; cut to
+    N - 1.  ``bounds``: first sample of each of several recordings, and N; none for one recording.
+    Returns at lags 0, 1, …: biased estimate, mean removed. The bound is 1.96/√N, and 0 at lag 0,
+    where the value is 1 by definition.  Ljung (1999), section 16.6. A fitted model makes the first
+    few lags smaller than the bound allows for, so the bound is cautious there (Box and Pierce
+    1970).
     """
     e = np.asarray(residuals, dtype=float)
     lags = min(lags, e.size - 1)
@@ -336,28 +289,14 @@ def correlation_with_input(
 ) -> ResidualCorrelation:
     """Cross-correlation of residuals with the input, with its 95 % bound.
 
-    Parameters
-    ----------
-    residuals, inputs : array_like, shape (N,)
-        The two series over the same samples.
-    lags : int
-        Largest lag to either side; cut to N - 1.
-    bounds : sequence of int
-        First sample of each of several recordings, and N; none for one recording.
-
-    Returns
-    -------
-    ResidualCorrelation
-        Of ``e(t)`` with ``u(t - lag)``, lags from -lags to lags, both without mean. At positive
-        lags the residual follows the input: dynamics the model missed. At negative lags it
-        precedes it: feedback.
-
-    Notes
-    -----
-    Ljung (1999), section 16.6: for independent e and u, √N R_eu is asymptotically normal with
-    variance P = Σ_k R_e(k) R_u(k), so a coloured input widens the bound only as far as the
-    residuals are coloured too. The sum runs over all sample lags, where it equals a sum of
-    products of periodograms and cannot be negative.
+    ``residuals``, ``inputs`` (N,): the two series over the same samples.  ``lags``: largest lag to
+    either side; cut to N - 1.  ``bounds``: first sample of each of several recordings, and N; none
+    for one recording.  Returns of ``e(t)`` with ``u(t - lag)``, lags from -lags to lags, both
+    without mean. At positive lags the residual follows the input: dynamics the model missed. At
+    negative lags it precedes it: feedback.  Ljung (1999), section 16.6: for independent e and u, √N
+    R_eu is asymptotically normal with variance P = Σ_k R_e(k) R_u(k), so a coloured input widens
+    the bound only as far as the residuals are coloured too. The sum runs over all sample lags,
+    where it equals a sum of products of periodograms and cannot be negative.
     """
     e, u = np.asarray(residuals, dtype=float), np.asarray(inputs, dtype=float)
     lags = min(lags, e.size - 1)

@@ -28,23 +28,12 @@ Model = PolynomialModel | StateSpaceModel
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A stretch of validation samples, with the samples before it where these are known.
+    """A stretch of validation samples, with the samples before it where these are known."""
 
-    Attributes
-    ----------
-    model : PolynomialModel or StateSpaceModel
-        With the level of this stretch.
-    recording : Recording
-        The validation samples.
-    before : Recording, optional
-        What they continue.
-    states : tuple of arrays
-        Of the predictor, at the first sample of all: plant and noise state, or one state.
-    """
-
-    model: Model
-    recording: Recording
-    before: Recording | None
+    model: Model  # with the level of this stretch
+    recording: Recording  # the validation samples
+    before: Recording | None  # what they continue
+    # Of the predictor, at the first sample of all: plant and noise state, or one state
     states: tuple[Array, ...]
 
     @property

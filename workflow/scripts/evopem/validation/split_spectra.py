@@ -30,27 +30,17 @@ LONGEST_SEGMENT = 8192
 
 @dataclass(frozen=True)
 class SplitSpectra:
-    """How far the validation input has power where the estimation input has none.
+    """How far the validation input has power where the estimation input has none."""
 
-    Attributes
-    ----------
-    share_outside : float
-        Share of the validation input's power in bands without power in the estimation input, 0 to
-        1; NaN where a part is too short or constant.
-    share_untested : float
-        Share of the estimation input's power in bands without power in the validation input.
-    bands_hz : tuple of (float, float)
-        The bands of ``share_outside``, with at least a hundredth of the power each.
-    resolution_hz : float
-        Of both spectra.
-    comparable : bool or None
-        Whether ``share_outside`` is at most :data:`LARGEST_SHARE`; None where it is not known.
-    """
-
+    # Share of the validation input's power in bands without power in the estimation input, 0 to 1;
+    # NaN where a part is too short or constant
     share_outside: float
+    # Share of the estimation input's power in bands without power in the validation input
     share_untested: float
+    # The bands of ``share_outside``, with at least a hundredth of the power each
     bands_hz: tuple[tuple[float, float], ...]
-    resolution_hz: float
+    resolution_hz: float  # of both spectra
+    # Whether ``share_outside`` is at most :data:`LARGEST_SHARE`; None where it is not known
     comparable: bool | None
 
 
@@ -62,12 +52,7 @@ def split_spectra(
     Both are averages over segments as long as the shorter part, so that lines have equal width,
     and scaled to unit power: amplitude alone makes no difference to a linear model.
 
-    Parameters
-    ----------
-    estimation, validation : (N,), (M,) array_like
-        The input of each part.
-    sampling_rate : float
-        Hz.
+    ``estimation``, ``validation`` (N,): the input of each part.  ``sampling_rate``: Hz.
     """
     parts = [np.asarray(part, dtype=float) for part in (estimation, validation)]
     length = min(LONGEST_SEGMENT, *(part.size for part in parts))

@@ -24,20 +24,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TestedResiduals:
-    """Residuals, (N, l), and the inputs of the same samples, (N, m).
-
-    Attributes
-    ----------
-    bounds : tuple of int
-        First residual of each stretch, and N.
-    jacobian : callable, optional
-        Gives the derivatives of the residuals of the one output by everything estimated, in blocks
-        of rows.
-    """
+    """Residuals, (N, l), and the inputs of the same samples, (N, m)."""
 
     residuals: Array
     inputs: Array
-    bounds: tuple[int, ...]
+    bounds: tuple[int, ...]  # first residual of each stretch, and N
+    # Gives the derivatives of the residuals of the one output by everything estimated, in blocks of
+    # rows
     jacobian: Callable[[], Iterator[Array]] | None = None
 
 
@@ -56,10 +49,7 @@ def of_estimation(
     Each stretch begins with the states that fit it best, and each of several recordings has a
     level of its own.
 
-    Raises
-    ------
-    ValueError
-        When no stretch is long enough.
+    Raises ValueError when no stretch is long enough.
     """
     orders = model.orders
     first = orders.first_residual

@@ -20,36 +20,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OutputValidation:
-    """Errors and tests of one output; NaN where a number could not be computed.
-
-    Attributes
-    ----------
-    name, unit : str
-    prediction_error_percent, simulation_error_percent, fitted_state_error_percent : float
-        As of :class:`Validation`.
-    recorded : RecordedErrors
-        The errors in the units of the recording.
-    horizon_errors_percent : tuple of float
-        Errors of predictions, by the horizons of the validation.
-    ljung_box : WhitenessTest
-    autocorrelation_share_inside95 : float
-        Share of the residual autocorrelations inside their 95 % bounds.
-    outlier_percent : float
-        Percentage of residuals beyond five robust standard deviations.
-    peaks : tuple of PeakEvidence
-        For each peak of the output's spectrum whether the model gives the output that much power.
-    """
+    """Errors and tests of one output; NaN where a number could not be computed."""
 
     name: str
     unit: str
+    # prediction_error_percent, simulation_error_percent, fitted_state_error_percent: as of
+    # :class:`Validation`
     prediction_error_percent: float
     simulation_error_percent: float
     fitted_state_error_percent: float
-    recorded: RecordedErrors
+    recorded: RecordedErrors  # the errors in the units of the recording
+    # Errors of predictions, by the horizons of the validation
     horizon_errors_percent: tuple[float, ...]
     ljung_box: WhitenessTest
+    # Share of the residual autocorrelations inside their 95 % bounds
     autocorrelation_share_inside95: float
-    outlier_percent: float
+    outlier_percent: float  # percentage of residuals beyond five robust standard deviations
+    # For each peak of the output's spectrum whether the model gives the output that much power
     peaks: tuple[PeakEvidence, ...]
 
 
@@ -89,53 +76,33 @@ class Validation:
 
     Errors are ``100 ||y - yhat|| / ||y - mean(y)||`` over the scored validation samples, means over
     the outputs, and fits are 100 minus the error, as MATLAB's ``compare`` has them.
-
-    Attributes
-    ----------
-    samples, unscored_samples : int
-        Validation samples that are scored, and those before them that are not.
-    prediction_error_percent : float
-        One step ahead.
-    simulation_error_percent : float
-        Of a simulation that runs on from the estimation samples, or in another recording from the
-        state that its first samples determine; NaN without an input.
-    fitted_state_error_percent : float
-        Of a simulation from the initial state that fits the validation samples best.
-    outputs : tuple of OutputValidation
-    inputs : tuple of InputValidation
-    pairs : tuple of PairCorrelation
-        Of each output with each input.
-    horizons : tuple of int
-        Samples ahead of the predictions.
-    stretches : tuple of StretchErrors
-    tested : {"estimation", "validation"}
-        Samples whose residuals the tests use, and ``residual_samples`` of them.
-    lags, correlation_lags : int
-        Largest lag of the residual autocorrelations, and of the cross-correlations to either side.
-    input_test : HeldOutTest
-        Of the response of all outputs to the inputs, on samples that the model was not estimated
-        from.
-    resolution_hz : float
-        Of the spectra whose peaks are judged.
-    modes : ModeTable
     """
 
+    # samples, unscored_samples: validation samples that are scored, and those before them that are
+    # not
     samples: int
     unscored_samples: int
-    prediction_error_percent: float
+    prediction_error_percent: float  # one step ahead
+    # Of a simulation that runs on from the estimation samples, or in another recording from the
+    # state that its first samples determine; NaN without an input
     simulation_error_percent: float
+    # Of a simulation from the initial state that fits the validation samples best
     fitted_state_error_percent: float
     outputs: tuple[OutputValidation, ...]
     inputs: tuple[InputValidation, ...]
-    pairs: tuple[PairCorrelation, ...]
-    horizons: tuple[int, ...]
+    pairs: tuple[PairCorrelation, ...]  # of each output with each input
+    horizons: tuple[int, ...]  # samples ahead of the predictions
     stretches: tuple[StretchErrors, ...]
+    # Samples whose residuals the tests use, and ``residual_samples`` of them
     tested: Literal["estimation", "validation"]
     residual_samples: int
+    # lags, correlation_lags: largest lag of the residual autocorrelations, and of the
+    # cross-correlations to either side
     lags: int
     correlation_lags: int
+    # Of the response of all outputs to the inputs, on samples that the model was not estimated from
     input_test: HeldOutTest
-    resolution_hz: float
+    resolution_hz: float  # of the spectra whose peaks are judged
     modes: ModeTable
 
     @property

@@ -66,24 +66,13 @@ class OrderRange:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What checks are judged by.
-
-    Attributes
-    ----------
-    model : ModelRecord
-    validation : Validation
-    recording : RecordingInfo
-    ranges : tuple of OrderRange
-        Of all orders that were searched.
-    is_automatic : bool
-        Whether the automatic recipe has tried what advice would be.
-    """
+    """What checks are judged by."""
 
     model: ModelRecord
     validation: Validation
     recording: RecordingInfo
-    ranges: tuple[OrderRange, ...] = field(default=())
-    is_automatic: bool = False
+    ranges: tuple[OrderRange, ...] = field(default=())  # of all orders that were searched
+    is_automatic: bool = False  # whether the automatic recipe has tried what advice would be
 
 
 def failed_checks(checks: Iterable[Check]) -> list[Check]:

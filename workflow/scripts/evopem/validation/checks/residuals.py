@@ -38,16 +38,9 @@ WITHOUT_NOISE_MODEL = ("fir", "oe")
 def are_white(p_value: float, share: float, lags: int, outputs: int = 1) -> bool | None:
     """Whether residuals are as white as a test can tell; None where it was not possible.
 
-    Parameters
-    ----------
-    p_value : float
-        Of the joint test.
-    share : float
-        Share of the autocorrelations inside their 95 % bounds, 0 to 1.
-    lags : int
-        Number of these.
-    outputs : int
-        That are judged together, by Bonferroni's bound.
+    ``p_value``: of the joint test.  ``share``: share of the autocorrelations inside their 95 %
+    bounds, 0 to 1.  ``lags``: number of these.  ``outputs``: that are judged together, by
+    Bonferroni's bound.
     """
     if math.isnan(share) or math.isnan(p_value) or lags < 1:
         return None
@@ -57,16 +50,9 @@ def are_white(p_value: float, share: float, lags: int, outputs: int = 1) -> bool
 def are_independent(largest: float, share: float, lags: int, pairs: int = 1) -> bool:
     """Whether the cross-correlations of residuals and input are as small as chance makes them.
 
-    Parameters
-    ----------
-    largest : float
-        The largest one, in its 95 % bounds.
-    share : float
-        Share of them inside these bounds, 0 to 1.
-    lags : int
-        Largest lag, of both signs.
-    pairs : int
-        Of outputs and inputs, judged together by Bonferroni's bound.
+    ``largest``: the largest one, in its 95 % bounds.  ``share``: share of them inside these bounds,
+    0 to 1.  ``lags``: largest lag, of both signs.  ``pairs``: of outputs and inputs, judged
+    together by Bonferroni's bound.
     """
     allowed = largest_by_chance((2 * lags + 1) * pairs)
     return largest <= allowed and share >= MIN_CROSS_CORRELATION_SHARE
