@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.held_out import simulated_from_fitted_state, simulated_on
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import (
     estimate_level,
@@ -84,22 +83,23 @@ class HeldOut:
         """
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
+        known, u, y = max(self.first + self.unscored, 1), self.inputs, self.outputs
         if isinstance(self.model, StateSpaceModel):
-            return simulated_on(self.model, self.before, self.recording, free_level)
-        known = max(self.first + self.unscored, 1)
-        y = self.outputs[:, 0]
-        found = simulate_from_first(self.model, self.inputs, y, known, free_level)
+            found = self.model.simulate_from_first(u, y, known, free_level)
+        else:
+            found = simulate_from_first(self.model, u, y[:, 0], known, free_level)[:, None]
         if free_level:
-            found = found + np.mean((y - found)[known:])
-        return found[self.first :, None]
+            found = found + np.mean((y - found)[known:], axis=0)
+        return found[self.first :]
 
     def fitted(self, free_level: bool) -> Array:
         """Response of the validation samples, (N, l), from the state that fits them best."""
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
-        if isinstance(self.model, StateSpaceModel):
-            return simulated_from_fitted_state(self.model, self.recording, free_level)
         u, y = self.recording.inputs, self.recording.outputs[:, 0]
+        if isinstance(self.model, StateSpaceModel):
+            outputs = self.recording.outputs
+            return self.model.simulate_from_fitted_state(u, outputs, free_level)
         if free_level:
             return simulate_with_fitted_level(self.model, u, y)[:, None]
         return self.model.simulate(u, estimate_simulation_state(self.model, u, y))[:, None]
