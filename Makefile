@@ -11,7 +11,7 @@ UPGRADE ?=
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 
-.PHONY: report test matrix quick test-slurm lint format docs lock audit fuzz bench screenshots clean
+.PHONY: report test matrix quick test-slurm lint format docs keys lock audit fuzz bench screenshots clean
 .DEFAULT_GOAL := report
 
 report: $(VENV)/installed  ## run config.yaml from data to report
@@ -52,6 +52,9 @@ format: $(VENV)/installed-dev  ## bring every file into the style
 
 docs: $(VENV)/installed-docs  ## build the documentation site into site/; a warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+
+keys: $(VENV)/installed-dev  ## write the schema for editors and the tables of docs/configuration.md
+	$(BIN)/python docs/write_keys.py
 
 lock: $(VENV)/installed-dev  ## bring the lock files in line with pyproject.toml; UPGRADE=--upgrade takes the newest versions
 	$(COMPILE) $(UPGRADE) --output-file requirements.lock
