@@ -31,7 +31,7 @@ from search_certificate import NOISES, REFERENCE_FACTOR, Row, rates, read  # noq
 from state_space import RATE, recorded, truth  # noqa: E402
 
 from evopem import SearchSettings  # noqa: E402
-from evopem.config.structures import VARIANTS  # noqa: E402
+from evopem.config.structures import STATE_SPACE_FORMS  # noqa: E402
 from evopem.estimation.search.certificate import is_certified  # noqa: E402
 from evopem.estimation.search.memetic import memetic_search  # noqa: E402
 from evopem.estimation.search.problem import SearchDiagnostics  # noqa: E402
@@ -48,7 +48,7 @@ from evopem.signals.recording import Recording  # noqa: E402
 
 CHANNELS = ((2, 2), (1, 3))
 LENGTHS = (200, 500, 1000, 2000)
-FORMS = dict(VARIANTS[:2])
+FORMS = {form: STATE_SPACE_FORMS[form] for form in ("ss", "ss_oe")}
 # Evaluations of the comparison, in those of a search, where nothing was certified.
 UNCERTIFIED_FACTOR = 3
 # Estimates of each order that the wide sweep descends from.

@@ -7,7 +7,7 @@ import yaml
 
 from evopem.config.channels import ChannelPlace, UnitSettings
 from evopem.config.defaults import complete
-from evopem.config.structures import searched_variants
+from evopem.config.structures import searched_forms
 from evopem.config.yaml_form import keys_of, read_settings, yaml_text
 from evopem.errors import InputError
 
@@ -64,26 +64,26 @@ def test_several_inputs_and_one_output_take_every_polynomial_structure():
     for structure in ("fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"):
         found = dataset(keys.format(structure))
         assert not found.is_single_channel
-        assert searched_variants(found) == ((structure, "determinant"),)
+        assert searched_forms(found) == (structure,)
         assert found.automatic.orders.joint == (2, 5)
 
 
 def test_polynomial_structures_are_searched_beside_state_space_where_nothing_is_written():
     polynomial = ["arx", "armax", "oe", "bj"]
-    of_one_output = searched_variants(dataset("input: [u1, u2]\n    output: y"))
-    assert [form for form, _ in of_one_output][4:] == polynomial
+    of_one_output = searched_forms(dataset("input: [u1, u2]\n    output: y"))
+    assert list(of_one_output[4:]) == polynomial
     for keys in (
         "input: [u1, u2]\n    output: [y, z]",
         "input: [u1, u2]\n    output: 'y*'",
         "input: [u1, u2]\n    output: y\n    structure: state_space",
         "input: [u1, u2]\n    output: y\n    form: ss",
     ):
-        assert not set(polynomial).intersection(dict(searched_variants(dataset(keys))))
+        assert not set(polynomial).intersection(searched_forms(dataset(keys)))
 
 
 def test_a_structure_from_the_defaults_holds_for_several_inputs_too():
     found = dataset("input: [u1, u2]\n    output: y", "{structure: oe, form: ss}")
-    assert searched_variants(found) == (("oe", "determinant"),)
+    assert searched_forms(found) == ("oe",)
 
 
 @pytest.mark.parametrize("keys", ["form: ss", "orders: {nx: 3}", "weighting: noise"])
@@ -183,14 +183,14 @@ def test_constraints_come_back(tmp_path):
 
 def test_the_focus_chooses_the_forms_that_are_searched():
     keys = "input: [1, 2]\n    output: 3\n    focus: "
-    assert {form for form, _ in searched_variants(dataset(keys + "simulation"))} == {
+    assert set(searched_forms(dataset(keys + "simulation"))) == {
         "ss_oe",
         "ss_oe_drift",
         "oe",
     }
-    assert "ss_oe" not in dict(searched_variants(dataset(keys + "prediction")))
-    oe = searched_variants(dataset(keys + "prediction\n    structure: oe"))
-    assert [form for form, _ in oe] == ["oe"]
+    assert "ss_oe" not in searched_forms(dataset(keys + "prediction"))
+    oe = searched_forms(dataset(keys + "prediction\n    structure: oe"))
+    assert oe == ("oe",)
 
 
 def test_complete_keys_come_back(tmp_path):

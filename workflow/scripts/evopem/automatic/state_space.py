@@ -12,7 +12,7 @@ from evopem.automatic.fit import Fit, FitSettings
 from evopem.automatic.held_out.folds import is_large, is_long
 from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import OutputWeighting, SearchSettings
-from evopem.config.structures import OF_ABSOLUTE_ERRORS, VARIANTS
+from evopem.config.structures import OF_ABSOLUTE_ERRORS, STATE_SPACE_FORMS
 from evopem.estimation import order_scan
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.state_space.estimate import RISES, estimates_of_orders
@@ -55,7 +55,7 @@ def polynomial_settings(settings: FitSettings, evaluations: int | None = None) -
 
 def weighting_of(structure: str, settings: FitSettings) -> OutputWeighting:
     """The weighting of the outputs of a structure in state space."""
-    built_in = dict(VARIANTS)[structure]
+    built_in = STATE_SPACE_FORMS[structure]
     if settings.objective == "absolute":
         built_in = OF_ABSOLUTE_ERRORS
     return settings.weighting or built_in  # type: ignore[return-value]

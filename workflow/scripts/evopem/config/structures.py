@@ -94,20 +94,13 @@ def structure_name(structure: str) -> str:
     return structure if structure == "general" else structure.upper()
 
 
-VARIANTS = (
-    ("ss", "determinant"),
-    ("ss_oe", "noise"),
-    ("ss_oe_drift", "noise"),
-    ("ss_bj", "determinant"),
+# Forms of state-space models, with their weightings of the outputs where none is given.
+STATE_SPACE_FORMS: Mapping[str, str] = MappingProxyType(
+    {"ss": "determinant", "ss_oe": "noise", "ss_oe_drift": "noise", "ss_bj": "determinant"}
 )
-"""Forms of state-space models with their weightings of the outputs that are searched where nothing
-is given."""
 
 OF_ABSOLUTE_ERRORS = "noise"
 """Weighting of the outputs by absolute errors, of which no determinant can be taken."""
-
-ONE_OUTPUT = "determinant"
-"""Weighting of polynomial models: of one output there is nothing to weigh."""
 
 OF_SIMULATION = ("ss_oe", "ss_oe_drift", "oe", "fir")
 """Forms and structures that are fitted to errors of simulation."""
@@ -121,28 +114,19 @@ def is_polynomial(form: str) -> bool:
     return form in STRUCTURES
 
 
-def variant_name(form: str, weighting: str) -> str:
-    """The name of a form with its weighting, as in names of files."""
-    return form if is_polynomial(form) else f"{form}_{weighting}"
-
-
-def searched_variants(dataset: DatasetSettings) -> tuple[tuple[str, str], ...]:
-    """The forms with their weightings that a data set of several channels searches."""
+def searched_forms(dataset: DatasetSettings) -> tuple[str, ...]:
+    """The forms and structures that a data set of several channels searches."""
     own, channels = dataset.automatic, dataset.channels
     assert own is not None
     if own.structure is not None and is_polynomial(own.structure):
-        return ((own.structure, ONE_OUTPUT),)
-    forms = [form for form, _ in VARIANTS if own.form in (None, form)]
-    if not channels.inputs:
-        forms = ["ss"]
-    built_in = dict(VARIANTS)
-    if dataset.search.objective == "absolute":
-        built_in = dict.fromkeys(built_in, OF_ABSOLUTE_ERRORS)
-    variants = tuple((form, own.weighting or built_in[form]) for form in forms)
+        return (own.structure,)
+    forms: tuple[str, ...] = ("ss",)
+    if channels.inputs:
+        forms = tuple(form for form in STATE_SPACE_FORMS if own.form in (None, form))
     undecided = (own.structure, own.form, own.weighting) == (None, None, None)
     if undecided and channels.inputs and channels.has_one_output:
-        variants += tuple((structure, ONE_OUTPUT) for structure in MULTI_INPUT_STRUCTURES)
-    return tuple(each for each in variants if is_fitted_for(each[0], own.focus))
+        forms += MULTI_INPUT_STRUCTURES
+    return tuple(form for form in forms if is_fitted_for(form, own.focus))
 
 
 def is_fitted_for(form: str, focus: str | None) -> bool:

@@ -14,7 +14,7 @@ from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice
 from evopem.config.order_grid import phase_of_orders_of, phases_of_dataset
 from evopem.config.settings import DatasetSettings
-from evopem.config.structures import searched_variants
+from evopem.config.structures import searched_forms
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord, load_record
@@ -124,7 +124,7 @@ def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> Data
 
     single = settings.is_single_channel
     phases = phases_of_dataset(settings) if single else ()
-    structures = () if single else [structure for structure, _ in searched_variants(settings)]
+    structures = () if single else searched_forms(settings)
     is_automatic = not single or settings.automatic is not None
     validation_info = files.validation_recording_info
     return DatasetResults(

@@ -12,8 +12,8 @@ from evopem.config.settings import AutomaticSettings, DatasetSettings
 from evopem.config.structures import (
     AUTOMATIC_STRUCTURES,
     is_polynomial,
+    searched_forms,
     searched_structures,
-    searched_variants,
 )
 from evopem.pipeline.planning.constraint_plan import known_rate
 from evopem.pipeline.planning.task import Task
@@ -67,7 +67,7 @@ def is_by_chapter(settings: DatasetSettings) -> bool:
 def structures(task: Task) -> tuple[str, ...]:
     """The structures that are searched."""
     if has_several(task.settings):
-        return tuple(structure for structure, _ in searched_variants(task.settings))
+        return searched_forms(task.settings)
     return searched_structures(_automatic(task).structure)
 
 
