@@ -83,13 +83,17 @@ def decide_transforms(
     trend: bool = False,
     continued: bool = True,
 ) -> TransformPlan:
-    """Decide the transforms of recorded stretches.
+    """Decide the transforms of stretches between breaks, in recorded units, of one input.
 
-    `stretches`: Samples between breaks, in recorded units. `begins`: First sample of each in its
-    recording. `box_cox`, `trend`: Whether the configuration says what is done. `continued`: Whether
-    the validation samples continue the estimation samples, and their trend.
+    ``begins`` are their first samples in their recordings.  ``box_cox`` and ``trend`` tell whether
+    the configuration says what is done, ``continued`` whether the validation samples continue the
+    estimation samples, and their trend.
     """
-    kept = first_samples(stretches, MOST_SAMPLES)
+    kept = [
+        replace(each, inputs=np.column_stack([each.inputs, begin + np.arange(each.samples)]))
+        for each, begin in zip(stretches, begins, strict=True)
+    ]
+    kept = list(first_samples(kept, MOST_SAMPLES))
     folds = _folds(kept)
     plain = None
     if folds and not ((trend or not continued) and box_cox):
@@ -100,7 +104,7 @@ def decide_transforms(
     elif not continued:
         about_trend = _not_tried("trend", "none", "The validation samples are of other recordings.")
     elif plain is not None:
-        slopes, about_trend = _decide_trend(kept, begins, plain)
+        slopes, about_trend = _decide_trend(kept, folds, plain)
     parameter, about_box_cox = None, _not_tried("Box-Cox", "none")
     if box_cox:
         about_box_cox = given_by_configuration("Box-Cox", "as written")
@@ -110,17 +114,11 @@ def decide_transforms(
 
 
 def _decide_trend(
-    stretches: Sequence[Segment], begins: Sequence[int], plain: Array
+    stretches: Sequence[Segment], folds: Sequence[Fold], plain: Array
 ) -> tuple[tuple[float, float], Decision]:
     """The slopes of input and output: lines through both, or a drift estimated with a model."""
-    times = [
-        Segment(t, t, each.recording)
-        for each, begin in zip(stretches, begins, strict=True)
-        for t in [begin + np.arange(each.samples, dtype=float)]
-    ]
-    folds = list(zip(_folds(stretches), _folds(times), strict=True))
     kinds = {"line of each channel": _lines, "drift of the output": _drift}
-    errors = {name: _errors_without_trend(folds, slopes) for name, slopes in kinds.items()}
+    errors = {name: _errors(folds, _without_slopes(slopes)) for name, slopes in kinds.items()}
     alternatives = (
         Alternative("none", _together(plain)),
         *(Alternative(name, _together(found)) for name, found in errors.items()),
@@ -137,34 +135,32 @@ def _decide_trend(
         "Without this trend every part of the held-out samples is simulated better, its"
         " continuation included."
     )
-    return kinds[name](stretches, times), Decision("trend", name, alternatives, CRITERION, sentence)
+    return kinds[name](stretches), Decision("trend", name, alternatives, CRITERION, sentence)
 
 
-def _lines(stretches: Sequence[Segment], times: Sequence[Segment]) -> tuple[float, float]:
+def _lines(stretches: Sequence[Segment]) -> tuple[float, float]:
     """Slopes of the lines through input and output, with a level for each recording."""
-    t = np.concatenate([each.output for each in times])
-    columns = np.column_stack([t - t.mean(), *_levels(stretches)])
-    signals = [
-        np.concatenate([each.input for each in stretches]),
-        np.concatenate([each.output for each in stretches]),
-    ]
-    found = [np.linalg.lstsq(columns, each, rcond=None)[0][0] for each in signals]
-    return float(found[0]), float(found[1])
+    u, t = np.concatenate([each.inputs for each in stretches]).T
+    y = np.concatenate([each.output for each in stretches])
+    owner = np.concatenate([np.full(each.samples, each.recording) for each in stretches])
+    levels = [owner == number for number in dict.fromkeys(owner.tolist())]
+    columns = np.column_stack([t - t.mean(), *levels]).astype(float)
+    solution = np.linalg.lstsq(columns, np.column_stack([u, y]), rcond=None)[0]
+    return float(solution[0, 0]), float(solution[0, 1])
 
 
-def _drift(stretches: Sequence[Segment], times: Sequence[Segment]) -> tuple[float, float]:
+def _drift(stretches: Sequence[Segment]) -> tuple[float, float]:
     """Slope of the output's drift, estimated along with an ARX model."""
     n = DRIFT_ORDER
     rows, target = [], []
-    for each, time in zip(stretches, times, strict=True):
+    for each in stretches:
         if each.samples <= 2 * n:
             continue
-        u, y = each.input - each.input.mean(), each.output - each.output.mean()
+        u, t = (each.inputs - each.inputs.mean(axis=0)).T
+        y = each.output - each.output.mean()
         lagged = [y[n - k : each.samples - k] for k in range(1, n + 1)]
         lagged += [u[n - k : each.samples - k] for k in range(n + 1)]
-        rows.append(
-            np.column_stack([*lagged, time.output[n:] - time.output.mean(), np.ones(len(y) - n)])
-        )
+        rows.append(np.column_stack([*lagged, t[n:], np.ones(len(y) - n)]))
         target.append(y[n:])
     if not rows:
         return 0.0, 0.0
@@ -173,46 +169,10 @@ def _drift(stretches: Sequence[Segment], times: Sequence[Segment]) -> tuple[floa
     return 0.0, float(solution[-2]) / gain if abs(gain) > LEAST_DECAY else 0.0
 
 
-def _levels(stretches: Sequence[Segment]) -> list[Array]:
-    owner = np.concatenate([np.full(each.samples, each.recording) for each in stretches])
-    return [(owner == number).astype(float) for number in dict.fromkeys(owner.tolist())]
-
-
-def _errors_without_trend(
-    folds: Sequence[tuple[Fold, Fold]],
-    slopes_of: Callable[[Sequence[Segment], Sequence[Segment]], tuple[float, float]],
-) -> Array:
-    """Errors where the slopes of the training samples are taken from the held-out ones, too."""
-    flat: list[Fold] = []
-    for (training, held_out), (training_times, held_out_times) in folds:
-        slopes = slopes_of(training, training_times)
-        flat.append(
-            (
-                _without(training, training_times, slopes),
-                _without(held_out, held_out_times, slopes),
-            )
-        )
-    measured = [held_out for (_, held_out), _ in folds]
-    return _errors(flat, _as_recorded, measured)
-
-
-def _without(
-    stretches: Sequence[Segment], times: Sequence[Segment], slopes: tuple[float, float]
-) -> tuple[Segment, ...]:
-    return tuple(
-        replace(
-            each,
-            inputs=each.input - slopes[0] * time.output,
-            outputs=each.output - slopes[1] * time.output,
-        )
-        for each, time in zip(stretches, times, strict=True)
-    )
-
-
 def _decide_box_cox(
     stretches: Sequence[Segment], folds: Sequence[Fold], plain: Array
 ) -> tuple[float | None, Decision]:
-    probability = spread_test(stretches)
+    probability = spread_test([_without_time(each) for each in stretches])
     correlation = f"p = {probability:.2g} of the correlation of their ranks"
     if not probability < SPREAD_LEVEL:
         sentence = (
@@ -254,7 +214,17 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     """
     from scipy.stats import spearmanr
 
-    scaled = _scaled(stretches)
+    u = np.concatenate([each.input for each in stretches])
+    y = np.concatenate([each.output for each in stretches])
+    scales = power_of_two_scale(u - u.mean()), power_of_two_scale(y - y.mean())
+    scaled = [
+        replace(
+            each,
+            inputs=(each.inputs - u.mean()) / scales[0],
+            outputs=(each.outputs - y.mean()) / scales[1],
+        )
+        for each in stretches
+    ]
     try:
         found = fit(scaled, Orders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1), FitSettings())
     except (ValueError, np.linalg.LinAlgError):
@@ -277,74 +247,77 @@ def _folds(stretches: Sequence[Segment]) -> list[Fold]:
     ]
 
 
-def _scaled(stretches: Sequence[Segment]) -> list[Segment]:
-    """Stretches less their common means, over powers of two of input and output."""
-    u = np.concatenate([each.input for each in stretches])
-    y = np.concatenate([each.output for each in stretches])
-    scales = power_of_two_scale(u - u.mean()), power_of_two_scale(y - y.mean())
-    return [
-        replace(
-            each,
-            inputs=(each.input - u.mean()) / scales[0],
-            outputs=(each.output - y.mean()) / scales[1],
+Forward = Callable[[Segment], Segment]
+Back = Callable[[Segment, Array], Array]
+Transform = Callable[[Sequence[Segment]], tuple[Forward, Back]]
+"""From training stretches, whose second input is the time: how a stretch is transformed, and how a
+simulation of its output, (N,), is taken back to recorded units."""
+
+
+def _without_time(stretch: Segment) -> Segment:
+    return replace(stretch, inputs=stretch.inputs[:, :1])
+
+
+def _as_recorded(_: Sequence[Segment]) -> tuple[Forward, Back]:
+    return _without_time, lambda _, simulation: simulation
+
+
+def _without_slopes(slopes_of: Callable[[Sequence[Segment]], tuple[float, float]]) -> Transform:
+    """The slopes of the training samples are taken from the held-out ones, too."""
+
+    def transform(training: Sequence[Segment]) -> tuple[Forward, Back]:
+        of_input, of_output = slopes_of(training)
+
+        def forward(stretch: Segment) -> Segment:
+            u, t = stretch.inputs.T
+            y = stretch.output - of_output * t
+            return replace(stretch, inputs=u - of_input * t, outputs=y)
+
+        def back(stretch: Segment, simulation: Array) -> Array:
+            return simulation + of_output * stretch.inputs[:, 1]
+
+        return forward, back
+
+    return transform
+
+
+def _box_cox(parameter: float, shift: float) -> Transform:
+    def transform(training: Sequence[Segment]) -> tuple[Forward, Back]:
+        mean = float(
+            np.mean(np.concatenate([box_cox(each.output, parameter, shift) for each in training]))
         )
-        for each in stretches
-    ]
+
+        def forward(stretch: Segment) -> Segment:
+            y = box_cox(stretch.output, parameter, shift) - mean
+            return replace(_without_time(stretch), outputs=y)
+
+        def back(_: Segment, simulation: Array) -> Array:
+            return invert_box_cox(simulation + mean, parameter, shift)
+
+        return forward, back
+
+    return transform
 
 
-Simulate = Callable[[Orders, Sequence[Segment], Sequence[Segment]], list[Array]]
-"""Errors of a model of some orders on held-out stretches, in recorded units."""
-
-
-def _as_recorded(
-    orders: Orders, training: Sequence[Segment], held_out: Sequence[Segment]
-) -> list[Array]:
-    model = fit(training, orders, FitSettings(), stages=FOLD_STAGES).model
-    return [(simulated(model, each, fitted_level=True) - each.outputs)[:, 0] for each in held_out]
-
-
-def _box_cox(parameter: float, shift: float) -> Simulate:
-    def errors(
-        orders: Orders, training: Sequence[Segment], held_out: Sequence[Segment]
-    ) -> list[Array]:
-        def transformed(each: Segment) -> Segment:
-            return replace(each, outputs=box_cox(each.output, parameter, shift))
-
-        own = [transformed(each) for each in training]
-        mean = float(np.mean(np.concatenate([each.output for each in own])))
-        own = [replace(each, outputs=each.output - mean) for each in own]
-        model = fit(own, orders, FitSettings(), stages=FOLD_STAGES).model
-        found = []
-        for each in held_out:
-            target = transformed(each)
-            target = replace(target, outputs=target.output - mean)
-            computed = simulated(model, target, fitted_level=True)[:, 0] + mean
-            found.append(invert_box_cox(computed, parameter, shift) - each.output)
-        return found
-
-    return errors
-
-
-def _errors(
-    folds: Sequence[Fold],
-    simulate: Simulate,
-    measured: Sequence[Sequence[Segment]] | None = None,
-) -> Array:
-    """Error of each probe in each fold, (probes, folds), as a share of the output's deviation.
-
-    ``measured`` are the held-out samples as recorded, where those of the folds are not.
-    """
-    recorded = measured or [held_out for _, held_out in folds]
+def _errors(folds: Sequence[Fold], transform: Transform) -> Array:
+    """Error of each probe in each fold, (probes, folds), as a share of the output's deviation."""
     errors = np.full((len(PROBES), len(folds)), LARGEST_ERROR)
-    for column, ((training, held_out), own) in enumerate(zip(folds, recorded, strict=True)):
-        total = sum(float(np.sum((s.output - s.output.mean()) ** 2)) for s in own)
+    for column, (training, held_out) in enumerate(folds):
+        total = sum(float(np.sum((s.output - s.output.mean()) ** 2)) for s in held_out)
         for row, orders in enumerate(PROBES):
             try:
-                found = np.concatenate(simulate(orders, training, held_out))
+                forward, back = transform(training)
+                fitted = [forward(each) for each in training]
+                model = fit(fitted, orders, FitSettings(), stages=FOLD_STAGES).model
+                left = [
+                    back(each, simulated(model, forward(each), fitted_level=True)[:, 0])
+                    - each.output
+                    for each in held_out
+                ]
             except (ValueError, InputError, np.linalg.LinAlgError):
                 continue
             with np.errstate(all="ignore"):
-                error = float(np.sqrt(np.sum(found**2) / total))
+                error = float(np.sqrt(np.sum(np.concatenate(left) ** 2) / total))
             if np.isfinite(error):
                 errors[row, column] = min(error, LARGEST_ERROR)
     return np.maximum(errors, np.finfo(float).tiny)
