@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +17,7 @@ from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
+Products = Callable[[Array, Array], Array]
 
 
 # Condition of the states' responses at the outputs, scaled to one, above which another basis of the
@@ -169,8 +172,19 @@ def parameter_covariance(
     The errors of ``projection`` are those of the gradient: of another objective than squares its
     scores; ``weights``, (ny, ny), are those of the outputs.
     """
-    hessian = _information(errors, projection, weights)
-    score = _score_covariance(errors, projection, weights)
+    data, products = errors.data, partial(_products, errors, projection)
+    derivatives = errors.signals.derivatives(projection.sections, projection.states)
+    signals = np.hstack([derivatives, projection.regressors])
+    hessian = products(signals.T @ signals, weights)
+    if errors.innovations:
+        autocovariances = projection.covariance[None]
+    else:
+        autocovariances = coloured_autocovariances(projection.errors, data.bounds)
+    between = weights @ autocovariances @ weights
+    pairs = weights.shape[0] * (weights.shape[0] + 1) // 2
+    summed = _summed_by_lags if len(between) < FILTERED * pairs else _summed_by_outputs
+    score = summed(products, signals, between, data.bounds)
+    score *= data.samples / degrees_of_freedom(errors)
     return sandwich(hessian, score, PointModel(errors, projection).jacobian(), errors.order)
 
 
@@ -197,72 +211,34 @@ def sandwich(hessian: Array, score: Array, mapping: Array, redundant: int) -> Pa
     return ParameterCovariance(factor, mapping[:, unseen])
 
 
-def _information(errors: StateSpaceErrors, projection: Projection, weights: Array) -> Array:
-    """``J' W J`` over coordinates and, output by output, linear coefficients."""
-    signals = errors.signals.derivatives(projection.sections, projection.states)
-    return _products(
-        errors,
-        projection,
-        (signals, projection.regressors),
-        (signals, projection.regressors),
-        weights,
-    )
-
-
-def _score_covariance(errors: StateSpaceErrors, projection: Projection, weights: Array) -> Array:
-    """Covariance of ``J' W e``, over the same."""
-    data = errors.data
-    inflation = data.samples / degrees_of_freedom(errors)
-    if errors.innovations:
-        autocovariances = projection.covariance[None]
-    else:
-        autocovariances = coloured_autocovariances(projection.errors, data.bounds)
-    between = weights @ autocovariances @ weights
-    signals = (
-        errors.signals.derivatives(projection.sections, projection.states),
-        projection.regressors,
-    )
-    pairs = weights.shape[0] * (weights.shape[0] + 1) // 2
-    summed = _summed_by_lags if len(between) < FILTERED * pairs else _summed_by_outputs
-    return inflation * summed(errors, projection, signals, between)
-
-
 def _summed_by_lags(
-    errors: StateSpaceErrors, projection: Projection, signals: tuple[Array, Array], between: Array
+    products: Products, signals: Array, between: Array, bounds: NDArray[np.int64]
 ) -> Array:
     """``sum J_(t+k)' between_k J_t`` over lags k of either sign, ``between_-k = between_k'``."""
-    total = np.zeros(2 * (_coefficients(errors, projection),))
+    total = np.zeros(())
     for lag, of_lag in enumerate(between):
-        products = np.zeros_like(total)
-        for first, stop in pairwise(errors.data.bounds):
-            later, earlier = slice(first + lag, stop), slice(first, max(stop - lag, first))
-            if first + lag >= stop:
-                continue
-            products += _products(
-                errors,
-                projection,
-                (signals[0][later], signals[1][later]),
-                (signals[0][earlier], signals[1][earlier]),
-                of_lag,
-            )
-        total += products if lag == 0 else products + products.T
+        gram = sum(
+            signals[first + lag : stop].T @ signals[first : max(stop - lag, first)]
+            for first, stop in pairwise(bounds)
+        )
+        summed = products(np.asarray(gram), of_lag)
+        total = total + (summed if lag == 0 else summed + summed.T)
     return total
 
 
 def _summed_by_outputs(
-    errors: StateSpaceErrors, projection: Projection, signals: tuple[Array, Array], between: Array
+    products: Products, signals: Array, between: Array, bounds: NDArray[np.int64]
 ) -> Array:
     """The same for many lags: signals filtered by all of them, for each pair of outputs."""
     outputs = between.shape[1]
-    total = np.zeros(2 * (_coefficients(errors, projection),))
+    total = np.zeros(())
     for one in range(outputs):
         for other in range(one + 1):
             of_lags = np.concatenate([between[:0:-1, other, one], between[:, one, other]])
-            passed = [filtered(each, of_lags, errors.data.bounds) for each in signals]
             unit = np.zeros((outputs, outputs))
             unit[one, other] = 1.0
-            products = _products(errors, projection, signals, (passed[0], passed[1]), unit)
-            total += products if one == other else products + products.T
+            summed = products(signals.T @ filtered(signals, of_lags, bounds), unit)
+            total = total + (summed if one == other else summed + summed.T)
     return total
 
 
@@ -276,24 +252,18 @@ def filtered(signals: Array, of_lags: Array, bounds: NDArray[np.int64]) -> Array
     return passed
 
 
-def _coefficients(errors: StateSpaceErrors, projection: Projection) -> int:
-    """Coordinates and, output by output, linear coefficients."""
-    return errors.dimension + projection.linear.size
-
-
 def _products(
-    errors: StateSpaceErrors,
-    projection: Projection,
-    left: tuple[Array, Array],
-    right: tuple[Array, Array],
-    between: Array,
+    errors: StateSpaceErrors, projection: Projection, gram: Array, between: Array
 ) -> Array:
-    """``J_left' between J_right`` from the (signals, regressors) that both consist of."""
-    c = projection.linear[: errors.order].T
-    top = errors.derivatives.contracted(
-        projection.sections, left[0].T @ right[0], c.T @ between @ c
-    )
-    upper = errors.derivatives.by_linear(projection.sections, left[0].T @ right[1], c.T @ between)
-    lower = errors.derivatives.by_linear(projection.sections, right[0].T @ left[1], c.T @ between.T)
-    bottom = np.kron(between, left[1].T @ right[1])
-    return np.block([[top, upper], [lower.T, bottom]])
+    """``J' between J`` over coordinates and, output by output, linear coefficients.
+
+    ``gram`` is that of the signals that derivatives consist of, and of the regressors behind them.
+    """
+    c, sections = projection.linear[: errors.order].T, projection.sections
+    count = len(gram) - len(projection.linear)
+    of_signals, rest = slice(0, count), slice(count, None)
+    derivatives = errors.derivatives
+    top = derivatives.contracted(sections, gram[of_signals, of_signals], c.T @ between @ c)
+    upper = derivatives.by_linear(sections, gram[of_signals, rest], c.T @ between)
+    lower = derivatives.by_linear(sections, gram[rest, of_signals].T, c.T @ between.T)
+    return np.block([[top, upper], [lower.T, np.kron(between, gram[rest, rest])]])

@@ -18,6 +18,7 @@ from evopem.estimation.constrained_model import pole_region
 from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, PoleRegion
 from evopem.estimation.state_space.errors import EDGE
+from evopem.estimation.state_space.sections import drawn_in
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -83,12 +84,7 @@ class Block:
         limit = self.radius * (1.0 - EDGE)
         if self.states == 1:
             return np.clip(own, -limit, limit)
-        a, d = own
-        if d < 0.0:
-            factor = min(1.0, limit / np.sqrt(a**2 - d))
-            return np.array([a * factor, d * factor**2])
-        poles = np.clip(np.array([a + np.sqrt(d), a - np.sqrt(d)]), -limit, limit)
-        return _centre(poles.astype(complex))
+        return np.array(drawn_in(own[0], own[1], limit))
 
     def active(self, own: Array) -> tuple[list[str], list[int]]:
         """Active constraints, and the coordinates that they fix."""

@@ -156,26 +156,27 @@ def largest_radius(layout: Layout, point: Array) -> float:
     return float(np.max(radii))
 
 
+def drawn_in(sigma: Array, delta: Array, radius: float) -> tuple[Array, Array]:
+    """Pairs of poles ``sigma +- sqrt(delta)``, those beyond a radius moved to it on their rays."""
+    size = np.sqrt(np.maximum(sigma**2 - delta, 1e-300))
+    factor = np.minimum(1.0, radius / size)
+    half = np.sqrt(np.maximum(delta, 0.0))
+    high, low = (np.clip(sigma + each, -radius, radius) for each in (half, -half))
+    return (
+        np.where(delta < 0.0, sigma * factor, 0.5 * (high + low)),
+        np.where(delta < 0.0, delta * factor**2, 0.25 * (high - low) ** 2),
+    )
+
+
 def inside(layout: Layout, point: Array, radius: float) -> Array:
     """The point with poles beyond a radius moved to it along their rays."""
     if largest_radius(layout, point) <= radius:
         return point
     point = point.copy()
-    for row in layout.pair_rows(point):
-        if row[1] < 0.0:
-            size = np.sqrt(row[0] ** 2 - row[1])
-            if size > radius:
-                factor = radius / size
-                old = scale_of(row[1])
-                row[0], row[1] = row[0] * factor, row[1] * factor**2
-                row[2 + layout.drives :] *= old / scale_of(row[1])
-        else:
-            half = np.sqrt(row[1])
-            high = np.clip(row[0] + half, -radius, radius)
-            low = np.clip(row[0] - half, -radius, radius)
-            old = scale_of(row[1])
-            row[0], row[1] = 0.5 * (high + low), 0.25 * (high - low) ** 2
-            row[2 + layout.drives :] *= old / scale_of(row[1])
+    rows = layout.pair_rows(point)
+    old = scale_of(rows[:, 1])
+    rows[:, 0], rows[:, 1] = drawn_in(rows[:, 0], rows[:, 1], radius)
+    rows[:, 2 + layout.drives :] *= (old / scale_of(rows[:, 1]))[:, None]
     if layout.single:
         row = layout.single_row(point)
         row[0] = np.clip(row[0], -radius, radius)
