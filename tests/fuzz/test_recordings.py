@@ -124,7 +124,7 @@ def identified(recording, settings):
         found = complete_estimate(candidate, data, search, window)
         validation, _ = validate(found.model, prepared, window.loss_start)
         record = ModelRecord.of(found, data, search, prepared.transforms)
-        frequency_response_table(found.model)
+        frequency_response_table(found.model, data.input_names, data.output_names)
         validation.modes.rows(data.input_names, data.output_names)
     written = to_json((spectrum, candidate, record, validation))
     assert json.loads(json.dumps(written, allow_nan=False))

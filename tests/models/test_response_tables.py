@@ -8,7 +8,7 @@ from evopem.synthesis.armax import true_model
 
 def test_the_response_runs_from_zero_to_half_the_rate():
     model = true_model()
-    table = frequency_response_table(model)
+    table = frequency_response_table(model, ("u",), ("y",))
     assert (table["frequency_hz"][0], table["frequency_hz"][-1]) == (0.0, 50.0)
     turned = table["gain"] * np.exp(1j * np.radians(table["phase_deg"]))
     response = model.frequency_response(table["frequency_hz"])[:, 0, 0]

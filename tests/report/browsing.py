@@ -5,12 +5,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from identified import with_output_name
 
 from evopem.report import build_index
 from evopem.report.comparison_page import build_comparison
 from evopem.results.comparison import Comparison
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
+from evopem.validation.checks import Evidence
+from evopem.validation.checks.search import ranges_of_phases
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 HOSTILE = """<script>document.title="harmed"</script>"'&"""
@@ -67,9 +70,8 @@ def report(html, tmp_path_factory):
 def hostile(results, build, draw, tmp_path_factory):
     """A report in which the data set, its channels and their units are named by a script."""
     renamed = replace(
-        results,
+        with_output_name(results, HOSTILE, input_units=(HOSTILE,)),
         settings=replace(results.settings, name=HOSTILE),
-        recording=replace(results.recording, output_names=(HOSTILE,), input_units=(HOSTILE,)),
         recording_info=renamed_channels(results.recording_info, HOSTILE, HOSTILE),
     )
     file = tmp_path_factory.mktemp("pages") / "hostile.html"
@@ -79,13 +81,8 @@ def hostile(results, build, draw, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def summary(results):
-    return summarize(
-        results.model,
-        results.validation,
-        results.spectrum_summary,
-        results.phases,
-        results.recording_info,
-    )
+    ranges = ranges_of_phases(results.phases)
+    return summarize(Evidence(results.model, results.validation, results.recording_info, ranges))
 
 
 @pytest.fixture(scope="session")

@@ -8,19 +8,15 @@ from evopem.report.sentences.about_verdict import verdict
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
 from evopem.terminal.results_text import run_text
-from evopem.validation.checks import Check
+from evopem.validation.checks import Check, Evidence
+from evopem.validation.checks.search import ranges_of_phases
 
 
 @pytest.fixture
 def summary(identified):
     results = identified.results
-    return summarize(
-        results.model,
-        results.validation,
-        results.spectrum_summary,
-        results.phases,
-        results.recording_info,
-    )
+    ranges = ranges_of_phases(results.phases)
+    return summarize(Evidence(results.model, results.validation, results.recording_info, ranges))
 
 
 def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified):

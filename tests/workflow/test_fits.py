@@ -83,7 +83,7 @@ def test_an_integrator_is_validated_like_other_models(run):
     files = run.files_of("integrator")
     response = pd.read_csv(files.frequency_response).iloc[1:]
     assert np.isfinite(response[["gain", "phase_deg", "noise_phase_deg"]]).all(axis=None)
-    assert np.isfinite(pd.read_csv(files.simulation)["simulated"]).all()
+    assert np.isfinite(pd.read_csv(files.simulation)["simulated_output"]).all()
     summary = load(DatasetSummary, files.summary)
     assert summary.prediction_error_percent < 2.0
     stable = next(check for check in summary.checks if check.name == "Stable")

@@ -83,7 +83,7 @@ def test_the_results_of_a_structure_are_read_back(run, name):
     assert stored["F"].size == (0 if name == "arma" else len(model.f))
     horizons = pd.read_csv(files.horizons)
     assert horizons["horizon"].iloc[0] == 1
-    assert json.loads(Path(files.validation).read_text())["horizons"][0]["samples"] == 1
+    assert json.loads(Path(files.validation).read_text())["horizons"][0] == 1
     assert str(model.orders) in Path(files.report).read_text(encoding="utf-8")
 
 
@@ -91,8 +91,8 @@ def test_the_results_of_a_structure_are_read_back(run, name):
 def test_the_tables_say_what_belongs_to_plant_and_noise(run, name):
     files = run.files_of(name)
     modes = pd.read_csv(files.modes)
-    expected = {"oe": {"F"}, "bj": {"F", "D"}, "arma": {"A"}}[name]
-    assert set(modes["polynomial"]) == expected
+    of_noise = modes["doubts"].fillna("").str.contains("of the noise filter alone")
+    assert of_noise.any() == (name == "bj")
     response = pd.read_csv(files.frequency_response)
     has_input = name != "arma"
     assert response["gain"].notna().all() == has_input

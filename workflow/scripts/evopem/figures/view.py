@@ -478,22 +478,9 @@ class ChannelsView(View):
 
     def _noise_response(self) -> pd.DataFrame:
         """From the innovations of each output to it."""
-        frequencies = np.linspace(0.0, self.sampling_rate / 2.0, 513)
-        response = self.results.model.model.noise_response(frequencies)
-        tables = [
-            pd.DataFrame(
-                {
-                    "source": "noise filter",
-                    "frequency_hz": frequencies,
-                    "gain": np.abs(response[:, place, place]),
-                    "gain_lower": np.nan,
-                    "gain_upper": np.nan,
-                    "phase_deg": np.degrees(np.unwrap(np.angle(response[:, place, place]))),
-                }
-            )
-            for place in range(len(self.outputs))
-        ]
-        table = _by_output(self.outputs, tables)
+        names = {f"noise_{name}": name for name in _RESPONSE[1:]}
+        table = self.results.frequency_response[["output", "frequency_hz", *names]]
+        table = table.rename(columns=names).assign(source="noise filter")
         return table[["source", "output", *_RESPONSE]]
 
     @cached_property

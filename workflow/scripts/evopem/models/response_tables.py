@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -11,10 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
-
-NORMAL_95 = 1.959963984540054
-"""97.5 % point of the standard normal distribution."""
-
+from evopem.models.state_space import StateSpaceModel
+from evopem.models.state_space_tables import NORMAL_95, gain_intervals
 
 Filter = Literal["plant", "noise"]
 
@@ -42,7 +41,7 @@ def gain_band(
 
 
 def response_interval(
-    model: PolynomialModel, frequencies: ArrayLike, which: Filter = "plant"
+    model: PolynomialModel, frequencies: ArrayLike, which: Filter = "plant", place: int = 0
 ) -> tuple[Array, Array, Array]:
     """95 % confidence interval of a gain, and standard error of a phase, at frequencies in Hz.
 
@@ -54,8 +53,8 @@ def response_interval(
     depends on a direction of the parameters that the data do not determine, as between the lines
     of a periodic input. The upper end is infinite where it leaves the range of numbers.
 
-    ``frequencies`` (M,): Hz.  ``which`` {"plant", "noise"}: ``G = B / (A F)`` or ``H = C / (A D)``.
-    Returns (M,): The standard error of the phase in radians.
+    ``frequencies`` (M,): Hz.  ``which`` {"plant", "noise"}: ``G = B / (A F)`` from the input at a
+    ``place``, or ``H = C / (A D)``.  Returns both ends and the error in radians, (M,) each.
     """
     frequencies = np.asarray(frequencies, dtype=float)
     if model.covariance is None:
@@ -68,9 +67,8 @@ def response_interval(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # d ln G / da_i = -q^-i / A and d ln G / db_j = q^-(nk+j) / B.
         for letter in (above, *below):
-            coefficients = model.delayed_b if letter == "b" else getattr(model, letter)
-            part = model.part(letter)
-            first = model.delay if letter == "b" else 1
+            coefficients, first = _polynomial(model, letter, place)
+            part = model.part(letter, place)
             lags = np.arange(first, first + part.stop - part.start)
             sign = 1.0 if letter == above else -1.0
             value = np.polynomial.polynomial.polyval(delay, coefficients)
@@ -81,8 +79,16 @@ def response_interval(
         errors[~np.isfinite(errors)] = np.nan
         phase_errors[~np.isfinite(phase_errors)] = np.nan
         spread = np.exp(NORMAL_95 * errors)
-        gain = np.abs(response(frequencies)[..., 0, 0])
+        gain = np.abs(response(frequencies)[..., 0, place if which == "plant" else 0])
         return gain / spread, gain * spread, phase_errors
+
+
+def _polynomial(model: PolynomialModel, letter: str, place: int) -> tuple[Array, int]:
+    """Coefficients of a polynomial by lag from 0, and the lag of its first parameter."""
+    if letter == "b":
+        nk = model.nk[place]
+        return np.concatenate([np.zeros(nk), model.B[place]]), nk
+    return (model.F[place] if letter == "f" else getattr(model, letter)), 1
 
 
 # Step of a central difference, in standard errors of a coefficient: small against the curvature of
@@ -126,19 +132,88 @@ SETTLED = 1e-3
 FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
 
 
-def frequency_response_table(model: PolynomialModel) -> dict[str, Array]:
-    """Gain of plant and noise filter with 95 % bands, and unwrapped phases, to half the rate.
+def frequency_response_table(
+    model: PolynomialModel | StateSpaceModel,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    plant: StateSpaceModel | None = None,
+    frequencies: Array | None = None,
+) -> dict[str, Array | list[str]]:
+    """Gains of plant and noise filter with 95 % bands, and unwrapped phases, to half the rate.
 
-    NaN for the plant of a model without input.
+    A row for each frequency of each pair of output and input, beside the noise filter from the
+    innovations of an output to itself.  Without an input one for each output, NaN for the plant.
+    ``plant``: of a state-space model with a noise model beside it.
     """
-    frequencies = np.linspace(0.0, model.sampling_rate / 2.0, FREQUENCIES)
+    if frequencies is None:
+        frequencies = np.linspace(0.0, model.sampling_rate / 2.0, FREQUENCIES)
+    filters = _Filters.of(model, plant, frequencies)
+    blocks = []
+    for row in range(len(outputs)):
+        noise = {f"noise_{name}": column for name, column in filters.noise(row).items()}
+        blocks += [filters.plant(row, k) | noise for k in range(len(inputs))] or [
+            dict.fromkeys(filters.noise(row), np.full(len(frequencies), np.nan)) | noise
+        ]
+    count, pairs = len(frequencies), [(o, i) for o in outputs for i in inputs or ("",)]
     return {
-        "frequency_hz": frequencies,
-        **_response_columns(model, "plant", frequencies),
-        **{
-            f"noise_{name}": column
-            for name, column in _response_columns(model, "noise", frequencies).items()
-        },
+        "output": [output for output, _ in pairs for _ in range(count)],
+        "input": [source for _, source in pairs for _ in range(count)],
+        "frequency_hz": np.tile(frequencies, len(pairs)),
+        **{name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]},
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class _Filters:
+    """Responses of plant, (M, l, m), and noise filter, (M, l, l), with intervals of their gains."""
+
+    model: PolynomialModel | StateSpaceModel
+    frequencies: Array
+    response: NDArray[np.complex128]
+    noise_response: NDArray[np.complex128]
+    bands: tuple[Array, Array] | None  # of the plant of a state-space model
+
+    @classmethod
+    def of(
+        cls,
+        model: PolynomialModel | StateSpaceModel,
+        plant: StateSpaceModel | None,
+        frequencies: Array,
+    ) -> _Filters:
+        bands, own = None, plant or model
+        if isinstance(own, StateSpaceModel):
+            bands = gain_intervals(own, frequencies)
+        return cls(
+            *(model, frequencies, own.frequency_response(frequencies)),
+            *(model.noise_response(frequencies), bands),
+        )
+
+    def plant(self, row: int, column: int) -> dict[str, Array]:
+        """Columns of one pair."""
+        response = self.response[:, row, column]
+        if self.bands is not None:
+            lower, upper = (each[:, row, column] for each in self.bands)
+            return _columns(response, lower, upper, np.full(len(response), np.nan))
+        assert isinstance(self.model, PolynomialModel)
+        return _columns(response, *response_interval(self.model, self.frequencies, place=column))
+
+    def noise(self, row: int) -> dict[str, Array]:
+        """Columns of the noise filter of one output."""
+        response = self.noise_response[:, row, row]
+        if isinstance(self.model, PolynomialModel):
+            return _columns(response, *response_interval(self.model, self.frequencies, "noise"))
+        return _columns(response, *(np.full(len(response), np.nan),) * 3)
+
+
+def _columns(
+    response: NDArray[np.complex128], lower: Array, upper: Array, phase_error: Array
+) -> dict[str, Array]:
+    return {
+        "gain": np.abs(response),
+        "gain_lower": lower,
+        "gain_upper": upper,
+        "phase_deg": np.degrees(_unwrapped(np.angle(response))),
+        "phase_se_deg": np.degrees(phase_error),
     }
 
 
@@ -147,24 +222,6 @@ def _unwrapped(angles: Array) -> Array:
     known, unwrapped = np.isfinite(angles), np.full(len(angles), np.nan)
     unwrapped[known] = np.unwrap(angles[known])
     return unwrapped
-
-
-def _response_columns(
-    model: PolynomialModel, which: Filter, frequencies: Array
-) -> dict[str, Array]:
-    if which == "plant" and not model.has_input:
-        names = ("gain", "gain_lower", "gain_upper", "phase_deg", "phase_se_deg")
-        return {name: np.full(len(frequencies), np.nan) for name in names}
-    of = model.frequency_response if which == "plant" else model.noise_response
-    response = of(frequencies)[..., 0, 0]
-    lower, upper, phase_error = response_interval(model, frequencies, which)
-    return {
-        "gain": np.abs(response),
-        "gain_lower": lower,
-        "gain_upper": upper,
-        "phase_deg": np.degrees(_unwrapped(np.angle(response))),
-        "phase_se_deg": np.degrees(phase_error),
-    }
 
 
 def time_response_table(model: PolynomialModel) -> dict[str, Array]:

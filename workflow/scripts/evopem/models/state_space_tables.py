@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.modes import Mode
-from evopem.models.response_tables import NORMAL_95
 from evopem.models.state_space import StateSpaceModel
+
+NORMAL_95 = 1.959963984540054
+"""97.5 % point of the standard normal distribution."""
 
 Array = NDArray[np.float64]
 Column = list[float] | list[str] | list[int] | Array

@@ -56,5 +56,8 @@ def complete_model(
     )
     save(record, files.model)
     save_model_mat(estimate.model, files.model_mat)
-    write_table(files.frequency_response, frequency_response_table(estimate.model))
+    write_table(
+        files.frequency_response,
+        frequency_response_table(record.model, record.input_names, record.output_names),
+    )
     write_table(files.time_response, time_response_table(estimate.model))

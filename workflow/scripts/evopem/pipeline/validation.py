@@ -15,6 +15,7 @@ from evopem.files.json_form import load, save
 from evopem.models.stabilization import OrderModel, OrderModels
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
+from evopem.validation.mode_evidence import with_noise_modes
 from evopem.validation.validate import validate
 
 
@@ -39,7 +40,8 @@ def validate_model(files: DatasetFiles, phase: str | None, spectrum: SpectrumSet
             free_level=record.level_of_simulation == "state",
         )
     save(validation, files.validation)
-    write_table(files.modes, validation.modes.rows(record.input_names, record.output_names))
+    modes = with_noise_modes(validation.modes, record.noise_modes, len(record.input_names))
+    write_table(files.modes, modes.rows(record.input_names, record.output_names))
     write_table(files.residual_autocorrelation, tables.residual_autocorrelation)
     write_table(files.cross_correlation, tables.cross_correlation)
     write_table(files.simulation, tables.simulation)

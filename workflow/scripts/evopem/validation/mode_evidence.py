@@ -230,6 +230,29 @@ def table_of_models(
     return ModeTable(chosen, tuple(by_order), rows, poles, alike)
 
 
+def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> ModeTable:
+    """A table with the modes of the noise filter alone behind those of the plant."""
+    known = {each.mode.pole for each in table.modes}
+    nothing = np.zeros(inputs, dtype=complex)
+    doubt = ("is of the noise filter alone, and was not tested",)
+    untested = tuple(
+        ModeEvidence(
+            mode=replace(mode, input_participation=nothing),
+            order=table.order,
+            orders=(),
+            recurrence=math.nan,
+            input_test=NO_TEST,
+            reached=None,
+            noise_test=NO_TEST,
+            needed_by_noise=None,
+            doubts=doubt,
+        )
+        for mode in modes
+        if mode.pole not in known
+    )
+    return replace(table, modes=table.modes + untested)
+
+
 def held_out_mode_tests(
     modes: Sequence[Mode], held_out: Sequence[HeldOut]
 ) -> list[tuple[HeldOutTest, HeldOutTest]]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
+
+import numpy as np
 
 from evopem.automatic.chosen import estimate_choice, select_structure, window_of
 from evopem.automatic.chosen import estimate_chosen as search_chosen
@@ -28,13 +30,16 @@ from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.matlab import save_model_mat
+from evopem.models.response_tables import frequency_response_table
 from evopem.pipeline.search.estimation_samples import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
-from evopem.results.responses import frequency_response_rows
 from evopem.signals.prepared_data import PreparedData, load_prepared
+from evopem.signals.recording import Recording
+from evopem.signals.spectral.frequency_response import frequency_response
 from evopem.validation.responses import held_out_stretches
 from evopem.validation.validate import validation_errors
 
+NFFT = 1024
 Log = Callable[[str], None]
 
 
@@ -83,7 +88,7 @@ def complete_channel_model(
     save(record, files.model)
     save_model_mat(record.model, files.model_mat)
     with one_blas_thread():
-        write_table(files.frequency_response, frequency_response_rows(record, data.estimation))
+        write_table(files.frequency_response, _frequency_response(record, data.estimation))
 
 
 def complete_other(
@@ -167,3 +172,22 @@ def _record(
         constraints=constraints,
         at_upper_ends=found.at_upper_ends,
     )
+
+
+def _frequency_response(record: ModelRecord, estimation: Recording) -> dict[str, Any]:
+    """The responses of model and noise filter, beside the measured ones."""
+    plant = None if record.orders is not None else record.plant
+    names = record.input_names, record.output_names
+    if not record.has_input:
+        return frequency_response_table(record.model, *names, plant)
+    # Enough tapers for the spectral matrix of the inputs to be inverted.
+    width = max(4.0, 2.0 * len(record.input_names) + 1.0)
+    measured = frequency_response(estimation, min(width, estimation.longest.samples / 4.0), NFFT)
+    response = measured.response.transpose(1, 2, 0)
+    coherence = measured.coherence.T[:, None].repeat(response.shape[1], axis=1)
+    return {
+        **frequency_response_table(record.model, *names, plant, measured.frequencies),
+        "measured_gain": np.abs(response).ravel(),
+        "measured_phase_deg": np.degrees(np.angle(response)).ravel(),
+        "coherence": coherence.ravel(),
+    }
