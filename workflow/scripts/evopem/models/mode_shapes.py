@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,6 @@ def phase_collinearity(shape: Complex) -> float:
 
     ``((l1 - l2) / (l1 + l2))^2`` of the eigenvalues of the second moments of real and imaginary
     parts (Pappa, Elliott & Schenk 1993).
-
-    Examples
-    --------
-    >>> phase_collinearity(np.array([1.0, -0.5]) * np.exp(0.3j))
-    1.0
     """
     xx, yy = float(shape.real @ shape.real), float(shape.imag @ shape.imag)
     xy = float(shape.real @ shape.imag)
@@ -33,13 +28,7 @@ def phase_collinearity(shape: Complex) -> float:
 
 
 def mean_phase(shape: Complex) -> tuple[float, float]:
-    """Angle of the best straight line through a shape, and the mean deviation, in degrees.
-
-    Examples
-    --------
-    >>> mean_phase(np.array([1.0, -0.5]) * np.exp(1j * np.pi / 6))
-    (30.0, 0.0)
-    """
+    """Angle of the best straight line through a shape, and the mean deviation, in degrees."""
     magnitudes = np.abs(shape)
     if not magnitudes.any():
         return float("nan"), float("nan")
@@ -83,42 +72,24 @@ def neighbours_among(
     known: Sequence[int],
     covariance: ParameterCovariance,
 ) -> list[Neighbour]:
-    """The neighbour of each mode, among those whose standard errors are known."""
+    """The neighbour of each mode, shapes (l, modes), among those whose errors are known."""
     neighbours = [Neighbour()] * len(poles)
-    of_known = _neighbours(
-        poles[known], shapes[:, known], [derivatives[place] for place in known], covariance
-    )
-    for place, neighbour in zip(known, of_known, strict=True):
-        partner = None if neighbour.partner is None else known[neighbour.partner]
-        neighbours[place] = replace(neighbour, partner=partner)
-    return neighbours
-
-
-def _neighbours(
-    poles: Complex,
-    shapes: Complex,
-    derivatives: Sequence[tuple[Complex, Complex]],
-    covariance: ParameterCovariance,
-) -> list[Neighbour]:
-    """How well each of the shapes, (l, modes), is known, alone and with its partner."""
     # Errors of poles and shapes for independent errors of unit variance.
-    of_poles = [d_pole @ covariance.factor for d_pole, _ in derivatives]
-    of_shapes = [d_shape @ covariance.factor for _, d_shape in derivatives]
-    found = []
-    for own, deviations in enumerate(of_shapes):
+    of_poles = {place: derivatives[place][0] @ covariance.factor for place in known}
+    for own in known:
+        deviations = derivatives[own][1] @ covariance.factor
         alone = _assurance_in(shapes[:, [own]], shapes[:, own], deviations)
+        neighbours[own] = Neighbour(alone)
         equal = {
             other: _equal_poles_p(poles[own] - poles[other], of_poles[own] - of_poles[other])
-            for other in range(len(poles))
+            for other in known
             if other != own
         }
-        if not equal:
-            found.append(Neighbour(alone))
-            continue
-        partner = max(equal, key=lambda other: equal[other])
-        plane = _assurance_in(shapes[:, [own, partner]], shapes[:, own], deviations)
-        found.append(Neighbour(alone, partner, equal[partner], plane))
-    return found
+        if equal:
+            partner = max(equal, key=lambda other: equal[other])
+            plane = _assurance_in(shapes[:, [own, partner]], shapes[:, own], deviations)
+            neighbours[own] = Neighbour(alone, partner, equal[partner], plane)
+    return neighbours
 
 
 def _equal_poles_p(difference: complex, deviation: Complex) -> float:
