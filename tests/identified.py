@@ -103,7 +103,7 @@ def with_outcome(results: DatasetResults, **parts: Any) -> DatasetResults:
 
 def with_output_name(results: DatasetResults, name: str, **changes: Any) -> DatasetResults:
     """The results as if the output had another name."""
-    old = results.recording.output_name
+    old = results.recording.output_names[0]
     tables = {
         field.name: renamed.assign(output=name) if "output" in renamed else renamed
         for field in fields(ValidationTables)

@@ -201,7 +201,7 @@ def test_hdf5(tmp_path):
         file["label"] = "text"
     assert_read(read_recording(path, "run/data:1", "/run/data:2", time="run/time"))
     recording = read_recording(path, "u", "/y", RATE)
-    assert recording.input_unit == "N m"
+    assert recording.input_units[0] == "N m"
     assert "'run/data:1', 2 'run/data:2', 3 'run/time', 4 'u', 5 'y'" in refusal(path, "w", "y")
     assert 'dataset "run/data": it is a matrix' in refusal(path, "/run/data", "y")
     assert 'dataset "label"' in refusal(path, "label", "y")
@@ -225,7 +225,7 @@ def test_tdms(tmp_path):
     write_tdms(path, wf_increment=1.0 / RATE)
     recording = read_recording(path, "torque", "run/speed")
     assert_read(recording)
-    assert (recording.input_unit, recording.input_name) == ("N m", "torque")
+    assert (recording.input_units[0], recording.input_names[0]) == ("N m", "torque")
     assert_read(read_recording(path, 1, 2, RATE))
     assert "stands at 2 channels" in refusal(path, "torque", "speed")
     assert "2 'run/speed', 3 'spare/speed'" in refusal(path, "torque", "sped")
@@ -261,7 +261,7 @@ def test_universal_file_by_the_published_layout(tmp_path):
     recording = read_recording(path, "torque", "tip")
     np.testing.assert_allclose(recording.output, Y, atol=1e-11)
     assert recording.sampling_rate == pytest.approx(RATE, rel=1e-12)
-    assert recording.output_unit == "m/s^2"
+    assert recording.output_units[0] == "m/s^2"
     assert read_recording(path, 1, 2, 10.0).sampling_rate == 10.0
     assert "1 'torque', 2 'tip'" in refusal(path, "torque", "base")
     assert "stands at 2 datasets" in refusal(path, "12:Z+", "tip")

@@ -109,7 +109,7 @@ def test_order_of_the_steps_against_plain_numpy():
     np.testing.assert_allclose(prepared.estimation.input, u[:200] - u[:200].mean(), atol=1e-13)
     np.testing.assert_allclose(prepared.validation.input, u[200:] - u[:200].mean(), atol=1e-13)
     assert prepared.before_validation is prepared.estimation
-    assert prepared.estimation.input_name == "torque"
+    assert prepared.estimation.input_names[0] == "torque"
 
 
 def test_input_and_output_stay_aligned():
@@ -238,7 +238,7 @@ def test_prepared_data_survive_their_files(tmp_path, validation):
         before, after = getattr(prepared, part), getattr(loaded, part)
         assert after.output.tobytes() == before.output.tobytes()
         assert after.input.tobytes() == before.input.tobytes()
-        assert (after.sampling_rate, after.output_unit) == (before.sampling_rate, "m/s2")
+        assert (after.sampling_rate, after.output_units[0]) == (before.sampling_rate, "m/s2")
     names[1].write_text("{}")
     with pytest.raises(InputError, match=r"transforms\.json.*the key sampling_rate is missing"):
         load_prepared(*names)

@@ -54,4 +54,4 @@ def test_a_doubtful_table_is_refused_with_its_place(tmp_path, name):
 def test_units_above_the_numbers(tmp_path, name, units):
     content, settings = READ[name]
     recording = read_recording(write(tmp_path, name, content), **settings)
-    assert (recording.input_unit, recording.output_unit) == units
+    assert (recording.input_units[0], recording.output_units[0]) == units

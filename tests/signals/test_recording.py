@@ -31,7 +31,7 @@ def test_a_recording_survives_its_file_bit_by_bit(tmp_path):
     assert loaded.input.tobytes() == recording.input.tobytes()
     assert loaded.output.tobytes() == recording.output.tobytes()
     assert loaded.sampling_rate == recording.sampling_rate
-    for field in ("input_name", "output_name", "input_unit", "output_unit"):
+    for field in ("input_names", "output_names", "input_units", "output_units"):
         assert getattr(loaded, field) == getattr(recording, field)
 
 

@@ -66,7 +66,7 @@ def test_input_and_output_stay_together_and_are_not_changed():
     recording = Recording(u, y, 125.0, output_units=("m",))
     resampled = resample_recording(recording, 100.0, "resample")
     assert resampled.input.size == resampled.output.size == -(-3001 * 4 // 5)
-    assert (resampled.sampling_rate, resampled.output_unit) == (100.0, "m")
+    assert (resampled.sampling_rate, resampled.output_units[0]) == (100.0, "m")
     np.testing.assert_array_equal(u, kept)
     assert resample_recording(recording, 125.0, "resample") is recording
 

@@ -45,7 +45,7 @@ def test_separators_and_line_ends(tmp_path, separator, end):
     recording = read_recording(write(tmp_path, table(separator, end=end)), 2, 1, 10.0)
     np.testing.assert_array_equal(recording.input, Y)
     np.testing.assert_array_equal(recording.output, U)
-    assert (recording.input_name, recording.sampling_rate) == ("input", 10.0)
+    assert (recording.input_names[0], recording.sampling_rate) == ("input", 10.0)
 
 
 @pytest.mark.parametrize("separator", [";", "\t", " "])
@@ -73,7 +73,7 @@ def test_pandas_tables_with_a_header(tmp_path, separator, decimal):
     recording = read_recording(path, "torque [N m]", "acceleration", time="time")
     np.testing.assert_array_equal(recording.input, U)
     assert recording.sampling_rate == 200.0
-    assert recording.output_name == "acceleration"
+    assert recording.output_names[0] == "acceleration"
 
 
 def test_numpy_text_with_its_comment_header(tmp_path):
@@ -89,16 +89,16 @@ def test_preamble_header_and_units(tmp_path):
     )
     path = write(tmp_path, text.encode("latin-1"))
     recording = read_recording(path, "force", "speed", time="time")
-    assert (recording.input_unit, recording.output_unit) == ("N", "m/s²")
+    assert (recording.input_units[0], recording.output_units[0]) == ("N", "m/s²")
     assert recording.sampling_rate == 200.0
     np.testing.assert_allclose(recording.output, Y, atol=1e-9)
-    assert read_recording(path, 2, 3, 1.0, output_unit="km/h").output_unit == "km/h"
+    assert read_recording(path, 2, 3, 1.0, output_unit="km/h").output_units == ("km/h",)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_byte_order_marks(tmp_path, encoding):
     path = write(tmp_path, table(",", header="μ,y\n").encode(encoding))
-    assert read_recording(path, "μ", "y", 1.0).input_name == "μ"
+    assert read_recording(path, "μ", "y", 1.0).input_names[0] == "μ"
 
 
 def test_comments_blank_lines_and_a_closing_separator(tmp_path):

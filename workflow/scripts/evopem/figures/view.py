@@ -285,18 +285,15 @@ class PolynomialView(View):
         recording, transforms = results.recording, results.model.transforms
         self.outputs = (
             Channel(
-                recording.output_name,
-                recording.output_unit,
-                prepared_output_name(transforms, recording.output_name),
-                prepared_output_unit(transforms, recording.output_unit),
+                recording.output_names[0],
+                recording.output_units[0],
+                prepared_output_name(transforms, recording.output_names[0]),
+                prepared_output_unit(transforms, recording.output_units[0]),
             ),
         )
-        name = recording.input_name
-        self.inputs = (
-            Channel(
-                *(name, recording.input_unit),
-                *(prepared_input_name(transforms, name), recording.input_unit),
-            ),
+        self.inputs = tuple(
+            Channel(name, unit, prepared_input_name(transforms, name), unit)
+            for name, unit in zip(recording.input_names, recording.input_units, strict=True)
         )[: int(results.model.has_input)]
         self.model_text = str(results.model.orders)
         self.structure = results.model.structure

@@ -75,23 +75,14 @@ def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording
 
     `recordings`: Each of one segment.
     """
-    _check_alike(recordings, sources)
-    _check_independent(recordings, sources)
+    for number, (other, source) in enumerate(zip(recordings, sources, strict=True)):
+        _check_alike(recordings[0], other, sources[0], source)
+        for earlier, earlier_source in zip(recordings[:number], sources, strict=False):
+            check_independent(earlier, other, source, earlier_source, _TWICE)
     return concatenated(recordings)
 
 
-def _check_alike(recordings: Sequence[Recording], sources: Sequence[str]) -> None:
-    for other, source in zip(recordings[1:], sources[1:], strict=True):
-        check_alike(recordings[0], other, sources[0], source)
-
-
-def _check_independent(recordings: Sequence[Recording], sources: Sequence[str]) -> None:
-    for number, (other, source) in enumerate(zip(recordings, sources, strict=True)):
-        for earlier, earlier_source in zip(recordings[:number], sources, strict=False):
-            check_independent(earlier, other, source, earlier_source, _TWICE)
-
-
-def check_alike(first: Recording, other: Recording, first_source: str, source: str) -> None:
+def _check_alike(first: Recording, other: Recording, first_source: str, source: str) -> None:
     """Refuse a recording of other channels, units or rate than the first one of a data set."""
     found = _in_common(other)
     for (what, key), expected in _in_common(first).items():

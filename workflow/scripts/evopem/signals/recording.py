@@ -122,26 +122,6 @@ class Recording(_Channels):
             object.__setattr__(self, f"{role}_units", units)
 
     @property
-    def input_name(self) -> str:
-        """Name of the only input; empty without an input."""
-        return _only(self.input_names)
-
-    @property
-    def output_name(self) -> str:
-        """Name of the only output."""
-        return _only(self.output_names)
-
-    @property
-    def input_unit(self) -> str:
-        """Unit of the only input."""
-        return _only(self.input_units)
-
-    @property
-    def output_unit(self) -> str:
-        """Unit of the only output."""
-        return _only(self.output_units)
-
-    @property
     def is_joined(self) -> bool:
         """Whether there is more than one segment of consecutive samples."""
         return len(self.segment_starts) > 1
@@ -160,16 +140,6 @@ class Recording(_Channels):
                 pairwise(self.bounds), self.segment_recordings, strict=True
             )
         )
-
-    @property
-    def segment_inputs(self) -> list[Array]:
-        """Inputs of each segment, (N, m) arrays."""
-        return [each.inputs for each in self.segments]
-
-    @property
-    def segment_outputs(self) -> list[Array]:
-        """Outputs of each segment, (N, l) arrays."""
-        return [each.outputs for each in self.segments]
 
     @property
     def separated(self) -> tuple[Recording, ...]:
@@ -220,28 +190,30 @@ def recording_of(
     output: ArrayLike | None,
     sampling_rate: float,
 ) -> Recording:
-    """Signals as a user gives them, as one recording; one is returned as it is."""
+    """Signals as a user gives them, as one recording; one is returned as it is.
+
+    Raises
+    ------
+    ValueError
+        When a signal is missing, complex, or of another length, or the rate is no number of Hz.
+    """
     if isinstance(input, Recording):
         if output is not None:
             raise ValueError("a Recording holds its outputs; give nothing as output")
         return input
     if output is None:
         raise ValueError("the output is missing")
-    y = real_signal(output, "output")
-    u = np.empty((len(y), 0)) if input is None else real_signal(input, "input")
+    given = np.asarray(output)
+    signals = {"input": np.empty((len(given), 0)) if input is None else input, "output": given}
+    for name, signal in signals.items():
+        if np.iscomplexobj(signal):
+            raise ValueError(f"the {name} is complex; give its real part or another channel")
+    u, y = (np.ascontiguousarray(each, dtype=float) for each in signals.values())
     if len(u) != len(y):
         raise ValueError(f"input and output must be of one length, not {len(u)} and {len(y)}")
     if not (np.isfinite(sampling_rate) and sampling_rate > 0.0):
         raise ValueError(f"sampling_rate must be a positive number of Hz, not {sampling_rate}")
     return Recording(u, y, sampling_rate)
-
-
-def real_signal(signal: ArrayLike, name: str) -> Array:
-    """A signal as floats."""
-    array = np.asarray(signal)
-    if np.iscomplexobj(array):
-        raise ValueError(f"the {name} is complex; give its real part or another channel")
-    return np.ascontiguousarray(array, dtype=float)
 
 
 def columns(values: Array) -> Array:
@@ -254,12 +226,6 @@ def _single(values: Array) -> Array:
     if values.shape[1] != 1:
         raise ValueError(f"{values.shape[1]} channels where one is needed")
     return np.ascontiguousarray(values[:, 0])
-
-
-def _only(texts: tuple[str, ...]) -> str:
-    if len(texts) > 1:
-        raise ValueError(f"{len(texts)} channels where one is needed")
-    return texts[0] if texts else ""
 
 
 def concatenated(recordings: Sequence[Recording]) -> Recording:

@@ -314,7 +314,7 @@ def two_fold_simulation_errors(
     reference = np.zeros(recording.outputs.shape[1])
     seen = np.zeros(len(span), dtype=int)
     for fold, (train, test) in enumerate((halves, halves[::-1])):
-        for y in test.segment_outputs:
+        for y in (each.outputs for each in test.segments):
             reference += np.sum((y - y.mean(axis=0)) ** 2, axis=0)
         with one_blas_thread():
             errors = task.errors(train, span[-1])
