@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from identified import with_output_name
 
+from evopem.figures.comparison import Comparison
 from evopem.report import build_index
-from evopem.report.comparison_page import build_comparison
-from evopem.results.comparison import Comparison
+from evopem.report.comparison import build_comparison
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
 from evopem.validation.checks import Evidence

@@ -1,5 +1,7 @@
 """The few lines about a data set agree with its summary."""
 
+from dataclasses import replace
+
 import pytest
 
 from evopem.report.numbers import with_error
@@ -19,9 +21,10 @@ def summary(identified):
     return summarize(Evidence(results.model, results.validation, results.recording_info, ranges))
 
 
-def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified):
+def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified, summary):
     results = identified.results
-    text = results_text(results, "results/bench/report.html")
+    page = "results/bench/report.html"
+    text = results_text("bench", verdict(results).sentence, summary, page)
     words = " ".join(text.split())
     assert words.startswith(f"bench: {' '.join(verdict(results).sentence.split())}")
     for mode in results.model.modes:
@@ -35,15 +38,14 @@ def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified):
     assert max(map(len, text.splitlines())) <= 100
 
 
-def test_what_a_failed_check_found_is_a_whole_sentence(identified, monkeypatch):
+def test_what_a_failed_check_found_is_a_whole_sentence(summary):
     statements = {
         "The input is of order 4; the model needs 22. More follows.": "The input is of order 4.",
         "At the upper end: nf = 5; nf from 1 to 5 was tried": "At the upper end: nf = 5.",
         "Poles at 0.5 and 0.6. They are close.": "Poles at 0.5 and 0.6.",
     }
-    listed = [Check("Name", False, statement) for statement in statements]
-    monkeypatch.setattr(type(identified.results), "checks", property(lambda _: listed))
-    shown = results_text(identified.results).splitlines()
+    listed = tuple(Check("Name", False, statement) for statement in statements)
+    shown = results_text("a", "Good.", replace(summary, checks=listed)).splitlines()
     found = [line.removeprefix("  failed  Name: ") for line in shown if "failed" in line]
     assert found == list(statements.values())
 

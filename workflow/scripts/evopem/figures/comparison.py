@@ -1,12 +1,17 @@
-"""Figures of several models side by side, of every pair of channels that all of them have."""
+"""Several models side by side: their errors, their modes matched by frequency, and overlays."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, TypeVar
 
+import numpy as np
 import pandas as pd
 
+from evopem.errors import InputError
 from evopem.figures.chart import (
     FAMILY,
     FREQUENCY,
@@ -17,91 +22,264 @@ from evopem.figures.chart import (
     around,
     family,
     nothing,
+    rows_of,
 )
-from evopem.figures.frequency_domain import GAIN_BINS, model_source
+from evopem.figures.frequency_domain import GAIN_BINS, Pair, model_source
+from evopem.figures.report_figure import MOST_PANELS
 from evopem.figures.style import extremes, with_unit
 from evopem.figures.time_domain import shown_samples
-from evopem.figures.view import view_of
+from evopem.figures.view import Channel, Results, View, view_of
+from evopem.models.mode_matching import match_modes
+from evopem.models.modes import Mode
+from evopem.validation.checks import failed_checks
 
-if TYPE_CHECKING:
-    from evopem.results.comparison import Comparison
+T = TypeVar("T")
+MOST = 6
+"""More models than colours that can be told apart are not compared."""
 
 
-def simulated_column(number: int) -> str:
-    """Column of the simulation by a model, counted from 1."""
-    return f"simulated_{number}"
+@dataclass(frozen=True)
+class MatchedMode:
+    """One mode as each model has it."""
+
+    modes: tuple[Mode | None, ...]  # in the order of the models; None where a model has none
+    trusted: tuple[bool, ...]
+
+    @property
+    def frequencies(self) -> list[float]:
+        """Natural frequencies in the models that have it, Hz."""
+        return [mode.frequency_hz for mode in self.modes if mode is not None]
+
+    @property
+    def spread_percent(self) -> float:
+        """Largest less smallest frequency, in percent of their mean; NaN for one model."""
+        found = self.frequencies
+        if len(found) < 2:
+            return float("nan")
+        return 100.0 * (max(found) - min(found)) / float(np.mean(found))
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Models side by side, of the channels that all of them have."""
+
+    labels: tuple[str, ...]  # one for each model, all different
+    views: tuple[View, ...]
+
+    @classmethod
+    def of(cls, results: Sequence[Results], labels: Sequence[str] = ()) -> Comparison:
+        """Compare data sets, by default under their names and, where these agree, their models.
+
+        `InputError` for fewer than two, more than :data:`MOST`, labels that do not tell them
+        apart, or models without a common output.
+        """
+        if not 2 <= len(results) <= MOST:
+            raise InputError(
+                "compare", f"there are {len(results)} models", f"give 2 to {MOST} of them"
+            )
+        views = tuple(map(view_of, results))
+        chosen = tuple(labels) or _labels(views)
+        if len(chosen) != len(views) or len(set(chosen)) != len(chosen):
+            raise InputError(
+                "labels", "they are not one for each model, all different", "correct them"
+            )
+        compared = cls(chosen, views)
+        if not compared.outputs:
+            raise InputError(
+                "compare", "the models have no output in common", "compare models of one system"
+            )
+        return compared
+
+    @cached_property
+    def outputs(self) -> list[tuple[Channel, ...]]:
+        """Each common output as every model has it, found by name; a single one by whatever."""
+        if all(len(view.outputs) == 1 for view in self.views):
+            return [tuple(view.outputs[0] for view in self.views)]
+        return _common([{each.name: each for each in view.outputs} for view in self.views])
+
+    @cached_property
+    def pairs(self) -> list[tuple[Pair, ...]]:
+        """Each common pair of output and input as every model has it."""
+        if all(len(view.pairs) == 1 for view in self.views):
+            return [tuple(view.pairs[0] for view in self.views)]
+        return _common(
+            [{(o.name, s.name if s else ""): (o, s) for o, s in view.pairs} for view in self.views]
+        )
+
+    @property
+    def has_same_validation(self) -> bool:
+        """Whether all models were validated on the same samples, at the same rate."""
+        first, *others = (self._measured(place) for place in range(len(self.views)))
+        return all(
+            first.shape == other.shape and np.allclose(first, other, rtol=1e-9, equal_nan=True)
+            for other in others
+        )
+
+    def _measured(self, place: int) -> np.ndarray:
+        """Times and measured samples of the common outputs for validation."""
+        columns = [f"output_{each[place].name}" for each in self.outputs]
+        return self.views[place].simulation[["time_s", *columns]].to_numpy(dtype=float)
+
+    @cached_property
+    def modes(self) -> list[MatchedMode]:
+        """The modes of all models, matched by frequency, in its order.
+
+        The modes of each further model are paired with those of the models before it.
+        """
+        size = len(self.views)
+        groups: list[list[Mode | None]] = []
+        for place, view in enumerate(self.views):
+            known = [next(mode for mode in group if mode is not None) for group in groups]
+            pairs = match_modes(view.modes, known)
+            for index, mode in enumerate(view.modes):
+                if index in pairs:
+                    groups[pairs[index]][place] = mode
+                else:
+                    groups.append([mode if at == place else None for at in range(size)])
+        trusted = [
+            {mode.pole for mode, kept in zip(view.modes, view.trusted, strict=True) if kept}
+            for view in self.views
+        ]
+        matched = [
+            MatchedMode(
+                tuple(group),
+                tuple(m is not None and m.pole in t for m, t in zip(group, trusted, strict=True)),
+            )
+            for group in groups
+        ]
+        return sorted(matched, key=lambda each: float(np.mean(each.frequencies)))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """A row for each model: its orders, errors, criteria and checks."""
+        rows = []
+        for view in self.views:
+            model, validation = view.results.model, view.results.validation
+            rows.append(
+                {
+                    "model": view.model_text,
+                    "parameters": model.model.parameters.size,
+                    "estimation_samples": model.transforms.estimation_samples,
+                    "sampling_rate_hz": model.sampling_rate,
+                    "simulation_error_percent": validation.simulation_error_percent,
+                    "prediction_error_percent": validation.prediction_error_percent,
+                    "bic": model.bic,
+                    "failed_checks": len(failed_checks(view.checks)),
+                    "trusted_modes": sum(view.trusted),
+                }
+            )
+        return pd.DataFrame(rows, index=pd.Index(self.labels, name="data set"))
+
+    @property
+    def mode_table(self) -> pd.DataFrame:
+        """A row for each mode of each model: number of the matched mode, values and errors."""
+        rows = [
+            (
+                *(number, label, mode.frequency_hz, mode.frequency_se_hz),
+                *(100.0 * mode.damping_ratio, 100.0 * mode.damping_se, trusted),
+            )
+            for number, each in enumerate(self.modes, start=1)
+            for label, mode, trusted in zip(self.labels, each.modes, each.trusted, strict=True)
+            if mode is not None
+        ]
+        numbers = ["frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent"]
+        return pd.DataFrame(rows, columns=["mode", "data set", *numbers, "trusted"])
+
+
+def _common(named: Sequence[Mapping[Any, T]]) -> list[tuple[T, ...]]:
+    """The values of the keys that all have, in the order of the first."""
+    keys = [key for key in named[0] if all(key in each for each in named)]
+    return [tuple(each[key] for each in named) for key in keys]
+
+
+def _labels(views: Sequence[View]) -> tuple[str, ...]:
+    """Names; with the orders where names agree, and a number where these agree as well."""
+    names = [view.name for view in views]
+    if len(set(names)) < len(names):
+        names = [f"{view.name}, {view.model_text}" for view in views]
+    often = Counter(names)
+    seen: Counter[str] = Counter()
+    labels = []
+    for name in names:
+        seen[name] += 1
+        labels.append(f"{name} ({seen[name]})" if often[name] > 1 else name)
+    return tuple(labels)
 
 
 def compared_responses(comparison: Comparison) -> Chart:
-    """Gain and phase of every model, with the 95 % bands of the gains."""
-    views = [view_of(each) for each in comparison.results]
+    """Gain and phase of every model and common pair, with the 95 % bands of the gains."""
     columns = ["frequency_hz", "gain", "gain_lower", "gain_upper", "phase_deg"]
-    tables = []
-    for number, view in enumerate(views, start=1):
-        table = view.frequency_response
-        own = table[(table["source"] == model_source(view)[0]) & (table["frequency_hz"] > 0)]
-        tables.append(own.iloc[extremes(own["gain"], GAIN_BINS)][columns].assign(model=number))
-    table = pd.concat(tables, ignore_index=True)[["model", *columns]]
-    units = {view.gain_unit(*view.pairs[0]) for view in views}
-
-    models = [
-        (label, role, (("model", str(number)),))
-        for number, (label, role) in enumerate(zip(comparison.labels, FAMILY, strict=False), 1)
-    ]
-    gains = [
-        Curve(label, "gain", role, where=where, band=("gain_lower", "gain_upper"))
-        for label, role, where in models
-    ]
-    phases = [Curve(label, "phase_deg", role, "points", where=w) for label, role, w in models]
-    highest = max(view.sampling_rate for view in views) / 2
-    panels = (
-        Panel(
-            *("", "frequency_hz", FREQUENCY),
+    highest = max(view.sampling_rate for view in comparison.views) / 2
+    tables, gains, phases = [], [], []
+    for place, pair in enumerate(comparison.pairs[: MOST_PANELS // 2]):
+        units = set()
+        for number, (view, (output, source)) in enumerate(
+            zip(comparison.views, pair, strict=True), start=1
+        ):
+            table = view.frequency_response
+            where = (("source", model_source(view)[0]), *view.where(output, source))
+            rows = rows_of(table[table["frequency_hz"] > 0], where)
+            kept = rows.iloc[extremes(rows["gain"], GAIN_BINS)][columns]
+            tables.append(kept.assign(model=number, pair=place))
+            units.add(view.gain_unit(output, source))
+        models = [
+            (label, role, (("model", str(number)), ("pair", str(place))))
+            for number, (label, role) in enumerate(zip(comparison.labels, FAMILY, strict=False), 1)
+        ]
+        title = comparison.views[0].pair_title(*pair[0])
+        gain = Panel(
+            *(title, "frequency_hz", FREQUENCY),
             with_unit("Gain", units.pop() if len(units) == 1 else ""),
-            tuple(gains),
+            tuple(
+                Curve(label, "gain", role, where=where, band=("gain_lower", "gain_upper"))
+                for label, role, where in models
+            ),
             scale="logarithmic",
-            limits=around(table["gain"]),
+            limits=around(pd.concat(tables[-len(comparison.views) :])["gain"]),
             highest=highest,
             height=260,
             linked="frequency",
-        ),
-        Panel(
-            *("", "frequency_hz", FREQUENCY, "Phase (°)", tuple(phases)),
-            scale="phase",
-            limits=(-190, 190),
-            highest=highest,
-            height=170,
-            linked="frequency",
-        ),
-    )
-    return Chart(table, panels)
+        )
+        curves = [Curve(label, "phase_deg", role, "points", where=w) for label, role, w in models]
+        phase = replace(gain, y_label="Phase (°)", curves=tuple(curves), scale="phase", height=170)
+        gains.append(gain)
+        phases.append(replace(phase, limits=(-190, 190)))
+    if not tables:
+        return nothing("The models have no input in common.")
+    across = min(len(gains), 3)
+    panels = [
+        panel
+        for first in range(0, len(gains), across)
+        for row in (gains, phases)
+        for panel in row[first : first + across]
+    ]
+    together = pd.concat(tables, ignore_index=True)[["model", "pair", *columns]]
+    return Chart(together, tuple(panels), across)
 
 
 def compared_simulations(comparison: Comparison) -> Chart:
     """Validation samples, measured and simulated by every model; without an input, predicted."""
     if not comparison.has_same_validation:
         return nothing("The models were validated on different samples.")
-    views = [view_of(each) for each in comparison.results]
-    first, name = views[0], views[0].outputs[0].name
+    first = comparison.views[0]
     kind = "simulated" if first.has_input else "predicted"
-    together = first.simulation[["time_s", f"output_{name}"]].set_axis(["time_s", "output"], axis=1)
-    for number, view in enumerate(views, start=1):
-        computed = view.simulation[f"{kind}_{view.outputs[0].name}"]
-        together = together.assign(**{simulated_column(number): computed})
-    table = together[together.notna().all(axis="columns")]
+    table, panels = first.simulation[["time_s"]], []
     kept = shown_samples(first.modes, first.sampling_rate)
+    for place, outputs in enumerate(comparison.outputs[:MOST_PANELS], start=1):
+        measured = f"output_{place}"
+        table = table.assign(**{measured: first.simulation[f"output_{outputs[0].name}"]})
+        curves = [Curve("measured", measured, "ink")]
+        for number, (view, output) in enumerate(zip(comparison.views, outputs, strict=True)):
+            column = f"simulated_{place}_{number + 1}"
+            table = table.assign(**{column: view.simulation[f"{kind}_{output.name}"]})
+            label, role = comparison.labels[number], FAMILY[number]
+            curves.append(Curve(label, column, role, dashed=True))
+        label = outputs[0].label
+        panels.append(Panel("", "time_s", VALIDATION_TIME, label, tuple(curves), height=250))
+    table = table[table.notna().all(axis="columns")]
     until = float(table["time_s"].iloc[: kept or len(table)].max())
-    curves = (
-        Curve("measured", "output", "ink"),
-        *(
-            Curve(label, simulated_column(number), role, dashed=True)
-            for number, (label, role) in enumerate(zip(comparison.labels, FAMILY, strict=False), 1)
-        ),
-    )
-    label = first.outputs[0].label
-    return Chart(
-        table, (Panel("", "time_s", VALIDATION_TIME, label, curves, shown=until, height=250),)
-    )
+    shown = tuple(replace(panel, shown=until) for panel in panels)
+    return Chart(table, shown, min(len(shown), 2))
 
 
 def compared_modes(comparison: Comparison) -> Chart:
@@ -124,7 +302,7 @@ def compared_modes(comparison: Comparison) -> Chart:
     panel = Panel(
         *("", "frequency_hz", "Natural frequency (Hz)", "Damping ratio (%)", tuple(curves)),
         limits=limits,
-        highest=max(view_of(each).sampling_rate for each in comparison.results) / 2,
+        highest=max(view.sampling_rate for view in comparison.views) / 2,
         height=250,
     )
     return Chart(table, (panel,), live=False)

@@ -10,13 +10,17 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from evopem.figures.chart import Chart
-from evopem.figures.comparison import compared_modes, compared_responses, compared_simulations
+from evopem.figures.comparison import (
+    Comparison,
+    compared_modes,
+    compared_responses,
+    compared_simulations,
+)
 from evopem.figures.draw import draw, grid_of
 from evopem.figures.style import PARAMETERS, Grid
 from evopem.files.atomic import write_page
 from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
-from evopem.report.comparison_text import comparison_text
-from evopem.results.comparison import Comparison
+from evopem.report.comparison import comparison_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,7 +89,7 @@ class ModelComparison:
             When matplotlib or jinja2 is missing, or the file cannot be written.
         """
         check_packages(FOR_REPORT, "report", "the figures and the page")
-        from evopem.report.comparison_page import build_comparison
+        from evopem.report.comparison import build_comparison
         from evopem.report.templates import template_folder
 
         write_page(file, build_comparison(self.comparison, template_folder()))

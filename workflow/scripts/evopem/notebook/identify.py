@@ -107,6 +107,7 @@ def identify(
     from evopem.blas_threads import one_blas_thread
     from evopem.notebook.progress import progress
     from evopem.notebook.results import Results
+    from evopem.pipeline.figures import read_results
     from evopem.pipeline.identification import identify_dataset
 
     folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
@@ -121,7 +122,7 @@ def identify(
             identify_dataset(files, settings, False, announce=announce, folder=root)
         except InputError as error:
             raise _of_signals(error, root) from None
-    return Results.of(files, settings, folder)
+    return Results(files, read_results(files), folder)
 
 
 def read_results(folder: str | Path) -> Results:
@@ -138,8 +139,8 @@ def read_results(folder: str | Path) -> Results:
         When the results are unfinished, or a file is missing, changed or damaged.
     """
     check_packages(FOR_RESULTS, "read_results", "the tables of the results")
-    from evopem.config.yaml_form import read_settings
     from evopem.notebook.results import Results
+    from evopem.pipeline.figures import read_results
 
     files = DatasetFiles(str(folder))
     if not Path(files.config).is_file():
@@ -147,7 +148,7 @@ def read_results(folder: str | Path) -> Results:
             str(folder), "holds no results of a data set", "give a folder such as results/arm"
         )
     check_results(files)
-    return Results.of(files, read_settings(files.config))
+    return Results(files, read_results(files))
 
 
 def _validation_signals(

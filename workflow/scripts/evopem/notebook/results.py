@@ -6,7 +6,6 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -14,9 +13,9 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from evopem.automatic.decision import Decision
-from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
 from evopem.figures.chart import Chart
+from evopem.figures.comparison import Comparison
 from evopem.figures.draw import draw, grid_of
 from evopem.figures.registry import figure_of
 from evopem.figures.time_domain import responses_of
@@ -28,11 +27,9 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.notebook.comparison import ModelComparison, pyplot_panels
 from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
-from evopem.report.numbers import count, is_number, number, percent, with_error
-from evopem.report.results_text import results_text
+from evopem.report.results_text import results_html, results_text
 from evopem.report.sentences.about_verdict import verdict
-from evopem.results.comparison import Comparison
-from evopem.results.dataset import DatasetResults, read_dataset_results
+from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import DatasetSummary
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 from evopem.validation.checks import Check
@@ -40,44 +37,6 @@ from evopem.validation.validation import Validation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-
-def html_summary(name: str, verdict: str, summary: DatasetSummary) -> str:
-    """Verdict, modes, errors and failed checks as HTML without styles that leave it."""
-    errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
-    if is_number(summary.simulation_error_percent):
-        errors.insert(0, f"simulation {percent(summary.simulation_error_percent)}")
-    parts = [
-        f"<p><strong>{escape(name)}</strong>: {escape(verdict)}</p>",
-        _modes(summary),
-        f"<p>{escape(summary.model)}, from {count(summary.estimation_samples)} samples"
-        f" at {number(summary.sampling_rate)} Hz. Errors on {count(summary.validation_samples)}"
-        f" validation samples: {', '.join(errors)}.</p>",
-    ]
-    failed = summary.failed
-    if failed:
-        items = "".join(
-            f"<li>{escape(check.name)}: {escape(check.statement)}</li>" for check in failed
-        )
-        heading = f"{len(failed)} failed check{'s' if len(failed) > 1 else ''}"
-        parts.append(f"<details><summary>{heading}</summary><ul>{items}</ul></details>")
-    return "<div>" + "\n".join(parts) + "</div>"
-
-
-def _modes(summary: DatasetSummary) -> str:
-    if not summary.modes:
-        return "<p>The model has no oscillating mode.</p>"
-    rows = "".join(
-        f"<tr><th>{position}</th>"
-        f"<td>{with_error(mode.frequency_hz, mode.frequency_se_hz)}</td>"
-        f"<td>{with_error(100.0 * mode.damping_ratio, 100.0 * mode.damping_se)}</td>"
-        f"<td>{'trusted' if trusted else 'not trusted'}</td></tr>"
-        for position, (mode, trusted) in enumerate(
-            zip(summary.modes, summary.trusted, strict=True), start=1
-        )
-    )
-    head = "<th>mode</th><th>frequency (Hz)</th><th>damping (%)</th><th></th>"
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,16 +56,6 @@ class Results:
     files: DatasetFiles
     results: DatasetResults
     _folder: TemporaryDirectory[str] | None = None
-
-    @classmethod
-    def of(
-        cls,
-        files: DatasetFiles,
-        settings: DatasetSettings,
-        folder: TemporaryDirectory[str] | None = None,
-    ) -> Results:
-        """Read the results of a data set."""
-        return cls(files, read_dataset_results(files, settings), folder)
 
     @property
     def name(self) -> str:
@@ -188,10 +137,10 @@ class Results:
         return load(DatasetSummary, self.files.summary)
 
     def __repr__(self) -> str:
-        return results_text(self.results)
+        return results_text(self.name, self.verdict, self.summary)
 
     def _repr_html_(self) -> str:
-        return html_summary(self.name, self.verdict, self.summary)
+        return results_html(self.name, self.verdict, self.summary)
 
     @cached_property
     def _view(self) -> View:
@@ -279,15 +228,7 @@ class Results:
             if not isinstance(each, Results):
                 shown = repr(each)[:40]
                 raise InputError("compare", f"{shown} is no result", "give what identify returns")
-        results = []
-        for each in (self, *others):
-            if not each.results.settings.is_single_channel:
-                raise InputError(
-                    each.name,
-                    "has several channels, and one input and one output are compared",
-                    "write the report, which shows every pair of channels",
-                )
-            results.append(each.results)
+        results = [each.results for each in (self, *others)]
         return ModelComparison(Comparison.of(results, labels))
 
     def report(self, file: str | Path) -> Path:

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from evopem.config.yaml_form import read_single_channel_settings
 from evopem.errors import InputError
+from evopem.figures.comparison import Comparison
 from evopem.files.atomic import write_page
-from evopem.report.comparison_page import build_comparison
+from evopem.pipeline.figures import read_results
+from evopem.report.comparison import build_comparison
 from evopem.report.templates import template_folder
-from evopem.results.comparison import Comparison
-from evopem.results.dataset import read_dataset_results
 from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
 
@@ -21,10 +20,7 @@ from evopem.results.layout import DatasetFiles
 def compare_datasets(folders: Sequence[str], page: str) -> Comparison:
     """Lay the results of data sets side by side, on a page with links to their reports."""
     found = [_files(folder) for folder in folders]
-    results = [
-        read_dataset_results(files, read_single_channel_settings(files.config)) for files in found
-    ]
-    comparison = Comparison.of(results)
+    comparison = Comparison.of([read_results(files) for files in found])
     reports = {
         label: quote(Path(os.path.relpath(files.report, Path(page).parent)).as_posix())
         for label, files in zip(comparison.labels, found, strict=True)

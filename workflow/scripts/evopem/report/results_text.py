@@ -1,71 +1,104 @@
-"""The results of a data set in plain text: verdict, modes, errors, failed checks, report."""
+"""The results of a data set in few words: verdict, modes, errors, failed checks, report."""
 
 from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Sequence
+from html import escape
 
-from evopem.models.modes import Mode
-from evopem.report.numbers import count, percent, with_error
-from evopem.report.sentences.about_verdict import verdict
-from evopem.results.dataset import DatasetResults
-from evopem.validation.checks import Check, failed_checks
+from evopem.report.numbers import count, is_number, number, percent, plural, with_error
+from evopem.results.fleet import DatasetSummary
 
 _WIDTH = 96
+_NO_MODE = "The model has no oscillating mode."
 
 
-def results_text(results: DatasetResults, page: str = "") -> str:
-    """The lines about one data set."""
-    validation, transforms = results.validation, results.model.transforms
-    judged = validation.modes.modes
+def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "") -> str:
+    """The lines about one data set; `page` is the file to open next."""
     lines = [
-        *textwrap.wrap(f"{results.name}: {verdict(results).sentence}", _WIDTH),
+        *textwrap.wrap(f"{name}: {verdict}", _WIDTH),
         "",
-        *_modes_of(
-            [each.mode for each in judged],
-            [each.trusted for each in judged],
-        ),
+        *_mode_lines(summary),
         "",
-        f"  model   {results.model.text}, from {count(transforms.estimation_samples)} samples at "
-        f"{results.model.sampling_rate:g} Hz",
-        f"  errors  one step ahead {percent(validation.prediction_error_percent)}, simulation "
-        f"{percent(validation.simulation_error_percent)} on {count(validation.samples)} "
-        f"validation samples{', mean over the outputs' if len(validation.outputs) > 1 else ''}",
-        *_failed(results.checks),
-        *([f"  report  {page}"] if page else []),
+        f"  model   {_model(summary)}",
+        *_wrapped(_errors(summary), "  errors  "),
     ]
-    return "\n".join(lines)
+    for check in summary.failed:
+        found = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
+        lines += _wrapped(f"{check.name}: {found}.", "  failed  ")
+    return "\n".join([*lines, *([f"  report  {page}"] if page else [])])
 
 
-def _modes_of(modes: Sequence[Mode], trusted: Sequence[bool]) -> list[str]:
-    if not modes:
-        return ["  The model has no oscillating mode."]
-    rows = [("mode", "frequency (Hz)", "damping (%)", "")]
-    rows += [
-        (
-            str(position),
-            with_error(mode.frequency_hz, mode.frequency_se_hz),
-            with_error(100.0 * mode.damping_ratio, 100.0 * mode.damping_se),
-            "" if trust else "not to be trusted: see the report",
+def results_html(name: str, verdict: str, summary: DatasetSummary) -> str:
+    """The same as HTML without styles that leave it, with all that the failed checks found."""
+    head, *rows = _mode_rows(summary)
+    modes = f"<p>{_NO_MODE}</p>"
+    if rows:
+        columns = "".join(f"<th>{escape(column)}</th>" for column in head)
+        listed = "".join(
+            f"<tr><th>{place}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
+            for place, *cells in rows
         )
-        for position, (mode, trust) in enumerate(zip(modes, trusted, strict=True), start=1)
+        modes = f"<table><thead><tr>{columns}</tr></thead><tbody>{listed}</tbody></table>"
+    parts = [
+        f"<p><strong>{escape(name)}</strong>: {escape(verdict)}</p>",
+        modes,
+        f"<p>{escape(_model(summary))}. Errors: {escape(_errors(summary))}.</p>",
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    if summary.failed:
+        items = "".join(
+            f"<li>{escape(check.name)}: {escape(check.statement)}</li>" for check in summary.failed
+        )
+        heading = plural(len(summary.failed), "failed check")
+        parts.append(f"<details><summary>{heading}</summary><ul>{items}</ul></details>")
+    return "<div>" + "\n".join(parts) + "</div>"
+
+
+def _model(summary: DatasetSummary) -> str:
+    return (
+        f"{summary.model}, from {count(summary.estimation_samples)} samples at"
+        f" {number(summary.sampling_rate)} Hz"
+    )
+
+
+def _errors(summary: DatasetSummary) -> str:
+    errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
+    if is_number(summary.simulation_error_percent):
+        errors.append(f"simulation {percent(summary.simulation_error_percent)}")
+    several = any(len(mode.shape) > 1 for mode in summary.modes)
+    return (
+        f"{', '.join(errors)} on {count(summary.validation_samples)} validation samples"
+        f"{', mean over the outputs' if several else ''}"
+    )
+
+
+def _mode_rows(summary: DatasetSummary) -> list[tuple[str, ...]]:
+    return [
+        ("mode", "frequency (Hz)", "damping (%)", ""),
+        *(
+            (
+                str(position),
+                with_error(mode.frequency_hz, mode.frequency_se_hz),
+                with_error(100.0 * mode.damping_ratio, 100.0 * mode.damping_se),
+                "" if trusted else "not to be trusted: see the report",
+            )
+            for position, (mode, trusted) in enumerate(
+                zip(summary.modes, summary.trusted, strict=True), start=1
+            )
+        ),
+    ]
+
+
+def _mode_lines(summary: DatasetSummary) -> list[str]:
+    rows = _mode_rows(summary)
+    if len(rows) == 1:
+        return [f"  {_NO_MODE}"]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         "  "
         + "   ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     ]
-
-
-def _failed(checks: Sequence[Check]) -> list[str]:
-    """Each failed check with the first sentence of what was found."""
-    lines = []
-    for check in failed_checks(checks):
-        found = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
-        lines += _wrapped(f"{check.name}: {found}.", "  failed  ")
-    return lines
 
 
 def _wrapped(text: str, head: str) -> list[str]:

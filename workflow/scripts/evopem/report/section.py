@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
 
+from evopem.figures.chart import Chart
 from evopem.figures.registry import REPORT_FIGURES
 from evopem.figures.report_figure import ReportFigure
 from evopem.figures.view import View
@@ -65,31 +66,46 @@ class DrawnFigure:
 
     id: str
     title: str
-    paragraphs: list[str]
     caption: str
-    data: list[str]  # files that hold the data of the figure
+    paragraphs: Sequence[str]
+    data: Sequence[str]  # files that hold the data of the figure
     download: Download  # the data of the figure as CSV
-    svg: Markup | None  # none where the figure was not drawn
+    svg: Markup | None  # None where the figure was not drawn
     panels: str  # what the page draws for a reader to zoom, as JSON; empty where it does not
     columns: int  # panels of a row
-    for_experts: bool  # whether the paragraphs wait to be opened
+
+    @classmethod
+    def of(
+        cls, chart: Chart, svg: str | None, words: tuple[str, str, str], most_cells: int, **own: Any
+    ) -> DrawnFigure:
+        """A chart by its id, title and caption, with its data as a file of at most so many cells.
+
+        `own`: name of the data set, paragraphs, and the files that hold the data.
+        """
+        name, title, caption = words
+        panels = chart.page_form() if svg else []
+        return cls(
+            *(name, title, caption, own.get("paragraphs", ()), own["data"]),
+            download=csv_download(chart.table, own["dataset"], name, most_cells),
+            svg=None if svg is None else inline_svg(svg, name, caption),
+            panels=json.dumps(panels, ensure_ascii=False) if panels else "",
+            columns=chart.columns,
+        )
+
+    @property
+    def for_experts(self) -> bool:
+        """Whether the paragraphs wait to be opened."""
+        return self.id not in FOR_ALL
 
 
 def drawn_figure(figure: ReportFigure, view: View, svg: str | None) -> DrawnFigure:
-    """A figure with its sentences, its data and its panels."""
-    caption, chart = figure.caption_of(view), figure.chart(view)
-    panels = chart.page_form() if svg else []
-    return DrawnFigure(
-        id=figure.name,
-        title=figure.title_of(view),
+    """A figure of the report with its sentences, its data and its panels."""
+    return DrawnFigure.of(
+        figure.chart(view),
+        svg,
+        (figure.name, figure.title_of(view), figure.caption_of(view)),
+        MOST_CELLS // (2 - view.is_single),
+        dataset=view.name,
+        data=figure.data,
         paragraphs=sentences_of(figure.name, view),
-        caption=caption,
-        data=list(figure.data),
-        download=csv_download(
-            chart.table, view.name, figure.name, MOST_CELLS // (2 - view.is_single)
-        ),
-        svg=None if svg is None else inline_svg(svg, figure.name, caption),
-        panels=json.dumps(panels, ensure_ascii=False) if panels else "",
-        columns=chart.columns,
-        for_experts=figure.name not in FOR_ALL,
     )

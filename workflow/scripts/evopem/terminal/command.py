@@ -210,7 +210,7 @@ def _compare(given: Sequence[str]) -> int:
     check_environment(os.environ)
     os.environ.update(job_environment(os.environ, Path.cwd()))
     from evopem.pipeline.comparison import compare_datasets
-    from evopem.report.comparison_text import comparison_text
+    from evopem.report.comparison import comparison_text
     from evopem.terminal.results_text import show
 
     comparison = compare_datasets(arguments.folders, arguments.page)

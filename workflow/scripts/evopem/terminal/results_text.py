@@ -6,11 +6,12 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from evopem.config.yaml_form import read_settings
+from evopem.files.json_form import load
+from evopem.pipeline.figures import read_results
 from evopem.report.numbers import number, plural
 from evopem.report.results_text import results_text
-from evopem.results.dataset import read_dataset_results
-from evopem.results.fleet import Entry
+from evopem.report.sentences.about_verdict import verdict
+from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
 
@@ -52,7 +53,8 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
 
 def dataset_text(files: DatasetFiles, page: str) -> str:
     """The lines about one data set of any number of channels; `page` is the file to open next."""
-    return results_text(read_dataset_results(files, read_settings(files.config)), page)
+    summary = load(DatasetSummary, files.summary)
+    return results_text(files.name, verdict(read_results(files)).sentence, summary, page)
 
 
 def _is_packed(name: str) -> bool:

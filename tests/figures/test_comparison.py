@@ -7,8 +7,8 @@ import pytest
 from identified import with_judged_modes
 
 from evopem.errors import InputError
+from evopem.figures.comparison import Comparison
 from evopem.models.modes import Mode
-from evopem.results.comparison import Comparison
 
 
 @pytest.fixture(scope="module")
