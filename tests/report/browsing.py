@@ -12,8 +12,6 @@ from evopem.report import build_index
 from evopem.report.comparison import build_comparison
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
-from evopem.validation.checks import Evidence
-from evopem.validation.checks.search import ranges_of_phases
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 HOSTILE = """<script>document.title="harmed"</script>"'&"""
@@ -81,8 +79,7 @@ def hostile(results, build, draw, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def summary(results):
-    ranges = ranges_of_phases(results.phases)
-    return summarize(Evidence(results.model, results.validation, results.recording_info, ranges))
+    return summarize(results.evidence)
 
 
 @pytest.fixture(scope="session")

@@ -10,15 +10,13 @@ from evopem.report.sentences.about_verdict import verdict
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
 from evopem.terminal.results_text import run_text
-from evopem.validation.checks import Check, Evidence
-from evopem.validation.checks.search import ranges_of_phases
+from evopem.validation.checks import Check
 
 
 @pytest.fixture
 def summary(identified):
     results = identified.results
-    ranges = ranges_of_phases(results.phases)
-    return summarize(Evidence(results.model, results.validation, results.recording_info, ranges))
+    return summarize(results.evidence)
 
 
 def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified, summary):

@@ -80,8 +80,8 @@ class DatasetResults:
         return replace(phase, candidates=phase.over_orders(self.model.structure))
 
     @property
-    def checks(self) -> list[Check]:
-        """The checks of the model."""
+    def evidence(self) -> Evidence:
+        """What the checks of the model judge."""
         ranges = ranges_of_phases(self.phases)
         if self.choice is not None:
             chosen = self.choice.candidate
@@ -90,11 +90,15 @@ class DatasetResults:
                 chosen.order,
                 next(each for each in self.searches if each.structure == chosen.structure),
             )
-        evidence = Evidence(
+        return Evidence(
             *(self.model, self.validation, self.recording_info, ranges),
             self.decisions is not None,
         )
-        return checks(evidence)
+
+    @property
+    def checks(self) -> list[Check]:
+        """The checks of the model."""
+        return checks(self.evidence)
 
     @property
     def trusted_modes(self) -> tuple[Mode, ...]:
