@@ -56,8 +56,8 @@ def reading_time(settings: DatasetSettings, attempt: int) -> int:
 
 
 def estimates_again(settings: DatasetSettings) -> bool:
-    """Whether the completed model is estimated anew, for its focus or constraints."""
-    return settings.is_single_channel and settings.fit.changes_model
+    """Whether the completed model is searched, or estimated anew for its focus or constraints."""
+    return not settings.is_single_channel or settings.fit.changes_model
 
 
 def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> int:

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
+
+import numpy as np
 
 from evopem.automatic.chosen import window_of
+from evopem.automatic.fit import FitSettings as CommonSettings
 from evopem.automatic.preparation.plan import PreparationPlan
 from evopem.automatic.remedies import Remedied
-from evopem.config.settings import FitSettings, Objective, ScoringWindow, SearchSettings
+from evopem.blas_threads import one_blas_thread
+from evopem.config.settings import (
+    AutomaticSettings,
+    FitSettings,
+    Objective,
+    ScoringWindow,
+    SearchSettings,
+)
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_selection import complete_estimate
@@ -19,8 +30,14 @@ from evopem.models.response_tables import (
     frequency_response_table,
     time_response_table,
 )
+from evopem.pipeline.search.chosen import estimate_channels
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
+from evopem.signals.recording import Recording
+from evopem.signals.spectral.frequency_response import frequency_response
+
+NFFT = 1024
+Log = Callable[[str], None]
 
 
 def complete_model(
@@ -29,12 +46,39 @@ def complete_model(
     window: ScoringWindow | None,
     phases: tuple[str, ...],
     fit: FitSettings,
+    settings: AutomaticSettings,
+    fits: CommonSettings,
+    log: Log | None = None,
 ) -> None:
     """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets.
 
-    With a focus or constraints, the model of its orders is estimated for these.
+    With a focus or constraints, the model of its orders is estimated for these.  That of several
+    channels, which have no phases, is searched globally.
     """
-    selected = load(PhaseSelection, files.phase(phases[-1])).selected
+    estimation = load_prepared(files.prepared, files.transforms).estimation
+    if phases:
+        record = _selected(files, search, window, phases[-1], fit)
+        names = record.input_names, record.output_names
+        write_table(files.frequency_response, frequency_response_table(record.model, *names))
+        write_table(files.time_response, time_response_table(record.polynomials))
+    else:
+        record = estimate_channels(files, search, settings, fits, fit.constraints, log)
+        with one_blas_thread():
+            rows = _frequency_response(record, estimation)
+        write_table(files.frequency_response, rows)
+    save(record, files.model)
+    save_model_mat(record.model, files.model_mat)
+
+
+def _selected(
+    files: DatasetFiles,
+    search: SearchSettings,
+    window: ScoringWindow | None,
+    phase: str,
+    fit: FitSettings,
+) -> ModelRecord:
+    """The candidate of one channel that a phase has selected; without window an automatic one."""
+    selected = load(PhaseSelection, files.phase(phase)).selected
     prepared = load_prepared(files.prepared, files.transforms)
     level: LevelOfSimulation = "constant" if selected.with_level else "none"
     if window is None:
@@ -49,15 +93,27 @@ def complete_model(
         estimate = complete_estimate(selected, prepared.estimation, search, window, fit)
     if level == "constant" and len(set(prepared.estimation.segment_recordings)) > 1:
         level = "state"  # each recording has a level of its own, and so have others
-    record = ModelRecord.of(
+    return ModelRecord.of(
         *(estimate, prepared.estimation, search, prepared.transforms, level),
         focus=fit.focus,
         constraints=fit.constraints,
     )
-    save(record, files.model)
-    save_model_mat(estimate.model, files.model_mat)
-    write_table(
-        files.frequency_response,
-        frequency_response_table(record.model, record.input_names, record.output_names),
-    )
-    write_table(files.time_response, time_response_table(estimate.model))
+
+
+def _frequency_response(record: ModelRecord, estimation: Recording) -> dict[str, Any]:
+    """The responses of model and noise filter, beside the measured ones."""
+    plant = None if record.orders is not None else record.plant
+    names = record.input_names, record.output_names
+    if not record.has_input:
+        return frequency_response_table(record.model, *names, plant)
+    # Enough tapers for the spectral matrix of the inputs to be inverted.
+    width = max(4.0, 2.0 * len(record.input_names) + 1.0)
+    measured = frequency_response(estimation, min(width, estimation.longest.samples / 4.0), NFFT)
+    response = measured.response.transpose(1, 2, 0)
+    coherence = measured.coherence.T[:, None].repeat(response.shape[1], axis=1)
+    return {
+        **frequency_response_table(record.model, *names, plant, measured.frequencies),
+        "measured_gain": np.abs(response).ravel(),
+        "measured_phase_deg": np.degrees(np.angle(response)).ravel(),
+        "coherence": coherence.ravel(),
+    }

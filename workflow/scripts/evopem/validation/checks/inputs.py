@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from evopem.validation.checks.check import SIGNIFICANCE, Check, Evidence, listed, p_text
 from evopem.validation.split_spectra import FEWEST_SAMPLES
-from evopem.validation.validation import InputValidation, Validation
+
+if TYPE_CHECKING:
+    from evopem.validation.validation import InputValidation, Validation
 
 EXCITATION_ADEQUATE = "Excitation adequate"
 RESPONSE_SIGNIFICANT = "Response to the input significant"

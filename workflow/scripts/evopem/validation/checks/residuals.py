@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from scipy.special import ndtri
 
@@ -16,7 +17,9 @@ from evopem.validation.checks.check import (
     listed,
     p_text,
 )
-from evopem.validation.validation import Validation
+
+if TYPE_CHECKING:
+    from evopem.validation.validation import Validation
 
 # With a coloured input, cross-correlations at neighbouring lags are dependent, so the share inside
 # the bounds varies more than a binomial one.
