@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from evopem.estimation.pem.batch_bfgs import descend, descend_by
 from evopem.estimation.pem.kernels import stability_barriers
 from evopem.estimation.pem.kernels.filtering import filter_rows
+from evopem.estimation.pem.kernels.record import CHUNK
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.search.staged_descent import damped_inverses
 from evopem.models.structures import Orders
@@ -156,6 +157,27 @@ def test_the_gauss_newton_matrix_is_that_of_the_jacobian(orders, level, loss_sta
         expected = 2.0 * errors.loss_factor * jacobian.T @ jacobian
         expected += 2.0 * np.diag(errors.state_weights())
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("last", range(1, 6))
+@pytest.mark.parametrize("inputs", [1, 2])
+def test_the_gauss_newton_matrix_is_exact_when_few_samples_are_left_for_the_last_chunk(
+    last, inputs
+):
+    """Responses to impulses have ended long before, also where the signals are kept."""
+    orders = Orders("ararx", na=2, nb=(2,) * inputs, nd=2, nk=(1, 3)[:inputs])
+    first = orders.first_residual
+    generator = np.random.default_rng(last)
+    u = generator.standard_normal((2 * CHUNK + first + last, inputs))
+    y = generator.standard_normal(len(u))
+    errors = PolynomialErrors(u, y, orders, "quadratic", first, first, 0.99, 0.99, True)
+    points = errors.repair(0.3 * generator.standard_normal((3, errors.dimension)))
+    none = np.zeros(3)
+    for point, found in zip(points, errors.curvatures(points, none, none), strict=True):
+        jacobian = errors.jacobian(point)
+        expected = 2.0 * errors.loss_factor * jacobian.T @ jacobian
+        expected += 2.0 * np.diag(errors.state_weights())
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
 def test_a_long_record_in_blocks_has_the_jacobian_of_the_whole():

@@ -43,7 +43,7 @@ class PolynomialModel(PolynomialResponses):
     noise_variance : float
         Variance of the innovations, in the square of the output's unit.
     covariance : ParameterCovariance, optional
-        Covariance of :attr:`parameters`, followed by the level where it was estimated.
+        Covariance of :attr:`parameters`.
     structure : str
         A key of :data:`evopem.config.structures.STRUCTURES`; by default the smallest one that has
         the model's orders.

@@ -229,7 +229,13 @@ def _keep_last(buffers, segment, history, size, alive):
                     store(table, row, load(table, row + size))
                 if buffers.parts[p, 0] >= PLANT_STATE:
                     left |= _forget_decayed(table, p * segment, history)
-        alive[p] = left or buffers.parts[p, 0] < PLANT_STATE
+        left |= buffers.parts[p, 0] < PLANT_STATE
+        if alive[p] and not left:
+            # Not filled again, and the ends of the record may be among these rows.
+            for table in (buffers.by_c, buffers.by_d, buffers.by_f):
+                if table.shape[0] > 1:
+                    fill(table, p * segment, (p + 1) * segment, 0.0)
+        alive[p] = left
 
 
 @njit
