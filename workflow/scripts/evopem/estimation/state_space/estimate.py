@@ -19,10 +19,10 @@ from evopem.estimation.state_space.local_estimates import (
     descend_from,
     described,
     plain_estimates,
-    point_of_model,
 )
 from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH, searched
+from evopem.estimation.state_space.starting_points import point_of_model
 from evopem.estimation.vector_autoregression import log_loss
 from evopem.models.plant_and_noise import side_by_side
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure

@@ -102,6 +102,16 @@ def derivative_signals(
     return out
 
 
+@njit
+def _add_product(total, sign, matrix, vector):
+    """Add a matrix times a vector, or subtract it."""
+    for i in range(len(total)):
+        row = total[i]
+        for j in range(len(vector)):
+            row += sign * matrix[i, j] * vector[j]
+        total[i] = row
+
+
 @cached_njit
 def entry_derivatives(A, B, K, C, D, R, initial, kinds, rows, columns, u, y, regressors, bounds):
     """One-step errors, (N, l), of ``x+ = A x + B u + K e, y = C x + D u + R r + e``.
@@ -123,35 +133,23 @@ def entry_derivatives(A, B, K, C, D, R, initial, kinds, rows, columns, u, y, reg
                 dx[p, rows[p]] = 1.0
         for t in range(bounds[segment], bounds[segment + 1]):
             e = errors[t]
-            for i in range(outputs):
-                total = y[t, i]
-                for j in range(n):
-                    total -= C[i, j] * x[j]
-                for j in range(u.shape[1]):
-                    total -= D[i, j] * u[t, j]
-                for j in range(regressors.shape[1]):
-                    total -= R[i, j] * regressors[t, j]
-                e[i] = total
+            e[:] = y[t]
+            _add_product(e, -1.0, C, x)
+            _add_product(e, -1.0, D, u[t])
+            _add_product(e, -1.0, R, regressors[t])
             for p in range(count):
                 kind, row, column = kinds[p], rows[p], columns[p]
-                for i in range(outputs):
-                    total = 0.0
-                    for j in range(n):
-                        total -= C[i, j] * dx[p, j]
-                    de[i] = total
+                de[:] = 0.0
+                _add_product(de, -1.0, C, dx[p])
                 if kind == 4:
                     de[row] -= x[column]
                 elif kind == 5:
                     de[row] -= u[t, column]
                 elif kind == 6:
                     de[row] -= regressors[t, column]
-                for i in range(n):
-                    total = 0.0
-                    for j in range(n):
-                        total += A[i, j] * dx[p, j]
-                    for j in range(outputs):
-                        total += K[i, j] * de[j]
-                    dafter[i] = total
+                dafter[:] = 0.0
+                _add_product(dafter, 1.0, A, dx[p])
+                _add_product(dafter, 1.0, K, de)
                 if kind == 0:
                     dafter[row] += x[column]
                 elif kind == 1:
@@ -160,14 +158,9 @@ def entry_derivatives(A, B, K, C, D, R, initial, kinds, rows, columns, u, y, reg
                     dafter[row] += e[column]
                 derivatives[t, :, p] = de
                 dx[p] = dafter
-            for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += A[i, j] * x[j]
-                for j in range(u.shape[1]):
-                    total += B[i, j] * u[t, j]
-                for j in range(outputs):
-                    total += K[i, j] * e[j]
-                after[i] = total
+            after[:] = 0.0
+            _add_product(after, 1.0, A, x)
+            _add_product(after, 1.0, B, u[t])
+            _add_product(after, 1.0, K, e)
             x[:] = after
     return errors, derivatives

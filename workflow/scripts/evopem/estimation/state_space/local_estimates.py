@@ -26,7 +26,7 @@ from evopem.estimation.state_space.problem import (
 )
 from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, swept
 from evopem.estimation.state_space.sections import largest_radius
-from evopem.estimation.state_space.starting_points import from_matrices
+from evopem.estimation.state_space.starting_points import point_of_model
 from evopem.estimation.vector_autoregression import autoregression_of, limited, log_loss
 from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
@@ -245,14 +245,6 @@ def _descended_from(
         raise ValueError("the descent found no stable model")
     diagnostics = SearchDiagnostics.of_descents(value, descent.evaluations, 1)
     return problem, SearchResult(descent.points[0], value, diagnostics)
-
-
-def point_of_model(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
-    """The point of a problem that a model of its order, structure and delays is."""
-    drives = (model.B - model.K @ model.D) * errors.data.input_scales
-    if errors.innovations:
-        drives = np.column_stack([drives, model.K * errors.data.output_scales])
-    return from_matrices(errors, model.predictor, drives)
 
 
 def described(problem: StateSpaceProblem, result: SearchResult) -> StateSpaceEstimate:

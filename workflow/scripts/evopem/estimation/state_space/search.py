@@ -14,6 +14,7 @@ from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.point_model import model_of
 from evopem.estimation.state_space.problem import (
     STEPS,
     TOLERANCE,
@@ -23,8 +24,8 @@ from evopem.estimation.state_space.problem import (
 from evopem.estimation.state_space.starting_models import USUAL_ORDER, StartingModels
 from evopem.estimation.state_space.starting_points import (
     extended,
-    from_matrices,
     from_poles,
+    point_of_model,
     random_poles,
 )
 from evopem.estimation.vector_autoregression import limited
@@ -118,16 +119,8 @@ def converted(errors: StateSpaceErrors, other: StateSpaceErrors, point: Array) -
 
     An innovations model loses its K, an output-error model gets K = 0.
     """
-    projection = other.projection(point)
-    inputs = errors.data.inputs.shape[1]
-    A, C = other.state_matrix(projection), projection.linear[: other.order].T
-    B = other.drive_matrix(projection)[:, :inputs]
-    if errors.innovations:
-        return from_matrices(errors, A, np.column_stack([B, np.zeros((len(A), len(C)))]))
-    D = np.zeros((len(C), inputs))
-    direct = errors.data.feedthrough
-    D[:, direct] = projection.linear[other.order : other.order + int(direct.sum())].T
-    return from_matrices(errors, A, B + other.gain(projection) @ D)
+    model = model_of(other, other.projection(point))
+    return point_of_model(replace(model, K=np.zeros_like(model.K)), errors)
 
 
 def extensions(

@@ -18,6 +18,7 @@ from evopem.estimation.state_space.sections import (
     state_matrix,
     with_drives,
 )
+from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -184,6 +185,14 @@ def from_matrices(errors: StateSpaceErrors, A: Array, B: Array) -> Array:
     point = point_of(errors.layout, A, np.column_stack([B, pulses]))
     point = inside(errors.layout, point, errors.radius * (1.0 - 1e-6))
     return with_initial_states(errors, normalised(errors.layout, point))
+
+
+def point_of_model(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
+    """The point of a problem that a model of its order, structure and delays is."""
+    drives = (model.B - model.K @ model.D) * errors.data.input_scales
+    if errors.innovations:
+        drives = np.column_stack([drives, model.K * errors.data.output_scales])
+    return from_matrices(errors, model.predictor, drives)
 
 
 def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
