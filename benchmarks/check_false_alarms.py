@@ -32,10 +32,8 @@ from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.signals.recording_info import describe_recording
-from evopem.signals.spectral.multitaper import multitaper_spectrum
-from evopem.signals.spectral.peaks import summarize_spectrum
-from evopem.signals.spectral.summary import SpectrumSummary
-from evopem.validation.checks import Check, checks
+from evopem.validation.checks import Check, Evidence, checks
+from evopem.validation.checks.search import ranges_of_phases
 from evopem.validation.validate import validate
 
 ORDERS, WINDOW, SAMPLES = armax_orders(4, 4, 3, 1), ScoringWindow(10, 30), 2000
@@ -73,12 +71,12 @@ def judged(seed: int, noise: float, objective: str) -> list[Check]:
     found = complete_estimate(candidate, data, settings, WINDOW)
     record = ModelRecord.of(found, data, settings, prepared.transforms)
     validation, _ = validate(found.model, prepared, WINDOW.loss_start, objective)
-    spectrum: SpectrumSummary = summarize_spectrum(multitaper_spectrum(data.output, 100.0))
     phases = {
         phase: PhaseSelection(phase, ORDERS, "", (candidate,))
         for phase in ("delay", "joint", "nc", "nb")
     }
-    return checks(record, validation, spectrum, phases, describe_recording(recording))
+    ranges = ranges_of_phases(phases)
+    return checks(Evidence(record, validation, describe_recording(recording), ranges))
 
 
 def main() -> None:

@@ -30,18 +30,20 @@ from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
 from evopem.models.parameter_covariance import wald_p_value  # noqa: E402
-from evopem.models.polynomial_states import estimate_prediction_states  # noqa: E402
+from evopem.models.stabilization import OrderModel  # noqa: E402
 from evopem.models.structures import armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
+from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 from evopem.synthesis.flexible_arm import flexible_arm  # noqa: E402
-from evopem.validation.held_out_tests import input_significance  # noqa: E402
-from evopem.validation.mode_evidence import mode_evidence  # noqa: E402
+from evopem.validation.mode_evidence import table_of_models  # noqa: E402
 from evopem.validation.residual_tests import (  # noqa: E402
     ljung_box_lags,
     whiteness_test,
 )
+from evopem.validation.responses import divided  # noqa: E402
 from evopem.validation.split_spectra import split_spectra  # noqa: E402
+from evopem.validation.validate import input_significance  # noqa: E402
 
 Array = NDArray[np.float64]
 Numbers = tuple[int, int, int, int]
@@ -155,7 +157,8 @@ def input_record(
         model = estimate(u[:cut], y[:cut], orders, settings=SEARCH).model
     assert model.covariance is not None
     of_b = model.covariance.part(slice(model.orders.na, model.orders.na + model.orders.single.nb))
-    return input_significance(model, u, y, cut).p_value, wald_p_value(model.b, of_b.matrix)
+    held_out = divided(model, Recording(u, y, 1.0), cut)
+    return input_significance(held_out).p_value, wald_p_value(model.b, of_b.matrix)
 
 
 def selected(u: Array, y: Array) -> Fit:
@@ -242,9 +245,12 @@ def mode_record(seed: int, samples: int, noise: float, order: int) -> list[tuple
     u = u[2 * WARM_UP :]
     cut = int(ESTIMATION_SHARE * samples)
     model = estimate(u[:cut], y[:cut], (order,) * 3 + (1,), 100.0, settings=SEARCH).model
-    states = estimate_prediction_states(model, u[:cut], y[:cut])
+    recording = Recording(u, y, 100.0)
+    table = table_of_models(
+        [OrderModel.of(order, 0.0, model)], order, lambda each: divided(each, recording, cut)
+    )
     found = []
-    for evidence in mode_evidence(model, u, y, cut, states):
+    for evidence in table.modes:
         near = np.abs(true - evidence.mode.frequency_hz) < 1.0
         driven = ("input", "noise")
         kind = driven[int(np.argmax(near))] if near.any() else "neither"

@@ -202,7 +202,7 @@ def run_own(folder: Path, count: int) -> None:
     from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.files.json_form import save
     from evopem.signals.recording import Recording, without_input
-    from evopem.validation.mode_table import mode_table
+    from evopem.validation.mode_evidence import mode_table
 
     for file in unfinished(folder, count, OWN):
         record = np.load(file)
@@ -251,7 +251,7 @@ def paired(found, truth):  # type: ignore[no-untyped-def]
 
 def own_results(table):  # type: ignore[no-untyped-def]
     """Modes of a table: all, those of the order that BIC chose, the trusted, and by criterion."""
-    from evopem.validation.mode_trust import doubts
+    from evopem.validation.mode_evidence import doubts
 
     def trusted_with(**known):  # type: ignore[no-untyped-def]
         """Modes that nothing speaks against, with something known instead of judged."""
@@ -262,7 +262,7 @@ def own_results(table):  # type: ignore[no-untyped-def]
         "order of BIC": [each for each in table.modes if each.order == table.order],
         "trusted": [each for each in table.modes if each.trusted],
         "trusted with their shapes": [each for each in table.modes if each.shape_trusted],
-        "trusted but for stability": trusted_with(stable=None),
+        "trusted but for stability": trusted_with(recurrence=np.nan),
         "trusted but for held-out tests": trusted_with(reached=True),
     }
     results = {
@@ -348,7 +348,7 @@ def print_tables(folder: Path, half: str) -> None:
 def print_table(files: list[Path], with_peers: bool) -> None:
     """False and missed modes over some records."""
     from evopem.files.json_form import load
-    from evopem.validation.mode_table import ModeTable
+    from evopem.validation.mode_evidence import ModeTable
 
     tallies: defaultdict[str, Tally] = defaultdict(Tally)
     true_modes = doubted = 0
