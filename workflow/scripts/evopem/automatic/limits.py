@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from evopem.config.settings import AutomaticSettings, OrderRanges, Range
+from evopem.config.settings import OrderRanges, Range
 from evopem.config.structures import STRUCTURES, varied_order
 from evopem.models.structures import PER_INPUT, Orders
 
@@ -17,16 +17,6 @@ class OrderLimits:
     structure: str | None = None  # the only structure that may be chosen
     ranges: OrderRanges = field(default_factory=OrderRanges)
     names: tuple[str, ...] = ("input",)  # of the inputs
-
-    @classmethod
-    def of_search(cls, settings: AutomaticSettings) -> OrderLimits:
-        """The limits of the search of any structure."""
-        return cls(None, settings.orders)
-
-    @classmethod
-    def of_choice(cls, settings: AutomaticSettings) -> OrderLimits:
-        """The limits of the model that is chosen."""
-        return replace(cls.of_search(settings), structure=settings.structure)
 
     def allow(self, structure: str, orders: Orders | None) -> bool:
         """Whether a structure, with orders if it is a polynomial one, may be chosen."""
