@@ -31,9 +31,9 @@ def read_recording(
 ) -> None:
     """Read the input and output channels of a recorded file, or of several that are one data set.
 
-    `recorded`: The recorded files, as the settings name them. `told`: Whether input, output and
-    time are told from the first file, where it has a time. `geometry`: Its channels must be
-    outputs. `folder`: What relative paths are relative to; the working directory by default.
+    With ``told`` input, output and time are told from the first file, where it has a time. The
+    channels of a geometry must be outputs. Relative paths are relative to ``folder``, by default
+    the working directory.
     """
     roles = roles_of(Path(folder) / recorded[0]) if told else None
     recording, info = _read(recorded, channels, roles, folder)

@@ -41,9 +41,9 @@ def prepare_samples(
 ) -> None:
     """Make all channels stationary, and divide the samples for estimation and validation.
 
-    `given`: What is not decided by the automatic recipe; None where all is given. `requirements`:
-    Of the order grid of the chapter's recipe. `fit`: Whose constraints are checked with the
-    sampling rate.
+    ``given`` is what the automatic recipe does not decide; None where all is given. Then the
+    samples meet the ``requirements`` of the order grid, and the constraints of ``fit`` the sampling
+    rate.
     """
     place = f"datasets.{files.name}"
     recording = load_recording(files.recording)

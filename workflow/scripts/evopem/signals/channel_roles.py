@@ -51,8 +51,6 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
 
     An input that no feedback reaches is predicted from its own past as well as from both, and an
     output is not (Granger 1969).  BIC of both regressions together chooses their order.
-
-    `first`, `second`, (N,).
     """
     from scipy.special import fdtrc
 

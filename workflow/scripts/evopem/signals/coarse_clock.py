@@ -35,7 +35,7 @@ def coarse_clock(times: NDArray[np.float64]) -> CoarseClock | None:
     around even times. Samples that are lost or repeated irregularly leave that band. Regular ones
     would not, so that a tick of more than half the usual step has to show in many steps.
 
-    `times`, (N,): From the first stamp on.
+    ``times``, (N,), begin with 0.
     """
     steps = np.diff(times)
     shortest, longest = float(steps.min(initial=np.inf)), float(steps.max(initial=0.0))

@@ -24,7 +24,7 @@ def autocorrelation(signal: NDArray[np.float64], lags: int) -> Correlation:
     ``r(k) = sum (x[t + k] - m) (x[t] - m) / sum (x[t] - m)**2``, m the mean (Ljung 1999,
     section 6.1): positive semi-definite, and never above 1.
 
-    `signal`, (N,). `lags`: Largest lag, less than N. Returns lags 0 … `lags`.
+    The lags are 0 … `lags`, which is less than N.
     """
     both = cross_correlation(signal, signal, lags)
     return Correlation(both.lags[lags:], both.values[lags:])
@@ -39,7 +39,7 @@ def cross_correlation(
     the residuals first and the input second, positive lags hold what the model has left
     unused of past inputs; negative lags show feedback.
 
-    `first`, `second`, (N,). `lags`: Largest lag, less than N. Returns lags -`lags` … `lags`.
+    The lags are -`lags` … `lags`, which is less than N.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 

@@ -55,10 +55,7 @@ class EvenGrid:
 
 
 def coarseness(stamps: NDArray[Values], source: str, name: str) -> Unevenness | None:
-    """How uneven a coarse clock makes the stamps of even samples; None for other stamps.
-
-    `stamps`, `source`, `name`: As of :func:`even_grid`.
-    """
+    """How uneven a coarse clock makes the stamps of even samples; None for other stamps."""
     times = elapsed(stamps, source, name)
     clock = clock_of_uneven(times)
     return None if clock is None else _of_clock(clock, times)
@@ -72,7 +69,7 @@ def _of_clock(clock: CoarseClock, times: NDArray[np.float64]) -> Unevenness:
 def even_grid(stamps: NDArray[Values], source: str, name: str) -> EvenGrid:
     """The grid of the usual step of time stamps, some of which may be late or missing.
 
-    `stamps`, (N,): Numbers, dates (datetime64) or durations (timedelta64), increasing.
+    The stamps, (N,), are numbers, dates (datetime64) or durations (timedelta64), and increase.
     """
     times = elapsed(stamps, source, name)
     steps = np.diff(times)

@@ -87,7 +87,7 @@ def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | Non
 
     It has a word for time in its name, uniform stamps and a unit that is known.
 
-    `signals`: The channels that are read, of which none is the time.
+    ``signals`` are the channels that are read, of which none is the time.
     """
     first = read_channels(path, signals[:1])[0]
     if first.sampling_rate is not None:

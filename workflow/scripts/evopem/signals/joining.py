@@ -21,8 +21,7 @@ def check_independent(
 ) -> None:
     """Refuse a recording that is a copy of another one, or of a part.
 
-    `estimation`, `validation`: Of several stretches, each is compared with each. `other`: What the
-    estimation recording is called. `remedy`: What to do.
+    Each segment is compared with each.  ``other`` is what an error calls the first recording.
     """
     for one, two in itertools.product(estimation.segments, validation.segments):
         problem = _shared(one, two, other)
@@ -45,10 +44,7 @@ def _shared(estimation: Segment, validation: Segment, other: str) -> str:
 
 
 def shared_start(one: NDArray[np.float64], other: NDArray[np.float64]) -> int | None:
-    """Find where all rows of the shorter array stand in the longer one; None where nowhere.
-
-    `one`, `other`, (n, channels).
-    """
+    """Find where all rows of the shorter array stand in the longer one; None where nowhere."""
     shorter, longer = sorted((one + 0.0, other + 0.0), key=len)  # no -0.0, whose bits differ
     # Searching bytes takes a time proportional to their number, however often samples repeat.
     width = shorter.itemsize * shorter.shape[1]
@@ -71,10 +67,7 @@ _TWICE = "give every recording of the data set once"
 
 
 def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording:
-    """Recordings of one system as one, each with its own number.
-
-    `recordings`: Each of one segment.
-    """
+    """Recordings of one system as one, each with its own number."""
     for number, (other, source) in enumerate(zip(recordings, sources, strict=True)):
         _check_alike(recordings[0], other, sources[0], source)
         for earlier, earlier_source in zip(recordings[:number], sources, strict=False):

@@ -66,7 +66,7 @@ def read_channels(
 ) -> list[Channel]:
     """Read channels of a measured file as the file holds them, without any check of their values.
 
-    `header_lines`, `decimal_mark`: As of :func:`.read_recording`.
+    ``header_lines`` and ``decimal_mark`` are those of a text table, where they are stated.
     """
     path = Path(path)
     options = _text_options(format_of(path), str(path), header_lines, decimal_mark)

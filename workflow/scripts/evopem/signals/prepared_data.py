@@ -112,10 +112,10 @@ class PreparedData:
 def measured_outputs(transforms: Transforms, origin: StretchOrigin, outputs: Array) -> Array:
     """Take prepared outputs back to the measured unit, (n + difference, l).
 
-    `origin`: Of the stretch with whose first sample the outputs begin. `outputs`, (n, l): The
-    stretch itself, or, after a cut, estimation and validation samples joined. Returns (n +
-    difference, l): At the prepared rate; the first ``difference`` samples are those just before.
-    Rounding errors grow with the summation, see `invert_difference`; resampling is not undone.
+    The outputs, (n, l), begin with the first sample of a stretch: the stretch itself, or, after a
+    cut, estimation and validation samples joined. The first ``difference`` samples of the result
+    are those just before. Rounding errors grow with the summation, see `invert_difference`;
+    resampling is not undone.
     """
     measured = invert_difference(outputs + origin.output_means, origin.output_initial)
     if transforms.box_cox is not None:

@@ -34,7 +34,7 @@ def check_recording(
 ) -> None:
     """Refuse a recording from which no model can be identified.
 
-    `constant_input`: Whether inputs may rest: after a step or a blow a model can still be validated
+    With ``constant_input`` inputs may rest: after a step or a blow a model can still be validated
     by its free response.
     """
     if len(recording.inputs) != recording.samples:
@@ -96,8 +96,6 @@ def check_measured(recording: Recording, source: str) -> None:
     """Refuse a measured recording with overflow codes or a stuck output.
 
     An input may have two levels only. An output that hardly ever changes is refused.
-
-    `recording`: A recording that `check_recording` accepts.
     """
     for place, signal in recording.signals.items():
         codes = np.isin(np.abs(signal), OVERFLOW_CODES)

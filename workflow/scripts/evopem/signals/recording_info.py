@@ -101,8 +101,8 @@ def describe_file(
 ) -> FileOrigin:
     """Origin of a recording that was read from a file.
 
-    `name`: What the settings call the file. `inputs`, `outputs`: The channels as they were asked
-    for. `folder`: What a relative name is relative to; the working directory by default.
+    ``name`` is what the settings call the file, relative to ``folder``; ``inputs`` and ``outputs``
+    are the channels as they were asked for.
     """
     path = Path(folder) / name
     size = local_path(path).stat().st_size
@@ -112,10 +112,7 @@ def describe_file(
 
 
 def check_measured_places(geometry: Geometry | None, names: Iterable[str], place: str) -> None:
-    """Refuse a geometry with a channel that is no output.
-
-    `names`: The outputs.
-    """
+    """Refuse a geometry with a channel that is no output."""
     outputs = list(names)
     for channel in geometry.channels if geometry else ():
         if channel not in outputs:

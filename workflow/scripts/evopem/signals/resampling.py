@@ -24,8 +24,6 @@ def resample_recording(recording: Recording, sampling_rate: float, source: str) 
 
     They pass the same filter (see `resample_signal`), so their relations, delay included,
     are unchanged below the pass band's edge. An equal rate returns the recording as it is.
-
-    `sampling_rate`: New rate (Hz), at most the recording's own.
     """
     old = recording.sampling_rate
     if not (np.isfinite(sampling_rate) and sampling_rate > 0):
@@ -65,7 +63,8 @@ def resample_signal(signal: NDArray[np.float64], ratio: Fraction) -> NDArray[np.
     odd reflection, which keeps its level and slope; within half the filter's length of
     either end (about 60 new samples) the values rest on that continuation.
 
-    `signal`, (N,). `ratio`: New rate over old rate, below 1. Returns (N * ratio).
+    The signal is (N,) or (N, channels), of which ceil(N * ratio) samples are left; `ratio` is the
+    new rate over the old one, below 1.
     """
     from scipy.signal import resample_poly
 

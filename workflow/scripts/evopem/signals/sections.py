@@ -34,8 +34,8 @@ class Ranges:
 def prepared_samples(place: str, recorded: Sequence[str], number: int) -> str:
     """What an error calls the prepared samples of a recording, by its file where it is known.
 
-    `place`: The part that they belong to, such as ``datasets.arm.validation``. `recorded`: Files of
-    the recordings, those for validation last. `number`: Of the recording, from 0.
+    ``place`` is the key of the part, such as ``datasets.arm.validation``; ``recorded`` are all
+    files.
     """
     name = recorded[number] if recorded else f"recording {number + 1}"
     return f"{place} (the samples of {name} as prepared)"
@@ -96,8 +96,8 @@ def divided_ranges(
 ) -> Ranges:
     """The samples of recordings for estimation and for validation.
 
-    `records`: Those of other files for validation stand last. `own`: Number of recordings of the
-    data set itself. `lost`: First samples of each recording that its differences cost.
+    The records of files for validation stand last, after the ``own`` ones of the data set; ``lost``
+    first samples of each go to its differences.
     """
     lengths = [each.samples for each in records]
     every = range(len(lengths))
@@ -180,7 +180,7 @@ def transform_outputs(
 ) -> tuple[list[Recording], float | None, float]:
     """Box-Cox transform the outputs of all records alike: records, parameter, shift.
 
-    `estimation`: The samples from which an automatic parameter is found.
+    An automatic parameter is found from the ``estimation`` samples.
     """
     if setting == "none":
         return records, None, 0.0

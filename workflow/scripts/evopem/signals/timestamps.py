@@ -84,11 +84,9 @@ def sampling_rate_of(
     last. Or they are those of even times but for the ticks of a coarse clock
     (:func:`.coarse_clock`), which neighbouring samples may share.
 
-    `stamps`, (N,): Numbers, dates (datetime64) or durations (timedelta64). `unit`: The unit that
-    the file states; empty when it states none. `stated_rate`: Rate (Hz) stated elsewhere. When the
-    stamps agree with it, it is returned. `time_unit`: One of `TIME_UNITS`, as the user states it.
-    `step`: Of the even grid that uneven stamps are brought to, in their unit: they need not be
-    uniform.
+    The stamps, (N,), are numbers, dates (datetime64) or durations (timedelta64). A stated rate (Hz)
+    with which they agree is returned. With the `step` of an even grid that uneven stamps are
+    brought to, in their unit, they need not be uniform.
     """
     place = _place(name)
     if time_unit is not None and time_unit not in TIME_UNITS:
@@ -128,10 +126,7 @@ def sampling_rate_of(
 
 
 def elapsed(stamps: NDArray, source: str, name: str) -> NDArray[np.float64]:
-    """Time since the first stamp, in the unit of the stamps; of dates in seconds.
-
-    `stamps`, (N,): As of :func:`sampling_rate_of`.
-    """
+    """Time since the first stamp, in the unit of the stamps; of dates in seconds."""
     return _from_first(_ticks(stamps, source, _place(name)), stamps)
 
 
@@ -195,7 +190,7 @@ def _ticks(stamps: NDArray, source: str, place: str) -> NDArray:
 def clock_of_uneven(times: NDArray[np.float64]) -> CoarseClock | None:
     """The coarse clock of times whose steps are not uniform; None for uniform steps, or none such.
 
-    `times`, (N,): From the first stamp on.
+    ``times``, (N,), begin with 0.
     """
     steps = np.diff(times)
     usual = float(np.median(steps))
@@ -208,8 +203,7 @@ def refuse_same_times(
 ) -> NoReturn:
     """Refuse times that do not increase, and name the first two samples and how many there are.
 
-    `times`, (N,). `closest`: Two times closer than this are the same. `unit`: What follows a number
-    of times.
+    Two times closer than ``closest`` are the same; ``unit`` follows a number of times.
     """
     steps = np.diff(times)
     found = np.flatnonzero(steps <= closest) + 1

@@ -18,7 +18,7 @@ def positive_shift(*signals: NDArray[np.float64]) -> float:
     zero: a rule free of units, and far enough from the transform's singularity at zero
     that no single sample dominates.
 
-    `signals`, (N,): The output to transform, then any other record that shares its transform.
+    The signals are the outputs, (N,) each, of all recordings that share the transform.
     """
     smallest = min(float(signal.min()) for signal in signals)
     if smallest > 0.0:
@@ -33,7 +33,7 @@ def box_cox(
 
     Box & Cox (1964); the logarithm at parameter 0.
 
-    `signal`, (N,). `parameter`: The transform's λ. `shift`: Added first, in the signal's unit.
+    The shift, in the signal's unit, is added first.
     """
     from scipy.special import boxcox
 

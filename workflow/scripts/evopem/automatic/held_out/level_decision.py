@@ -12,9 +12,9 @@ Level = Literal["constant", "state"]
 def decide_level(constant: float, free: float, clear_gain: float = 0.0) -> tuple[Level, Decision]:
     """Decide by the lowest simulation errors on held-out samples.
 
-    `constant`, `free`: In percent: with the level of the estimation samples, and with one fitted to
-    the held-out samples along with the initial state. `clear_gain`: Relative gain from which on the
-    fitted level is taken.
+    The errors, in percent, are those with the level of the estimation samples, and with one fitted
+    to the held-out samples along with the initial state, which is taken from a relative gain of
+    ``clear_gain`` on.
     """
     level: Level = "state" if free < (1.0 - clear_gain) * constant else "constant"
     sentence = (

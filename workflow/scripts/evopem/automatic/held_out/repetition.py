@@ -80,10 +80,7 @@ def _of(lag: int, correlation: float, independent: float, sentence: str) -> Repe
 
 
 def repetition_lag(signal: Array) -> int:
-    """Samples after which a signal repeats, as it is or with the opposite sign; 0 for none.
-
-    `signal`, (N,).
-    """
+    """Samples after which a signal repeats, as it is or with the opposite sign; 0 for none."""
     n = len(signal)
     longest = int(LONGEST_LAG * n)
     x = signal - signal.mean()
@@ -111,7 +108,7 @@ def repetition_lag(signal: Array) -> int:
 def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
     """Mean correlation of residuals 1, 2, ... lags apart, each with the sign of the input's.
 
-    `residuals`, (M,): Of the last M samples. `signal`, (N,): The input.
+    The residuals, (M,), are those of the last M samples of the input, (N,).
     """
     e = residuals - residuals.mean()
     u = (signal - signal.mean())[-len(e) :]

@@ -50,9 +50,9 @@ def folds_of(
     blocks; what remains of a stretch between them is a stretch of the training part.  A remainder
     with fewer than ``shortest`` samples is left out of the training.
 
-    `count`: Number of folds, at least 2. `blocks_per_fold`: 1 gives contiguous folds, more
-    interleaved ones. `shortest`: Samples that a training stretch has at least. `edges`: Ends of the
-    parts of a response, each a fold; the first is never held out.
+    ``count`` is the number of folds, at least 2; one block each gives contiguous folds, more give
+    interleaved ones. ``edges`` are the ends of the parts of a response, each a fold of which the
+    first is never held out.
     """
     total, blocks = total_samples(stretches), count * blocks_per_fold
     held_out = range(count)

@@ -56,8 +56,8 @@ def channels_of(
     A channel's sampling rate is the single number named as in `RATE_NAMES` in the channel's own
     group, else in the nearest group around it. Groups are separated by points or slashes.
 
-    `kind`: What the format calls an array. `units`: Units of arrays and attributes by name.
-    `attributes`: Attributes of groups and arrays by their path in the file.
+    ``kind`` is what the format calls an array; units and attributes are given by their path in the
+    file.
     """
     units = units or {}
     rates = _stated_rates({**arrays, **(attributes or {})}, units)

@@ -35,9 +35,8 @@ class Channel:
 def find_channel(path: Path, reference: Reference, names: Sequence[str], kind: str) -> int:
     """Index (from 0) of the channel that a reference stands for.
 
-    `reference`: A number from 1, or one of the names. `names`: The file's channels in order; empty
-    strings for channels without a name. `kind`: What this format calls a channel ("column",
-    "variable", …).
+    A reference is a number from 1, or one of the names, which are empty for channels without one;
+    ``kind`` is what the format calls a channel ("column", "variable", …).
     """
     here = f"choose one of {listing(names)}" if any(names) else f"choose 1 to {len(names)}"
     if isinstance(reference, int) and not isinstance(reference, bool):

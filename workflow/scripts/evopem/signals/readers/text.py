@@ -39,9 +39,9 @@ def read(
 ) -> list[Channel]:
     """Read columns of a text table by their number or their heading.
 
-    `header_lines`: Number of lines above the first row of numbers. Left out, it is found, and a row
-    above that may be a sample is refused. `decimal_mark`: "." or ",". Left out, it is found, and an
-    ambiguous one is refused. Returns in the order of the references; dates come as datetime64.
+    The number of lines above the first row of numbers is found where ``header_lines`` does not
+    state it, and a row above that may be a sample is refused; an ambiguous decimal mark is refused
+    where it is not stated. Dates come as datetime64.
     """
     table = _table(path, references, header_lines, decimal_mark)
     dialect, data, columns = table.dialect, table.data, table.names

@@ -87,7 +87,7 @@ def choose_dialect(
     follow in this order. Blanks are taken only where no other separator makes most fields
     numbers, so that blanks within a single field do not decide on the whole table.
 
-    `sample`: Rows of numbers. `separator`, `decimal_mark`: What is known already.
+    A separator or decimal mark that is known already is given.
     """
     quoted = any('"' in line for _, line in sample)
     decimals = (decimal_mark,) if decimal_mark else (".", ",")

@@ -60,9 +60,8 @@ def find_heading(
     Every other row between the headings and the numbers might be a sample and is refused, unless
     `header_lines` says that it is none.
 
-    `sample`: Rows out of the part of the file that certainly holds numbers. `width`: Number of
-    columns. `references`: The columns that are asked for. `header_lines`: Number of lines of the
-    file above the first row of numbers.
+    The sample holds rows out of the part of the file that certainly holds numbers, in ``width``
+    columns; ``header_lines`` is the number of lines above the first row of numbers.
     """
     search = _Search(path, lines.rows, dialect, width, _value_columns(sample, dialect, width))
     if header_lines is not None:

@@ -62,8 +62,8 @@ def multitaper_spectrum(
     The whole density is scaled (by a few per cent at most for a stationary signal) so that
     its integral equals the variance.
 
-    `signal`, (N,). `sampling_rate`: Hz. `time_halfbandwidth`: NW, at least 1; K = 2NW - 1 tapers
-    are used. `nfft`: Length of the transforms, more than 2NW.
+    `time_halfbandwidth` is NW, at least 1, and K = 2NW - 1 tapers are used; the length `nfft` of
+    the transforms is more than 2NW.
     """
     layout = Tapering.of(signal.size, sampling_rate, time_halfbandwidth, nfft)
     centred = signal - signal.mean()

@@ -34,9 +34,7 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
     over 16 cells, whose smaller spread reveals broad, well damped peaks; a broad one
     counts only where no narrower one lies on its upper half (in dB). Within W of
     zero and of the Nyquist frequency the density is held at its value W away, because
-    the removal of the mean lowers it there.
-
-    Returns by rising frequency.
+    the removal of the mean lowers it there. The peaks rise in frequency.
     """
     from scipy.ndimage import uniform_filter1d
 
