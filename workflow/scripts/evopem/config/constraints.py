@@ -10,7 +10,7 @@ from pydantic import ConfigDict, Field
 from evopem.config.channels import key
 
 Hertz = Annotated[float, Field(ge=0, le=1e12)]
-Band = Annotated[tuple[Hertz, Hertz], key("two frequencies in Hz, [lower, upper]")]
+Band = Annotated[tuple[Hertz, Hertz], key("two frequencies in Hz")]
 Bounds = tuple[float | None, float | None]
 """Lower and upper bound; either may be None."""
 
@@ -103,7 +103,7 @@ class Constraints:
     min_damping_ratio: Annotated[
         Annotated[float, Field(ge=0, lt=1)] | None, key("the least damping ratio of a mode")
     ] = None
-    frequency_band: Annotated[Band | None, key("two frequencies in Hz, [lower, upper]")] = None
+    frequency_band: Annotated[Band | None, key("two frequencies in Hz")] = None
     forbidden_bands: Annotated[
         tuple[Band, ...], key("a list of bands in Hz, such as [[9, 11]]")
     ] = ()

@@ -95,10 +95,6 @@ def _range(low: int, high: int) -> Any:
     ]
 
 
-def _ends(low: int, high: int) -> str:
-    return f"two whole numbers from {low} to {high}, [lower, upper], or one of them"
-
-
 def _input_ranges(low: int, high: int) -> Any:
     """A range of all inputs, a list of ranges in their order, or a mapping from their names."""
     one = _range(low, high)
@@ -300,14 +296,13 @@ ANALYSIS: dict[str, Any] = {
             {
                 "orders": _about(
                     _range(1, 60),
-                    f"the orders k of the delay search, {_ends(1, 60)}. Of the models that are"
-                    " estimated for each delay, such as ARMAX(k, k, k, nk)",
+                    "the orders k of the delay search. Of the models that are estimated for each"
+                    " delay, such as ARMAX(k, k, k, nk)",
                     "[6, 9]",
                 ),
                 "nk": _about(
                     _input_ranges(0, 1000),
-                    f"the delays in samples, {_ends(0, 1000)}; of several inputs also a list of"
-                    " ranges or a mapping from names. 0 acts on the same sample",
+                    "the delays in samples. 0 acts on the same sample",
                     "[0, 3]",
                 ),
             },
@@ -320,35 +315,26 @@ ANALYSIS: dict[str, Any] = {
             {
                 "joint": _about(
                     _range(1, 60) | Literal["auto"],
-                    f"the order k of phase one, {_ends(1, 60)}, or auto. Of ARMAX(k, k, k, nk) or"
-                    " what [other structures](structures.md) have instead. `auto` is [2 × number"
-                    " of spectral peaks, 14]; the evenly spaced lines of a periodic input are"
-                    " not counted as peaks",
+                    "the order k of phase one. Of ARMAX(k, k, k, nk) or what [other"
+                    " structures](structures.md) have instead. `auto` is [2 × number of spectral"
+                    " peaks, 14]; the evenly spaced lines of a periodic input are not counted as"
+                    " peaks",
                     "[6, 14]",
                 ),
-                "nc": _about(_range(0, 60), f"the orders of C, {_ends(0, 60)}", "[2, 16]"),
-                "nd": _about(_range(0, 60), f"the orders of D, {_ends(0, 60)}", "[0, 4]"),
+                "nc": _about(_range(0, 60), "the orders of C", "[2, 16]"),
+                "nd": _about(_range(0, 60), "the orders of D", "[0, 4]"),
                 "na": _about(
-                    _range(0, 60),
-                    f"the orders of A beside F, or of A with several inputs, {_ends(0, 60)}",
-                    "[0, 2]",
+                    _range(0, 60), "the orders of A beside F, or of A with several inputs", "[0, 2]"
                 ),
-                "nb": _about(
-                    _input_ranges(1, 60),
-                    f"the orders of B, {_ends(1, 60)}; of several inputs also a list of ranges or"
-                    " a mapping from names. The last phase",
-                    "[2, 16]",
-                ),
+                "nb": _about(_input_ranges(1, 60), "the orders of B. The last phase", "[2, 16]"),
                 "nf": _about(
                     _input_ranges(0, 60),
-                    f"the orders of F with several inputs, {_ends(0, 60)}, a list of ranges or a"
-                    " mapping from names",
+                    "the orders of F with several inputs",
                     "follow the order k",
                 ),
                 "nx": _about(
                     _range(1, 60),
-                    f"the numbers of states, {_ends(1, 60)}. Of `ss_oe` and `ss_bj` those of the"
-                    " plant",
+                    "the numbers of states. Of `ss_oe` and `ss_bj` those of the plant",
                     "as far as the record goes, at most 20; up to 40 while BIC falls",
                 ),
             },

@@ -230,12 +230,20 @@ def _below(schema: Keys, path: Iterable[str | int]) -> dict[str, Any]:
 def described(node: Keys) -> tuple[str, str]:
     """The clause about a value with what it may be, and what else the documentation says of it."""
     clause, _, more = node.get("description", "").partition(". ")
-    listed = [_member_in_words(each) for each in node.get("anyOf", [node])]
+    listed = [_member_in_words(each) for each in _members(node)]
     words = [word for each in listed for word in each]
-    kinds = {each.get("type") for each in node.get("anyOf", ())}
-    if all(listed) and words and not kinds >= {"integer", "number"}:  # a fraction of samples
+    kinds = {each.get("type") for each in _members(node)}
+    plain = kinds == {"object"} or kinds >= {"integer", "number"}  # a mapping, a share of samples
+    if all(listed) and words and not plain:
         clause += ", " + " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
     return clause, more
+
+
+def _members(node: Keys) -> list[Keys]:
+    """The types of a union, and of the unions in it; else the type itself."""
+    return (
+        [inner for each in node["anyOf"] for inner in _members(each)] if "anyOf" in node else [node]
+    )
 
 
 def _member_in_words(node: Keys) -> list[str]:
@@ -244,6 +252,12 @@ def _member_in_words(node: Keys) -> list[str]:
     match node.get("type"):
         case "boolean":
             return ["true", "false"]
+        case "array" if len(node.get("prefixItems", ())) == 2:
+            return ["[lower, upper]"]
+        case "array" if "anyOf" in node.get("items", {}):
+            return ["a list of them"]
+        case "object" if "anyOf" in (node.get("additionalProperties") or {}):
+            return ["a mapping from names to them"]
         case "integer" | "number" as kind:
             said = "a whole number" if kind == "integer" else "a number"
             if "exclusiveMinimum" in node or (low is not None and 0 < low < 1e-6):
