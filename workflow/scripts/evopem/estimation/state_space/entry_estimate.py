@@ -56,10 +56,7 @@ SAME = 1e-9
 def check_state_space_constraints(constraints: Constraints, errors: StateSpaceErrors) -> None:
     """Refuse constraints that no state-space model can meet, or whose meaning is not clear.
 
-    Raises
-    ------
-    InputError
-        Naming the key of the constraints.
+    Raises InputError that names the key of the constraints.
     """
     recording = errors.data.recording
     coefficients = [f"fixed_coefficients.{name}" for name in constraints.fixed_coefficients]
@@ -106,10 +103,7 @@ def meeting(
 
     ``free`` is the estimate for errors of one step without constraints, of the problem ``errors``.
 
-    Raises
-    ------
-    ValueError
-        When no model that meets the constraints has finite errors.
+    Raises ValueError when no model that meets the constraints has finite errors.
     """
 
     def problem_at(start: Start) -> tuple[EntryProblem, Array]:

@@ -127,10 +127,7 @@ def scaled_recording(
     Inputs with nk > 1 are not known at the first samples of a segment, which are left out.
     ``level``: whether each recording has one; ``drift_period``: shortest one of the drift, samples.
 
-    Raises
-    ------
-    ValueError
-        When the delays do not fit the recording, or its signals cannot be used.
+    Raises ValueError when the delays do not fit the recording, or its signals cannot be used.
     """
     count = recording.inputs.shape[1]
     nk = (delays,) * count if isinstance(delays, int) else tuple(delays)

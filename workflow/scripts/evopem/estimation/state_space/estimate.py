@@ -288,10 +288,7 @@ def estimate_beside(
 ) -> StateSpaceEstimate:
     """The optimum of innovations form next to an output-error plant with its noise model.
 
-    Raises
-    ------
-    ValueError
-        When the recording is too short, or the descent ends at no stable model.
+    Raises ValueError when the recording is too short, or the descent ends at no stable model.
     """
     start = with_noise_model(plant, recording, task.settings)
     start = replace(start, structure="ss", covariance=None)

@@ -97,10 +97,7 @@ class StateSpaceTask:
     def errors(self, recording: Recording, order: int) -> StateSpaceErrors:
         """The prediction-error problem of an order.
 
-        Raises
-        ------
-        ValueError
-            When the recording is too short for the order, or its signals cannot be used.
+        Raises ValueError when the recording is too short for the order, or its signals cannot be used.
         """
         data = scaled_recording(recording, self.delays, self.level, self.drift_period)
         if order < 1:
@@ -215,10 +212,7 @@ def descend_from(
 ) -> StateSpaceEstimate:
     """The optimum of a model's order and form that a descent from it ends at.
 
-    Raises
-    ------
-    ValueError
-        When the recording is too short, or the descent ends at no stable model.
+    Raises ValueError when the recording is too short, or the descent ends at no stable model.
     """
     with one_blas_thread():
         return described(*_descended_from(model, recording, task, POLISH_STEPS, POLISH_TOLERANCE))
