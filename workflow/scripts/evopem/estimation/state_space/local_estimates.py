@@ -97,7 +97,7 @@ class StateSpaceTask:
     def errors(self, recording: Recording, order: int) -> StateSpaceErrors:
         """The prediction-error problem of an order.
 
-        Raises ValueError when the recording is too short for the order, or its signals cannot be used.
+        Raises ValueError when the recording is too short or cannot be used.
         """
         data = scaled_recording(recording, self.delays, self.level, self.drift_period)
         if order < 1:
