@@ -20,7 +20,7 @@ from evopem.figures.orders import convergence, delay, phases, stabilization
 from evopem.figures.registry import figure_of
 from evopem.figures.style import svg_text
 from evopem.figures.time_domain import settling_part, shown_samples
-from evopem.figures.view import PolynomialView, view_of
+from evopem.figures.view import View, view_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.stabilization import StabilizationPole
 from evopem.results.layout import FIGURES
@@ -160,7 +160,7 @@ def test_without_covariance_no_ellipse_is_drawn(results):
     assert len(circle.patches) == 0
 
 
-class WithPoles(PolynomialView):
+class WithPoles(View):
     """A view with three orders of poles."""
 
     poles_of_orders = (
@@ -328,7 +328,7 @@ def test_convergence_ends_where_the_search_did(results, view):
     assert f"{best[-1]:.6g}" in words(figure)
 
 
-class WithSearch(PolynomialView):
+class WithSearch(View):
     """A view with another history of the search."""
 
     convergence = ((1000, 3.5903), (2000, 3.5902))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from evopem.config.structures import plant_order, structure_name, varied_order
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.figures.orders import tied_text
-from evopem.figures.view import PolynomialView, View
+from evopem.figures.view import View
 from evopem.models.stabilization import PERSISTENT_ORDERS, persistent_frequencies
 from evopem.report.numbers import (
     THIN,
@@ -237,6 +237,6 @@ def sentences_of(figure: str, view: View) -> list[str]:
     """The paragraphs about a figure; none where the figure and its caption say all."""
     if figure in OF_EVERY_MODEL:
         return OF_EVERY_MODEL[figure](view)
-    if isinstance(view, PolynomialView) and figure in OF_POLYNOMIALS:
+    if view.results.settings.is_single_channel and figure in OF_POLYNOMIALS:
         return OF_POLYNOMIALS[figure](view.results)
     return []
