@@ -160,3 +160,10 @@ def test_a_model_of_two_inputs_has_its_equation():
     z = np.exp(0.3j)
     expected = [(z**-1 + 0.2 * z**-2), 0.3 * z**-2] / (1 - 0.5 * z**-1)
     assert np.ravel(scope["G"](z)) == pytest.approx(expected)
+
+
+def test_a_state_space_model_has_the_terms_that_it_has():
+    full = plain(equations.state_space_equation(has_input=True, has_noise_model=True))
+    assert full == "x(t + 1) = A x(t) + B u(t) + K e(t)y(t) = C x(t) + D u(t) + e(t)"
+    of_plant = plain(equations.state_space_equation(has_input=True, has_noise_model=False))
+    assert of_plant.startswith("x(t + 1) = A x(t) + B u(t)y(t)")

@@ -28,12 +28,14 @@ def equation(model: PolynomialModel) -> Markup:
     )
 
 
-def state_space_equation(has_input: bool) -> Markup:
+def state_space_equation(has_input: bool, has_noise_model: bool) -> Markup:
     """The innovations form, one line for its states and one for the outputs."""
     of_inputs = ("<i>B</i> <i>u</i>(<i>t</i>) + ", "<i>D</i> <i>u</i>(<i>t</i>) + ")
     state, output = of_inputs if has_input else ("", "")
+    noise = "<i>K</i> <i>e</i>(<i>t</i>)" if has_noise_model else ""
+    driven = f" + {state}{noise}".removesuffix(" + ")
     return Markup(
-        f"<i>x</i>(<i>t</i> + 1) = <i>A</i> <i>x</i>(<i>t</i>) + {state}<i>K</i> <i>e</i>(<i>t</i>)"
+        f"<i>x</i>(<i>t</i> + 1) = <i>A</i> <i>x</i>(<i>t</i>){driven}"
         f"<br><i>y</i>(<i>t</i>) = <i>C</i> <i>x</i>(<i>t</i>) + {output}<i>e</i>(<i>t</i>)"
     )
 

@@ -49,7 +49,7 @@ def _content(material: Material) -> dict[str, Any]:
     return {
         "figures": material.figures_of("errors"),
         "outputs": [errors for _, errors in view.worst_first],
-        "recordings": recording_rows(view.results) if not view.is_single else [],
+        "recordings": recording_rows(view.results),
     }
 
 

@@ -128,7 +128,7 @@ def _prior(prior: Prior) -> str:
 def _content(material: Material) -> dict[str, Any]:
     record = material.view.results.model
     content = {
-        "equation": equations.state_space_equation(record.has_input),
+        "equation": equations.state_space_equation(record.has_input, record.has_noise_model),
         "polynomials": [],
         "constraints": constraint_rows(record.fit),
         "fit_sentences": fit_sentences(record.fit),
