@@ -36,7 +36,7 @@ CACHE_FOLDER = Path(".snakemake") / "evopem" / "cache"
 def job_environment(environment: Mapping[str, str], folder: Path) -> dict[str, str]:
     """Variables to set, of those that are not set yet.
 
-    Machine code of BLAS is fixed (:func:`evopem.config.blas.blas_code`). Without a home folder that
+    Machine code of BLAS is fixed (:func:`blas_code`). Without a home folder that
     can be written to, as in many containers, matplotlib, fontconfig and numba keep their caches
     below the working directory, where they would create a home folder or fail.
     """
