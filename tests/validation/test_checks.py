@@ -17,6 +17,7 @@ from evopem.models.structures import armax_orders
 from evopem.models.uncertain_roots import root_covariance
 from evopem.signals.recording_info import ChannelInfo, RecordingInfo
 from evopem.validation.checks import Evidence, checks
+from evopem.validation.checks.roots import cancelling_pairs
 from evopem.validation.checks.search import ranges_of_phases, repeatability
 from evopem.validation.peak_evidence import PeakEvidence
 from evopem.validation.residual_tests import correlation_with_input
@@ -234,6 +235,35 @@ def test_whiteness_by_ljung_box(good):
     check = good.with_("outputs", ljung_box=changed).check("White")
     assert check.passed is False
     assert "p < 0.0001" in check.statement
+
+
+def test_several_outputs_and_pairs_are_judged_together(good):
+    """Bonferroni: each of two tests has half of the level, and what fails is named."""
+    (output,), (pair,) = good.validation.outputs, good.validation.pairs
+    near = replace(output, name="b", ljung_box=replace(output.ljung_box, p_value=0.006))
+    assert good.with_("outputs", ljung_box=near.ljung_box).check("White").passed is False
+    both = good.with_("validation", outputs=(output, near))
+    assert both.check("White").passed is True
+    low = replace(near, ljung_box=replace(near.ljung_box, p_value=0.004))
+    check = good.with_("validation", outputs=(output, low)).check("White")
+    assert check.passed is False
+    assert check.statement.endswith("Coloured: b.")
+    large = replace(pair, output="b", input="v", max_in_bounds=4.0)
+    check = good.with_("validation", pairs=(pair, large)).check("Residuals")
+    assert check.passed is False
+    assert check.statement.endswith("Dependent: b with v.")
+
+
+def test_a_pole_of_several_inputs_cancels_where_each_has_a_zero_there():
+    one, near = np.array([1.0, -0.5]), np.array([1.0, -0.501])
+    for second, cancels in ((np.array([1.0, 0.9]), False), (near, True)):
+        model = PolynomialModel(
+            one,
+            (near, second),
+            nk=(1, 1),
+            covariance=ParameterCovariance.from_matrix(1e-4 * np.eye(5)),
+        )
+        assert bool(cancelling_pairs(model, model.covariance)) is cancels
 
 
 def test_one_large_cross_correlation_fails(good):
