@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.constrained_model import constrained_parameters, equalities, priors_of
+from evopem.estimation.pem.constrained_model import constrained_parameters, equalities, priors_of
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
 from evopem.estimation.pem.covariance import (
     Fitted,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints
 from evopem.errors import InputError
-from evopem.estimation.constrained_model import equalities, plant_polynomial
+from evopem.estimation.pem.constrained_model import equalities, plant_polynomial
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
 from evopem.estimation.pem.constrained_polynomials import Linear
 from evopem.estimation.pem.covariance import (

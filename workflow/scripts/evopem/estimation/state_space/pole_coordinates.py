@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints, FixedPole
-from evopem.estimation.constrained_model import pole_region
+from evopem.estimation.pem.constrained_model import pole_region
 from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, PoleRegion
 from evopem.estimation.state_space.errors import EDGE

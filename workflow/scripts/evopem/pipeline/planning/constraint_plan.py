@@ -105,6 +105,6 @@ def _check_region(
 ) -> None:
     """Refuse constraints that leave no pole, or no polynomial with what is fixed."""
     # Imports numpy, which only a configuration with constraints needs before its first job.
-    from evopem.estimation.constrained_model import constrained_parameters
+    from evopem.estimation.pem.constrained_model import constrained_parameters
 
     constrained_parameters(constraints, orders, rate, settings.search.max_root_radius)
