@@ -189,13 +189,11 @@ def check_several_channels(written: Keys, keys: Keys, at: Place) -> None:
     """Refuse keys that a data set with several channels does not have."""
     if "file" not in written:
         at.refuse("", "a synthetic data set has one input and one output", "give a file")
-    structure = keys.get("structure")
-    inputs, _ = channels_of(written)
+    structure, (inputs, _) = keys.get("structure"), channels_of(written)
     _check_structure(structure, written, at)
     _check_keys_of_several(structure, written, at)
-    if keys.get("search", {}).get("objective") == "absolute" and (
-        keys.get("weighting") == "determinant"
-    ):
+    absolute = keys.get("search", {}).get("objective") == "absolute"
+    if absolute and keys.get("weighting") == "determinant":
         at.refuse(
             "weighting",
             "absolute errors have no covariance whose determinant could be taken",
@@ -296,8 +294,7 @@ def _check_focus(written: Keys, keys: Keys, at: Place) -> None:
 
 
 def _check_input_ranges(keys: Keys, inputs: Sequence[Reference], at: Place) -> None:
-    """Refuse ranges of other inputs; what is given by name waits for the recording where inputs are
-    numbers or patterns."""
+    """Refuse ranges of other inputs, as far as these are known by name before the recording is."""
     if any(map(is_pattern, inputs)):
         return
     by_name = all(isinstance(each, str) for each in inputs)
