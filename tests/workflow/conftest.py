@@ -16,6 +16,8 @@ import yaml
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import load_recording
 
+from .forked_runs import FORKED
+
 ROOT = Path(__file__).parents[2]
 
 TINY = {
@@ -66,6 +68,8 @@ class Folder:
 
     def run(self, *arguments):
         """Run to the end; `stdout` holds what was printed."""
+        if not self.environment:
+            return self._forked(arguments)
         return subprocess.run(
             self.command(*arguments),
             cwd=self.path,
@@ -75,6 +79,13 @@ class Folder:
             text=True,
             check=False,
         )
+
+    def _forked(self, arguments):
+        """The same where nothing in the environment is to be different."""
+        command = self.command(*arguments)
+        with tempfile.NamedTemporaryFile("r", encoding="utf-8", errors="replace") as printed:
+            code = FORKED.run(command[3:], self.path, Path(printed.name))
+            return subprocess.CompletedProcess(command, code, stdout=printed.read())
 
     def finish(self, *arguments):
         """Run to the end, which has to be a success; return what was printed."""
