@@ -123,18 +123,14 @@ class Grid:
     width: float = WIDTH
     rows: int = 1
     columns: int = 1
-    sharex: bool = False  # whether all panels have one abscissa
     height_ratios: tuple[float, ...] | None = None  # relative sizes of rows and columns
-    width_ratios: tuple[float, ...] | None = None
 
     def on(self, figure: Figure) -> list[Axes]:
         """Empty panels on an empty figure, row by row."""
         grid = figure.subplots(
             *(self.rows, self.columns),
-            sharex=self.sharex,
             squeeze=False,
             height_ratios=self.height_ratios,
-            width_ratios=self.width_ratios,
         )
         return list(grid.ravel())
 

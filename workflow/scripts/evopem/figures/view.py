@@ -15,15 +15,11 @@ import pandas as pd
 
 from evopem.config.structures import plant_order
 from evopem.figures import view_tables
-from evopem.figures.signal_labels import (
-    prepared_input_name,
-    prepared_output_name,
-    prepared_output_unit,
-)
 from evopem.figures.style import ratio_unit, with_unit
 from evopem.figures.view_tables import Channel, by_output, spectrum_of
 from evopem.models.stabilization import StabilizationPole
 from evopem.results.dataset import DatasetResults
+from evopem.signals.prepared_data import Transforms
 from evopem.validation.checks.inputs import input_rests
 from evopem.validation.checks.residuals import white
 
@@ -58,15 +54,14 @@ class View:
         transforms, count = record.transforms, record.model.inputs
         self.outputs = tuple(
             Channel(
-                *(name, unit, prepared_output_name(transforms, name)),
-                prepared_output_unit(transforms, unit),
+                *(name, unit, _output_name(transforms, name)),
+                _output_unit(transforms, unit),
             )
             for name, unit in zip(recording.output_names, recording.output_units, strict=True)
         )
         inputs = list(zip(recording.input_names, recording.input_units, strict=True))[:count]
         self.inputs = tuple(
-            Channel(name, unit, prepared_input_name(transforms, name), unit)
-            for name, unit in inputs
+            Channel(name, unit, _input_name(transforms, name), unit) for name, unit in inputs
         )
         self.model_text, self.structure, self.truth = record.text, record.structure, results.truth
         # Modes with what the data say of each, and those of the noise filter alone.
@@ -304,3 +299,28 @@ def stabilization_table(view: View) -> pd.DataFrame:
     table = pd.DataFrame([asdict(pole) for pole in view.poles_of_orders], columns=columns)
     table.insert(2, "damping_percent", 100 * table.pop("damping_ratio"))
     return table
+
+
+_ORDINALS = {1: "first", 2: "second", 3: "third"}
+
+
+def _differences(count: int) -> str:
+    """Name of a difference: "second difference"."""
+    return f"{_ORDINALS.get(count, f'{count}th')} difference"
+
+
+def _output_name(transforms: Transforms, name: str) -> str:
+    """Name of the output after its transforms."""
+    shown = name if transforms.box_cox is None else f"Box-Cox transformed {name}"
+    return f"{_differences(transforms.difference)} of {shown}" if transforms.difference else shown
+
+
+def _output_unit(transforms: Transforms, unit: str) -> str:
+    """Unit of the output after its transforms; empty after a power transform."""
+    return unit if transforms.box_cox is None else ""
+
+
+def _input_name(transforms: Transforms, name: str) -> str:
+    """Name of the input after its transforms."""
+    count = transforms.difference_input
+    return f"{_differences(count)} of {name}" if count else name
