@@ -101,7 +101,7 @@ def estimates(recording: evopem.Recording) -> dict[str, dict[str, object]]:
         began = time.process_time()
         try:
             model = evopem.estimate(
-                recording, orders=known, structure=name, settings=settings, **_level(name, m)
+                recording, orders=known, structure=name, settings=settings, level=True
             )
         except ValueError as error:
             rows[f"{name}, {objective}"] = {"refused": str(error)}
@@ -109,14 +109,17 @@ def estimates(recording: evopem.Recording) -> dict[str, dict[str, object]]:
         modes = sorted(mode.frequency_hz for mode in model.model.modes())
         rows[f"{name}, {objective}"] = {
             "objective": float(model.objective),
+            "residuals": _loss(model.residuals, objective),
             "modes_hz": [round(each, 6) for each in modes],
             "seconds": round(time.process_time() - began, 2),
         }
     return rows
 
 
-def _level(name: str, inputs: int) -> dict[str, bool]:
-    return {"level": True} if inputs < 2 or name.startswith("ss") else {}
+def _loss(residuals, objective: str) -> float:
+    """The sum of absolute or squared residuals that were computed, of all segments."""
+    e = np.hstack([np.ravel(part) for part in residuals])
+    return float(np.nansum(np.abs(e) if objective == "absolute" else e**2))
 
 
 AUTOMATIC = (
