@@ -6,7 +6,6 @@ import pytest
 
 import evopem
 from evopem.automatic import identify
-from evopem.config import order_grid
 from evopem.files import json_form
 from evopem.models import polynomial, structures
 from evopem.synthesis import armax, flexible_arm, synthesize
@@ -29,8 +28,6 @@ FUNCTIONS = [
     structures.orders_of,
     polynomial.PolynomialModel,
     *(getattr(polynomial.PolynomialModel, name) for name in METHODS),
-    order_grid.candidate_orders,
-    order_grid.scoring_window,
     json_form.to_json,
     json_form.from_json,
     json_form.load,

@@ -339,8 +339,14 @@ def load_model(path: str | Path) -> Model:
 
     Examples
     --------
+    >>> from tempfile import TemporaryDirectory
     >>> import evopem
-    >>> model = evopem.load("results/arm/model.json")  # doctest: +SKIP
+    >>> from evopem.files.json_form import save
+    >>> with TemporaryDirectory() as folder:
+    ...     save(evopem.PolynomialModel([1.0, -0.5], [2.0], nk=1), f"{folder}/model.json")
+    ...     model = evopem.load(f"{folder}/model.json")
+    >>> model.a
+    array([ 1. , -0.5])
     """
     check_result(path, "summary.json")
     try:
