@@ -15,6 +15,7 @@ import evopem
 from evopem.config.defaults import complete
 from evopem.files.json_form import load
 from evopem.notebook.progress import progress
+from evopem.pipeline.figures import read_results
 from evopem.pipeline.identification import identify_dataset
 from evopem.pipeline.progress import ProgressLine
 from evopem.report.numbers import THIN
@@ -84,7 +85,7 @@ def test_the_workflow_finds_the_same_in_a_file_of_the_same_signals(found, tmp_pa
     settings = complete(content).datasets["data"]
     files = DatasetFiles(str(tmp_path / "results" / "data"))
     identify_dataset(files, settings, with_report=False)
-    again = evopem.Results.of(files, settings)
+    again = evopem.Results(files, read_results(files))
     assert np.array_equal(again.model.parameters, found.model.parameters)
     assert again.modes.equals(found.modes)
     assert again.verdict == found.verdict
@@ -93,7 +94,8 @@ def test_the_workflow_finds_the_same_in_a_file_of_the_same_signals(found, tmp_pa
 def test_it_shows_verdict_modes_and_errors(found):
     shown = found._repr_html_()
     assert verdict(found.results).sentence in shown
-    assert "<td>trusted</td>" in shown
+    assert "<td>0.78" in shown
+    assert "not to be trusted" not in shown
     assert "simulation" in shown
     assert found.verdict.replace(THIN, " ") in " ".join(repr(found).split())
 

@@ -29,9 +29,9 @@ class Links(HTMLParser):
 
 
 def repeated(table, rows):
-    """The table again and again to so many rows, over its first column as it would go on."""
+    """The table again and again to so many rows, over its first numbers as they would go on."""
     longer = table.iloc[np.arange(rows) % len(table)].reset_index(drop=True)
-    first = table.columns[0]
+    first = table.select_dtypes("number").columns[0]
     return longer.assign(**{first: np.linspace(0, table[first].iloc[-1], rows)})
 
 
@@ -46,7 +46,7 @@ def long_results(results):
     tables = results.validation_tables
     simulation = repeated(tables.simulation, SAMPLES // 5)
     simulation["time_s"] = np.arange(len(simulation)) / recording.sampling_rate
-    simulation.loc[123_457, "output"] = 99.0
+    simulation.loc[123_457, f"output_{results.model.output_names[0]}"] = 99.0
     return replace(
         results,
         recording=recording,
@@ -78,10 +78,11 @@ def test_thinned_numbers_say_so_and_keep_the_extremes(long_page, long_results):
     assert f" of {SAMPLES // 5:,}, all extremes kept".replace(",", "\u202f", 1) in long_page
     whole = long_results.validation_tables.simulation
     for column in ("output", "simulated", "predicted"):
-        thinned = tables["simulation"][f"{column}_output"]  # of the channel named output
-        assert thinned.max() == pytest.approx(whole[column].max(), rel=1e-5)
-        assert thinned.min() == pytest.approx(whole[column].min(), rel=1e-5)
-    assert tables["simulation"]["output_output"].max() == 99.0
+        thinned = tables["simulation"][f"{column}_{long_results.model.output_names[0]}"]
+        of_page = whole[f"{column}_{long_results.model.output_names[0]}"]
+        assert thinned.max() == pytest.approx(of_page.max(), rel=1e-5)
+        assert thinned.min() == pytest.approx(of_page.min(), rel=1e-5)
+    assert tables["simulation"][f"output_{long_results.model.output_names[0]}"].max() == 99.0
 
 
 def test_short_tables_are_whole():
