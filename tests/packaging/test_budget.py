@@ -21,11 +21,11 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 62_180,
-    "files": 380,
-    "files above 400 lines": 5,
-    "folders above 20 files": 6,
-    "words of guides": 22_800,
+    "lines": 51_000,
+    "files": 331,
+    "files above 400 lines": 0,
+    "folders above 20 files": 0,
+    "words of guides": 20_000,
     "words beside evidence": 6_000,
 }
 
