@@ -156,7 +156,8 @@ class SearchSettings:
     seed : int
         Seed of every random draw of the search.
     evaluations : int
-        Evaluations after which no new generation starts; a gradient counts as one more.
+        Evaluations after which no new generation starts; a gradient counts as one more.  A
+        polynomial model with m inputs takes m^2 times as many.
     max_root_radius : float
         Largest radius of the roots of A, C, D and F, or of the eigenvalues of A and A - K C.
     n_initial_discard : int

@@ -78,6 +78,9 @@ def estimate_polynomial(
     setting is outside its range.
     """
     settings = settings or SearchSettings()
+    # Output-error models of several inputs have more optima than 20,000 evaluations tell apart.
+    many = settings.evaluations * max(data.inputs.shape[1], 1) ** 2
+    settings = replace(settings, evaluations=many)
     rate, names = data.sampling_rate, data.input_names
     # The bits of a result must not depend on how many threads the machine's BLAS would take.
     with one_blas_thread():
