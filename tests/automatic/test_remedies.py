@@ -1,11 +1,13 @@
 """Remedies of failed checks."""
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.held_out.folds import decide_folds
+from evopem.automatic.noise_beside_plant import with_noise_models
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.structures import Choice
 from evopem.models.structures import Orders
@@ -51,3 +53,15 @@ def test_what_stays_failed_is_said_in_words():
     _, _, found = remedied(y, u, "arx", na=2, nb=2, nk=1)
     assert len(found.statements) == len(found.failed) > 0
     assert any("repeat with the input" in each for each in found.statements)
+
+
+def test_a_plant_keeps_its_simulations_beside_a_noise_model_of_its_own():
+    u, e = np.random.default_rng(4).standard_normal((2, 1000))
+    y = lfilter([0.0, 1.0, 0.6], A, u) + lfilter([1.0], [1.0, -0.9], e)
+    stretches = [Segment(u, y)]
+    scorer = Scorer(stretches, decide_folds(stretches), FitSettings())
+    plant = scorer.candidate("oe", Orders(nb=2, nf=2, nk=1))
+    order, described = next(with_noise_models(scorer, plant))
+    assert order == 1
+    assert np.roots(described.model.d)[0].real == pytest.approx(0.9, abs=0.05)
+    np.testing.assert_array_equal(described.model.f, plant.model.f)

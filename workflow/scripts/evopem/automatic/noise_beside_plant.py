@@ -25,9 +25,7 @@ def with_noise_models(scorer: Scorer, candidate: Candidate) -> Iterator[tuple[in
     plant = candidate.polynomials
     assert plant is not None
     errors = [
-        Segment(
-            np.zeros(each.samples), (each.outputs - simulated(plant, each))[:, 0], each.recording
-        )
+        Segment(np.empty((each.samples, 0)), each.outputs - simulated(plant, each), each.recording)
         for each in scorer.stretches
     ]
     count, objective = total_samples(errors), scorer.settings.objective
