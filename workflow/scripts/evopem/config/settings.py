@@ -376,11 +376,3 @@ class DatasetSettings:
         of_states = own.structure == "state_space" or own.form or own.weighting or own.orders.nx
         one_of_each = channels.has_one_input and channels.has_one_output
         return one_of_each and not of_states and self.geometry is None
-
-    @property
-    def state_space_search(self) -> StateSpaceSearchSettings:
-        """The settings of the searches for models of several channels."""
-        search, own = self.search, self.automatic or AutomaticSettings()
-        return StateSpaceSearchSettings(
-            search.seed, own.evaluations, search.max_root_radius, search.objective
-        )

@@ -356,18 +356,6 @@ def read_settings(path: str | Path) -> DatasetSettings:
     return read_dataset(path, complete)
 
 
-def read_single_channel_settings(path: str | Path) -> DatasetSettings:
-    """The same of a data set with one input and one output, or an output alone."""
-    settings = read_settings(path)
-    if not settings.is_single_channel:
-        raise InputError(
-            str(path),
-            "holds a data set with several channels, and one with a single output is needed",
-            "name another folder",
-        )
-    return settings
-
-
 def read_dataset(path: str | Path, settings_of_keys: Callable[[str, Keys], Settings]) -> Settings:
     """Read the one data set that :func:`yaml_text` wrote, by a function of its name and keys."""
     try:
