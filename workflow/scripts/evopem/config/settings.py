@@ -223,16 +223,6 @@ class SearchSettings:
 
 
 @dataclass(frozen=True)
-class StateSpaceSearchSettings:
-    """Settings of the searches for the parameters of models of several channels."""
-
-    seed: int = 1
-    evaluations: int | None = None  # of the chosen model; by the size of the problem where None
-    max_root_radius: float = 0.9999
-    objective: Objective = "quadratic"
-
-
-@dataclass(frozen=True)
 class FitSettings:
     """What the model of the selected orders is fitted for, and what it must meet."""
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints
-from evopem.config.settings import Focus, ScoringWindow, SearchSettings, StateSpaceSearchSettings
+from evopem.config.settings import Focus, ScoringWindow, SearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.errors import InputError
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
@@ -52,7 +52,7 @@ _LIBRARIES = ("numpy", "scipy", "numba")
 class SearchRecord:
     """Settings and diagnostics of the search that found a model."""
 
-    settings: SearchSettings | StateSpaceSearchSettings
+    settings: SearchSettings
     diagnostics: SearchDiagnostics
     at_stability_bound: bool  # a root of A, C, D or F, or an eigenvalue, at the largest radius
 
@@ -137,7 +137,7 @@ class ModelRecord:
         cls,
         estimate: Estimate,
         estimation: Recording,
-        settings: SearchSettings | StateSpaceSearchSettings,
+        settings: SearchSettings,
         transforms: Transforms,
         level: LevelOfSimulation = "none",
         *,

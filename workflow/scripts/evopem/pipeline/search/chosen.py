@@ -16,12 +16,7 @@ from evopem.automatic.state_space_chosen import ChosenModel, estimate_candidate
 from evopem.automatic.structures import Choice, Comparison
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
-from evopem.config.settings import (
-    AutomaticSettings,
-    Objective,
-    SearchSettings,
-    StateSpaceSearchSettings,
-)
+from evopem.config.settings import AutomaticSettings, Objective, SearchSettings
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load, save
 from evopem.pipeline.search.estimation_samples import errors_name_dataset, load_record, load_scorer
@@ -70,23 +65,15 @@ def estimate_channels(
     """
     data = load_prepared(files.prepared, files.transforms)
     choice = load(Remedied, files.decision("remedies")).choice
-    own = of_channels(search, settings.evaluations)
     with errors_name_dataset(files):
-        found = estimated(data, choice, own, settings, fits, constraints, log)
-    return record_of(found, data, choice, own, fits, constraints)
-
-
-def of_channels(search: SearchSettings, evaluations: int | None) -> StateSpaceSearchSettings:
-    """The settings of a search for several channels."""
-    return StateSpaceSearchSettings(
-        search.seed, evaluations, search.max_root_radius, search.objective
-    )
+        found = estimated(data, choice, search, settings, fits, constraints, log)
+    return record_of(found, data, choice, search, fits, constraints)
 
 
 def estimated(
     data: PreparedData,
     choice: Choice,
-    search: StateSpaceSearchSettings,
+    search: SearchSettings,
     settings: AutomaticSettings,
     fits: FitSettings,
     constraints: Constraints | None,
@@ -96,7 +83,7 @@ def estimated(
     limits = OrderLimits(None, settings.orders, data.estimation.input_names)
     own = replace(fits, objective=search.objective)
     return estimate_candidate(
-        *(choice.candidate, data.estimation, own, limits, constraints, search.evaluations, log)
+        *(choice.candidate, data.estimation, own, limits, constraints, settings.evaluations, log)
     )
 
 
@@ -104,7 +91,7 @@ def record_of(
     found: ChosenModel,
     data: PreparedData,
     choice: Choice,
-    search: StateSpaceSearchSettings,
+    search: SearchSettings,
     fits: FitSettings,
     constraints: Constraints | None,
 ) -> ModelRecord:

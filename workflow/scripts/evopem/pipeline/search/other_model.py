@@ -15,7 +15,7 @@ from evopem.config.settings import AutomaticSettings, Objective, SearchSettings
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate
 from evopem.files.json_form import load, save
-from evopem.pipeline.search.chosen import estimated, of_channels, record_of
+from evopem.pipeline.search.chosen import estimated, record_of
 from evopem.pipeline.search.estimation_samples import errors_name_dataset, load_record
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
@@ -45,8 +45,8 @@ def complete_other(
         if polynomials is not None and polynomials.inputs == 1:
             record = _of_one_channel(files, prepared, choice, search)
         else:
-            quick = of_channels(search, 0)
-            found = estimated(prepared, choice, quick, settings, fits, constraints, None)
+            quick, none = replace(search, evaluations=0), replace(settings, evaluations=0)
+            found = estimated(prepared, choice, quick, none, fits, constraints, None)
             record = record_of(found, prepared, choice, quick, fits, constraints)
         fitted_level = choice.level == "state"
         held_out = held_out_stretches(record.model, prepared, fitted_level)
