@@ -13,7 +13,6 @@ from evopem.automatic.held_out.stretches import folds_of
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
-from evopem.models.polynomial_states import estimate_simulation_state
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
 
@@ -106,6 +105,6 @@ def test_a_level_state_is_the_free_level_of_a_simulation(orders):
         [Segment(u, y)], Orders(**dict(zip(ORDER_NAMES, orders, strict=True))), FitSettings()
     ).model
     shifted = Segment(u, y + 5.0)
-    state = estimate_simulation_state(with_level_as_state(model), u, y + 5.0)
-    by_state = with_level_as_state(model).simulate(u, state)
+    form = with_level_as_state(model).plant().state_space()
+    by_state = form.simulate_from_fitted_state(u[:, None], y[:, None] + 5.0)[:, 0]
     assert by_state == pytest.approx(simulated(model, shifted, fitted_level=True)[:, 0], abs=1e-6)

@@ -7,7 +7,6 @@ from evopem import SearchSettings, estimate
 from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_simulation_state
 from evopem.models.structures import STRUCTURES
 from evopem.synthesis.polynomial import polynomial_record
 
@@ -69,8 +68,8 @@ def test_each_focus_is_the_best_at_its_own_errors_when_the_order_is_too_low():
     }
 
     def simulation_error(model):
-        state = estimate_simulation_state(model, u, y)
-        return np.sum((y - model.simulate(u, state)) ** 2)
+        form = model.plant().state_space()
+        return np.sum((y - form.simulate_from_fitted_state(u[:, None], y[:, None])[:, 0]) ** 2)
 
     def prediction_error(model, horizon):
         return np.nansum((y - model.predict(u, y, horizon)) ** 2)

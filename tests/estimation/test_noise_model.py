@@ -10,7 +10,7 @@ from evopem.estimation.state_space.estimate import (
     noise_model,
 )
 from evopem.estimation.state_space.local_estimates import StateSpaceTask, descend_from
-from evopem.models.plant_and_noise import plant_of, side_by_side
+from evopem.models.conversions import plant_of, side_by_side
 from evopem.signals.recording import Recording
 
 N = 700

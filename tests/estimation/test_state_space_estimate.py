@@ -42,8 +42,6 @@ from evopem.estimation.state_space.starting_points import (
     random_poles,
 )
 from evopem.estimation.vector_autoregression import autoregression_of
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import simulate_from_first
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 
@@ -624,18 +622,3 @@ def test_held_out_outputs_determine_no_state_of_a_simulation():
     y[200:] += disturbance
     found = truth.simulate_from_first(u, y, 200)
     np.testing.assert_allclose((y - found)[200:], disturbance, atol=1e-6)
-
-
-@pytest.mark.parametrize("robust", [False, True])
-@pytest.mark.parametrize("free_level", [False, True])
-def test_a_polynomial_is_simulated_on_as_its_state_space_form(free_level, robust):
-    one = np.ones(1)
-    model = PolynomialModel(one, (np.array([1.0, 0.5]),), F=(np.array([1.0, -1.6, 0.8]),), nk=(1,))
-    generator = np.random.default_rng(3)
-    u = generator.standard_normal(120)
-    y = model.simulate(u) + 0.3 * generator.standard_normal(120)
-    expected = simulate_from_first(model, u, y, 30, free_level, robust)
-    form = model.plant().state_space()
-    found = form.simulate_from_first(u[:, None], y[:, None], 30, free_level, robust)
-    # Second moments of states before the first sample and behind the last one are those of either.
-    np.testing.assert_allclose(found[:, 0], expected, atol=2e-3)

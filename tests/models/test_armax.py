@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_prediction_states, estimate_simulation_state
+from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.models.structures import armax_orders
 from evopem.synthesis.armax import true_model
 
@@ -143,9 +143,9 @@ def test_a_simulation_goes_on_from_an_estimated_state():
     model = true_model()
     u = np.random.default_rng(5).standard_normal(1200)
     y = model.simulate(u)
-    state = estimate_simulation_state(model, u[700:], y[700:])
-    assert state.shape == (model.state_dimension,) == (8,)
-    np.testing.assert_allclose(model.simulate(u[700:], state), y[700:], atol=1e-6)
+    form = model.plant().state_space()
+    found = form.simulate_from_fitted_state(u[700:, None], y[700:, None])
+    np.testing.assert_allclose(found[:, 0], y[700:], atol=1e-6)
 
 
 def test_arguments_stay_as_they_were(model):
@@ -153,7 +153,7 @@ def test_arguments_stay_as_they_were(model):
     before = u.copy(), y.copy()
     model.residuals(u, y)
     model.simulate(u)
-    estimate_simulation_state(model, u, y)
+    model.state_space().simulate_from_fitted_state(u[:, None], y[:, None])
     np.testing.assert_array_equal(u, before[0])
     np.testing.assert_array_equal(y, before[1])
 

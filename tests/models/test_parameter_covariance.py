@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from evopem.models.parameter_covariance import ParameterCovariance, wald_p_value
-from evopem.models.uncertain_roots import root_covariance
+from evopem.models.polynomials import root_covariance
 
 
 def test_a_matrix_and_its_factored_form_agree():

@@ -7,7 +7,6 @@ from scipy import signal
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import (
     estimate_prediction_states,
-    estimate_simulation_state,
 )
 from evopem.models.structures import STRUCTURES, Orders, orders_of
 
@@ -47,7 +46,7 @@ def test_a_prediction_is_the_mean_of_the_future_given_the_past(horizon):
     first = MODEL.orders.first_residual
     e = np.nan_to_num(MODEL.residuals(u, y))
     x = np.zeros(len(u))
-    x[first:] = signal.lfilter(ONE, MODEL.f, signal.lfilter(MODEL.delayed_b, ONE, u)[first:])
+    x[first:] = signal.lfilter(ONE, MODEL.f, signal.lfilter(MODEL.delayed_b(), ONE, u)[first:])
     for t in (60, 90, 119):
         known = t - horizon
         innovations = np.where(np.arange(len(u)) <= known, e, 0.0)
@@ -85,14 +84,16 @@ def test_simulation_follows_the_difference_equations():
 def test_the_initial_state_is_found_from_a_stretch():
     u, _, _ = record(MODEL, 400)
     whole = MODEL.simulate(u)
-    state = estimate_simulation_state(MODEL, u[100:], whole[100:])
-    np.testing.assert_allclose(MODEL.simulate(u[100:], state), whole[100:], atol=1e-8)
+    found = MODEL.plant().state_space().simulate_from_fitted_state(u[100:, None], whole[100:, None])
+    np.testing.assert_allclose(found[:, 0], whole[100:], atol=1e-8)
 
 
 def test_responses_are_scipys():
     plant = MODEL.to_scipy()
     frequencies = np.linspace(0.1, 24.0, 20)
-    _, expected = signal.freqz(MODEL.delayed_b, MODEL.plant_denominator, worN=frequencies, fs=50.0)
+    _, expected = signal.freqz(
+        MODEL.delayed_b(), MODEL.plant_denominator, worN=frequencies, fs=50.0
+    )
     np.testing.assert_allclose(MODEL.frequency_response(frequencies)[:, 0, 0], expected, rtol=1e-9)
     _, expected = signal.freqz(MODEL.c, MODEL.noise_denominator, worN=frequencies, fs=50.0)
     np.testing.assert_allclose(MODEL.noise_response(frequencies)[:, 0, 0], expected, rtol=1e-9)

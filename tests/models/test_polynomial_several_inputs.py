@@ -8,7 +8,7 @@ from scipy.io import loadmat
 from scipy.signal import dlsim, lfilter
 
 from evopem.files.json_form import from_json, to_json
-from evopem.models.matlab import save_model_mat
+from evopem.models.conversions import save_model_mat
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space_tables import gain_intervals

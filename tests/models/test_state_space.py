@@ -112,7 +112,7 @@ def test_states_that_fit_are_those_that_were_simulated():
     m = model()
     u, x0 = np.random.default_rng(4).standard_normal((100, 2)), np.array([1.0, -2.0, 0.5, 3.0])
     y = m.simulate(u, x0)
-    np.testing.assert_allclose(m.simulation_state(u, y), x0, atol=1e-8)
+    np.testing.assert_allclose(m.simulate_from_fitted_state(u, y), y, atol=1e-8)
     np.testing.assert_allclose(m.prediction_state(u, y), x0, atol=1e-8)
 
 
@@ -232,7 +232,7 @@ def test_a_model_without_input_simulates_its_level_and_has_no_participation():
 def test_arguments_of_idss_can_be_saved_and_loaded(tmp_path):
     from scipy.io import loadmat
 
-    from evopem.models.matlab import save_model_mat
+    from evopem.models.conversions import save_model_mat
 
     m = model()
     save_model_mat(m, tmp_path / "model.mat")
@@ -249,7 +249,7 @@ def test_matrices_that_do_not_fit_together_are_refused():
         replace(m, C=np.ones((3, 5)))
     with pytest.raises(ValueError, match="2 inputs need 2 delays"):
         replace(m, input_delays=(1,))
-    with pytest.raises(ValueError, match="2 inputs need 2 names"):
+    with pytest.raises(ValueError, match="2 channels need 2 names"):
         replace(m, input_names=("u",))
 
 

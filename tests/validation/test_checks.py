@@ -12,9 +12,8 @@ from evopem.estimation.search.certificate import POLYNOMIALS, STATE_SPACE
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import root_gradient
+from evopem.models.polynomials import root_covariance, root_gradient
 from evopem.models.structures import armax_orders
-from evopem.models.uncertain_roots import root_covariance
 from evopem.signals.recording_info import ChannelInfo, RecordingInfo
 from evopem.validation.checks import Evidence, checks
 from evopem.validation.checks.roots import cancelling_pairs

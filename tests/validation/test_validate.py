@@ -34,7 +34,7 @@ def response(model, samples, noise, seed=0, warm_up=500):
     rng = np.random.default_rng(seed)
     u = rng.normal(size=samples + warm_up)
     e = noise * rng.normal(size=samples + warm_up)
-    y = lfilter(model.delayed_b, model.a, u) + lfilter(model.c, model.a, e)
+    y = lfilter(model.delayed_b(), model.a, u) + lfilter(model.c, model.a, e)
     return u[warm_up:], y[warm_up:]
 
 
@@ -138,7 +138,7 @@ def test_prediction_continues_the_recursion_over_the_cut():
     e = np.zeros(400)
     start = model.orders.first_residual
     state = estimate_prediction_states(model, u[:300], y[:300])[1]
-    b = model.delayed_b
+    b = model.delayed_b()
     for t in range(start, 400):
         e[t] = sum(model.a[i] * y[t - i] for i in range(model.a.size))
         e[t] -= sum(b[i] * u[t - i] for i in range(b.size))

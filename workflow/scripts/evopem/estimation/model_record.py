@@ -22,9 +22,9 @@ from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 from evopem.files.json_form import load
 from evopem.files.unfinished import check_result
+from evopem.models.conversions import plant_of
 from evopem.models.modes import Mode
-from evopem.models.plant_and_noise import plant_of
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial import Model, PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 from evopem.signals.prepared_data import Transforms
@@ -33,7 +33,7 @@ from evopem.version import __version__
 
 Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
-Model = PolynomialModel | StateSpaceModel
+
 Estimate = PolynomialEstimate | StateSpaceEstimate
 
 LevelOfSimulation = Literal["constant", "state", "none"]

@@ -29,7 +29,7 @@ from evopem.figures.style import (
     stems,
     styled,
 )
-from evopem.models.uncertain_roots import ellipse_outline
+from evopem.models.polynomials import ellipse_outline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -136,7 +136,10 @@ def _draw_curve(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins
     if curve.ellipse:
         for row in rows[[panel.x, curve.column, *curve.ellipse]].to_numpy(dtype=float):
             if np.isfinite(row).all():
-                axes.fill(*ellipse_outline(*row), facecolor=colour, alpha=0.3, edgecolor=colour)
+                real, imag, of_real, of_imag, of_both = row
+                covariance = np.array([[of_real, of_both], [of_both, of_imag]])
+                outline = ellipse_outline(complex(real, imag), covariance)
+                axes.fill(*outline, facecolor=colour, alpha=0.3, edgecolor=colour)
     if curve.kind == "stems":
         _stems(axes, curve, rows, x, y)
     elif curve.kind == "points" and panel.scale == "phase":

@@ -13,7 +13,6 @@ from evopem.config.structures import structure_name
 from evopem.errors import InputError
 from evopem.figures.style import with_unit
 from evopem.models.stabilization import StabilizationPole, stabilization, stabilization_of_modes
-from evopem.models.uncertain_roots import Polynomial, uncertain_roots
 from evopem.results.dataset import DatasetResults
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import spectral_peaks
@@ -24,12 +23,12 @@ if TYPE_CHECKING:
 SPECTRUM_NFFT = 2048
 # Samples of a time response of a state-space model at most.
 RESPONSE_SAMPLES = 500
-ROOTS: tuple[tuple[Polynomial, str], ...] = (
-    ("A", "pole"),
-    ("F", "pole of the plant"),
-    ("B", "zero"),
-    ("C", "root of C"),
-    ("D", "pole of the noise filter"),
+ROOTS = (
+    ("a", "pole"),
+    ("f", "pole of the plant"),
+    ("b", "zero"),
+    ("c", "root of C"),
+    ("d", "pole of the noise filter"),
 )
 _RESPONSE = ["frequency_hz", "gain", "gain_lower", "gain_upper", "phase_deg"]
 
@@ -202,9 +201,9 @@ def roots(results: DatasetResults) -> pd.DataFrame:
     record, unknown = results.model, np.full((2, 2), np.nan)
     if record.orders is not None and record.model.inputs <= 1:
         found = [
-            (kind, root.value, root.covariance)
-            for polynomial, kind in ROOTS
-            for root in uncertain_roots(record.polynomials, polynomial)
+            (kind, *root)
+            for letter, kind in ROOTS
+            for root in record.polynomials.uncertain_roots(letter)
         ]
     else:
         model = record.state_space

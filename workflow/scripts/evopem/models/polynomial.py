@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.models.conversions import block_sizes, has_own_noise, innovations_form, matlab_cells
 from evopem.models.modes import Mode, modes_of
-from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomial_responses import PolynomialResponses
-from evopem.models.polynomials import residue, roots
+from evopem.models.polynomial_form import Polynomials
+from evopem.models.polynomials import powers_of_z, residue
+from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 
-if TYPE_CHECKING:
-    from evopem.models.state_space import StateSpaceModel
-
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Samples from which on a prediction is computed by Fourier transforms.
+LONG_HORIZON = 64
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class PolynomialModel(PolynomialResponses):
+class PolynomialModel(Polynomials):
     """A polynomial model with any number of inputs and one output (Ljung 1999, section 4.2).
 
     Attributes
@@ -80,142 +81,11 @@ class PolynomialModel(PolynomialResponses):
     array([[[4., 1.]]])
     """
 
-    A: Array
-    B: tuple[Array, ...]
-    C: Array
-    D: Array
-    F: tuple[Array, ...]
-    nk: tuple[int, ...]
-    sampling_rate: float
-    level: float
-    noise_variance: float
-    covariance: ParameterCovariance | None
-    structure: str
-    input_names: tuple[str, ...]
-    output_name: str
-
-    def __init__(
-        self,
-        A: ArrayLike,
-        B: Array | Sequence[ArrayLike],
-        C: ArrayLike = (1.0,),
-        D: ArrayLike = (1.0,),
-        F: Array | Sequence[ArrayLike] = (1.0,),
-        nk: int | Sequence[int] = 0,
-        sampling_rate: float = 1.0,
-        level: float = 0.0,
-        noise_variance: float = float("nan"),
-        covariance: ParameterCovariance | None = None,
-        structure: str = "",
-        input_names: Sequence[str] = (),
-        output_name: str = "",
-    ) -> None:
-        of_inputs = _arrays(B) or ()
-        monic = _arrays(F)
-        delays = tuple(nk) if isinstance(nk, Sequence) else (int(nk),) * len(of_inputs)
-        values = {
-            "A": np.asarray(A, dtype=float),
-            "B": of_inputs,
-            "C": np.asarray(C, dtype=float),
-            "D": np.asarray(D, dtype=float),
-            "F": monic * len(of_inputs) if len(monic) == 1 else monic[: len(of_inputs)],
-            "nk": delays[: len(of_inputs)],
-            "sampling_rate": sampling_rate,
-            "level": level,
-            "noise_variance": noise_variance,
-            "covariance": covariance,
-            "structure": structure,
-            "input_names": tuple(input_names),
-            "output_name": output_name,
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-        if len({len(self.B), len(self.F), len(self.nk)}) > 1:
-            raise ValueError("B, F and nk need one entry for each input")
-
-    @property
-    def a(self) -> Array:
-        """A; with :attr:`b` to :attr:`f` the polynomials of a model with at most one input."""
-        return self.A
-
-    @property
-    def b(self) -> Array:
-        """B of the one input, (nb,); empty without an input."""
-        return self._single(self.B, np.empty(0))
-
-    @property
-    def c(self) -> Array:
-        """C."""
-        return self.C
-
-    @property
-    def d(self) -> Array:
-        """D."""
-        return self.D
-
-    @property
-    def f(self) -> Array:
-        """F of the one input, (nf + 1,); 1 without an input."""
-        return self._single(self.F, np.ones(1))
-
-    @property
-    def delay(self) -> int:
-        """Delay of the one input in samples; 0 without an input."""
-        return self.orders.single.nk
-
-    def _single(self, of_inputs: tuple[Array, ...], without: Array) -> Array:
-        if len(of_inputs) > 1:
-            raise ValueError(f"the model has {len(of_inputs)} inputs, not one")
-        return of_inputs[0] if of_inputs else without
-
-    @property
-    def parameters(self) -> Array:
-        """Coefficients ``[a_1.., b_1 ... b_m, c_1.., d_1.., f_1 ... f_m]``, (n,)."""
-        f = [each[1:] for each in self.F]
-        return np.concatenate([self.A[1:], *self.B, self.C[1:], self.D[1:], *f])
-
     def with_parameters(self, parameters: Array, **changes: Any) -> PolynomialModel:
         """The model with other coefficients, and other attributes."""
-        return model_of(self.orders, parameters, **(self._beside() | changes))
-
-    def _beside(self) -> dict[str, Any]:
         names = ("sampling_rate", "level", "noise_variance", "covariance")
-        return {name: getattr(self, name) for name in (*names, "input_names", "output_name")}
-
-    def parameter_standard_errors(self) -> Array | None:
-        """Standard errors of :attr:`parameters`, (n,); None where the covariance is not known.
-
-        Infinite for a parameter that the data do not determine.
-        """
-        if self.covariance is None:
-            return None
-        return self.covariance.standard_errors(np.eye(self.orders.parameters))
-
-    def part(self, letter: str, place: int = 0) -> slice:
-        """Where the coefficients of one of a, b, c, d, f stand in :attr:`parameters`."""
-        return self.orders.part(letter, place)
-
-    @property
-    def delayed_b(self) -> Array:
-        """B of the one input with its leading zeros, (nk + nb,); one zero without an input."""
-        return np.concatenate([np.zeros(self.delay), self.b]) if self.has_input else np.zeros(1)
-
-    def poles(self) -> NDArray[np.complex128]:
-        """Poles of the plant: roots of A and of all F_i in the z plane."""
-        return np.concatenate([roots(self.A[1:]), *(roots(f[1:]) for f in self.F)])
-
-    def zeros(self, place: int = 0) -> NDArray[np.complex128]:
-        """Finite zeros from an input in the z plane, delay aside."""
-        b = np.trim_zeros(self.B[place], "f") if self.has_input else np.empty(0)
-        return roots(b[1:] / b[0]) if len(b) else np.empty(0, dtype=complex)
-
-    def noise_poles(self) -> NDArray[np.complex128]:
-        """Poles of the noise filter: roots of A and of D in the z plane, (na + nd,)."""
-        return np.concatenate([roots(self.A[1:]), roots(self.D[1:])])
-
-    def noise_zeros(self) -> NDArray[np.complex128]:
-        """Zeros of the noise filter: roots of C in the z plane, (nc,)."""
-        return roots(self.C[1:])
+        beside = {name: getattr(self, name) for name in (*names, "input_names", "output_name")}
+        return model_of(self.orders, parameters, **(beside | changes))
 
     def modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the plant's oscillating poles, by frequency.
@@ -233,11 +103,11 @@ class PolynomialModel(PolynomialResponses):
         >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
         (6.71, 0.132)
         """
-        of_all = [self._driven(mode) for mode in self.modes_of_polynomial("a")]
+        of_all = [self._driven(mode) for mode in self._modes_of("a")]
         of_one = [
             self._driven(mode, place)
             for place in range(self.inputs)
-            for mode in self.modes_of_polynomial("f", place)
+            for mode in self._modes_of("f", place)
         ]
         return _by_frequency([*of_all, *of_one])
 
@@ -257,9 +127,9 @@ class PolynomialModel(PolynomialResponses):
 
     def noise_modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the noise filter's oscillating poles."""
-        return _by_frequency([*self.modes_of_polynomial("a"), *self.modes_of_polynomial("d")])
+        return _by_frequency([*self._modes_of("a"), *self._modes_of("d")])
 
-    def modes_of_polynomial(self, letter: str, place: int = 0) -> list[Mode]:
+    def _modes_of(self, letter: str, place: int = 0) -> list[Mode]:
         """Modes of one of the polynomials a, d and f, by frequency."""
         part = self.part(letter, place)
         covariance = None if self.covariance is None else self.covariance.part(part)
@@ -267,21 +137,31 @@ class PolynomialModel(PolynomialResponses):
 
     def plant(self) -> PolynomialModel:
         """The model without noise poles of its own: those of D, or C where there is no A."""
-        from evopem.models.polynomial_conversions import plant_of
-
-        return plant_of(self)
+        orders, covariance = self.orders, self.covariance
+        if not has_own_noise(orders):
+            return self
+        if covariance is not None:
+            noise = np.r_[orders.part("c"), orders.part("d")]
+            covariance = covariance.part(np.delete(np.arange(len(covariance)), noise))
+        one = np.ones(1)
+        return replace(self, C=one, D=one, covariance=covariance)
 
     def state_space(self) -> StateSpaceModel:
-        """The same model in innovations form, with the covariance of its entries."""
-        from evopem.models.polynomial_conversions import innovations_form
-
-        return innovations_form(self)
+        """The same model in innovations form, states of the plant first, with its covariance."""
+        return innovations_form(
+            self.orders,
+            self.parameters,
+            self.level,
+            self.covariance,
+            sampling_rate=self.sampling_rate,
+            noise_covariance=np.array([[self.noise_variance]]),
+            input_names=self.input_names,
+            output_names=(self.output_name,) if self.output_name else (),
+        )
 
     @property
     def plant_states(self) -> int:
         """States of :meth:`state_space` that belong to the plant; those of the noise follow."""
-        from evopem.models.polynomial_conversions import block_sizes
-
         return sum(block_sizes(self.orders)[:-1])
 
     def matlab_arguments(self) -> dict[str, ArrayLike]:
@@ -290,9 +170,183 @@ class PolynomialModel(PolynomialResponses):
         B and F of several inputs are cell arrays, and empty without an input, as ``idpoly`` takes
         them for a time series.  ``Level``, which ``idpoly`` does not have, stands beside them.
         """
-        from evopem.models.polynomial_conversions import idpoly_arguments
+        return {
+            "A": self.A[None, :],
+            "B": matlab_cells([self.delayed_b(place) for place in range(self.inputs)]),
+            "C": self.C[None, :],
+            "D": self.D[None, :],
+            "F": matlab_cells(self.F),
+            "NoiseVariance": self.noise_variance,
+            "Ts": 1.0 / self.sampling_rate,
+            "Level": self.level,
+        }
 
-        return idpoly_arguments(self)
+    def residuals(
+        self,
+        inputs: ArrayLike,
+        output: ArrayLike,
+        plant_state: ArrayLike | None = None,
+        noise_state: ArrayLike | None = None,
+        start: int | None = None,
+    ) -> Array:
+        """One-step prediction errors ``e = (D/C) (A y - sum (B_i/F_i) u_i - level)``, (N,).
+
+        Parameters
+        ----------
+        inputs : (N,) or (N, m) array_like
+        output : (N,) array_like
+        plant_state : (nf_1 + ... + nf_m,) array, optional
+            What the past adds to the first nf_i equations of ``F_i x_i = -B_i u_i``.
+        noise_state : (max(nc, nd),) array, optional
+            What the past adds to the first equations of ``C e = D v``.
+        start : int, optional
+            First residual, by default ``orders.first_residual``.  Earlier residuals are NaN.
+        """
+        from scipy.signal import lfilter
+
+        u, y = self._columns(inputs), np.asarray(output, dtype=float)
+        if y.ndim != 1 or len(u) != len(y):
+            raise ValueError(f"inputs and output do not match: {np.shape(inputs)} and {y.shape}")
+        first = self.orders.first_residual if start is None else start
+        if len(y) <= first:
+            raise ValueError(f"the model needs more than {first} samples, not {len(y)}")
+        ends = np.cumsum([len(f) - 1 for f in self.F])[:-1]
+        states = [None] * self.inputs if plant_state is None else np.split(plant_state, ends)
+        v = lfilter(self.A, [1.0], y)[first:] - self.level
+        for i, f in enumerate(self.F):
+            from_input = -lfilter(self.delayed_b(i), [1.0], u[:, i])[first:]
+            v = v + lfilter([1.0], f, _with_impulses(from_input, states[i]))
+        by_d = _with_impulses(lfilter(self.D, [1.0], v), noise_state)
+        e = np.full(len(y), np.nan)
+        e[first:] = lfilter([1.0], self.C, by_d)
+        return e
+
+    def predict(
+        self,
+        inputs: ArrayLike,
+        output: ArrayLike,
+        horizon: int = 1,
+        plant_state: ArrayLike | None = None,
+        noise_state: ArrayLike | None = None,
+    ) -> Array:
+        """Prediction of the output from inputs and from outputs ``horizon`` samples ago, (N,).
+
+        ``y_t`` less the innovations of the last ``horizon`` samples through the noise filter
+        (Ljung 1999, eq. 3.29).  NaN where the past is not known; states as in :meth:`residuals`.
+        """
+        from scipy.signal import lfilter, oaconvolve
+
+        if horizon < 1:
+            raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
+        y = np.asarray(output, dtype=float)
+        e = self.residuals(inputs, output, plant_state, noise_state)
+        first = int(np.isnan(e).sum())
+        response = self.noise_impulse_response(horizon)
+        predicted = np.full(len(y), np.nan)
+        # Of long responses the product of spectra is faster than the sum.
+        unknown = (
+            lfilter(response, [1.0], e[first:])
+            if horizon <= LONG_HORIZON
+            else oaconvolve(e[first:], response)[: len(y) - first]
+        )
+        predicted[first:] = y[first:] - unknown
+        return predicted
+
+    def simulate(self, inputs: ArrayLike) -> Array:
+        """Noise-free response to (N,) or (N, m) inputs from rest, (N,).
+
+        From other initial states: :meth:`.StateSpaceModel.simulate` of :meth:`state_space`.
+        """
+        from scipy.signal import lfilter
+
+        u = self._columns(inputs)
+        simulated = np.full(len(u), self.output_level)
+        for i in range(self.inputs):
+            simulated += lfilter(*self._path(i), u[:, i])
+        return simulated
+
+    def frequency_response(self, frequencies: ArrayLike) -> Complex:
+        """``G_i = B_i q^-nk_i / (A F_i)`` at frequencies in Hz, (..., 1, m)."""
+        z = self._backward_shift(frequencies)
+        columns = [_ratio(*self._path(place), z) for place in range(self.inputs)]
+        if not columns:
+            return np.empty((*z.shape, 1, 0), dtype=complex)
+        return np.stack(columns, axis=-1)[..., None, :]
+
+    def noise_response(self, frequencies: ArrayLike) -> Complex:
+        """``H = C / (A D)`` at frequencies in Hz, (..., 1, 1)."""
+        z = self._backward_shift(frequencies)
+        return _ratio(self.C, self.noise_denominator, z)[..., None, None]
+
+    def impulse_response(self, samples: int, place: int = 0) -> Array:
+        """Response of the plant to a unit impulse of an input at sample 0, (samples,)."""
+        if not self.has_input:
+            return np.zeros(samples)
+        return _impulse_response(*self._path(place), samples)
+
+    def step_response(self, samples: int, place: int = 0) -> Array:
+        """Response of the plant to a unit step of an input at sample 0, (samples,)."""
+        return np.cumsum(self.impulse_response(samples, place))
+
+    def noise_impulse_response(self, samples: int) -> Array:
+        """Response of the noise filter to a unit impulse at sample 0, (samples,)."""
+        return _impulse_response(self.C, self.noise_denominator, samples)
+
+    def to_control(self):  # type: ignore[no-untyped-def]
+        """``G`` as a discrete-time ``control.TransferFunction``; needs python-control.
+
+        Of a model without input, the noise filter ``H``.
+        """
+        import control
+
+        above, below = zip(*self.transfer_functions, strict=True)
+        return control.TransferFunction([list(above)], [list(below)], 1.0 / self.sampling_rate)
+
+    def to_scipy(self):  # type: ignore[no-untyped-def]
+        """``G`` in discrete time: a ``TransferFunction`` of SciPy, a ``StateSpace`` of many inputs.
+
+        Of a model without input, the noise filter ``H``.  SciPy takes leading coefficients of B
+        below 1e-14 for zero, and warns of it.
+        """
+        from scipy.signal import TransferFunction
+
+        if self.inputs > 1:
+            return self.state_space().to_scipy()
+        return TransferFunction(*self.transfer_functions[0], dt=1.0 / self.sampling_rate)
+
+    @property
+    def transfer_functions(self) -> list[tuple[Array, Array]]:
+        """Numerator and denominator of each G_i, or of H without input, in powers of z."""
+        if not self.has_input:
+            return [powers_of_z(self.C, self.noise_denominator)]
+        return [powers_of_z(*self._path(place)) for place in range(self.inputs)]
+
+    def _path(self, place: int) -> tuple[Array, Array]:
+        """Numerator with its delay and denominator of G_i."""
+        return self.delayed_b(place), np.convolve(self.A, self.F[place])
+
+    def _columns(self, inputs: ArrayLike) -> Array:
+        """The inputs as columns, (N, m)."""
+        u = np.asarray(inputs, dtype=float)
+        if u.ndim == 1:
+            u = u[:, None]
+        if self.has_input and u.shape[1] != self.inputs:
+            raise ValueError(f"the model has {self.inputs} inputs, not {u.shape[1]}")
+        return u
+
+    def _backward_shift(self, frequencies: ArrayLike) -> Complex:
+        angles = np.asarray(frequencies, dtype=float) / self.sampling_rate
+        return np.asarray(np.exp(-2j * np.pi * angles), dtype=complex)
+
+
+Model = PolynomialModel | StateSpaceModel
+
+
+def simulated_form(model: Model) -> StateSpaceModel:
+    """The plant in state space, for simulations from other states than rest; no covariance."""
+    if isinstance(model, StateSpaceModel):
+        return model
+    return replace(model, covariance=None).plant().state_space()
 
 
 def model_of(orders: Orders, parameters: Array, **attributes: Any) -> PolynomialModel:
@@ -318,10 +372,27 @@ def _by_frequency(modes: list[Mode]) -> list[Mode]:
     return sorted(modes, key=lambda mode: mode.frequency_hz)
 
 
-def _arrays(given: Array | Sequence[ArrayLike]) -> tuple[Array, ...]:
-    """One array for each input; numbers are the array of one input, nothing is no input."""
-    if len(given) == 0:
-        return ()
-    if np.ndim(given[0]) == 0:
-        return (np.asarray(given, dtype=float),)
-    return tuple(np.asarray(each, dtype=float) for each in given)
+def _ratio(above: Array, below: Array, z: Complex) -> Complex:
+    polyval = np.polynomial.polynomial.polyval
+    # At a pole on the unit circle the response is infinite.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(polyval(z, above) / polyval(z, below), dtype=complex)
+
+
+def _impulse_response(above: Array, below: Array, samples: int) -> Array:
+    from scipy.signal import lfilter
+
+    impulse = np.zeros(samples)
+    impulse[:1] = 1.0
+    response: Array = lfilter(above, below, impulse)
+    return response
+
+
+def _with_impulses(signal: Array, impulses: ArrayLike | None) -> Array:
+    """A signal with numbers added to its first samples."""
+    if impulses is None:
+        return signal
+    added = np.asarray(impulses, dtype=float)[: len(signal)]
+    changed = signal.copy()
+    changed[: len(added)] += added
+    return changed

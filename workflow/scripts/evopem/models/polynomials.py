@@ -8,7 +8,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.models.parameter_covariance import ParameterCovariance
+
 Array = NDArray[np.float64]
+
+# 95 % points of chi-square with one and two degrees of freedom.
+CHI_SQUARE_95 = {1: 3.841458820694124, 2: 5.991464547107979}
 
 
 def roots(coefficients: Array) -> NDArray[np.complex128]:
@@ -82,3 +87,47 @@ def residue(above: Array, below: Array, pole: complex) -> complex:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         slope = polyval(w, np.polynomial.polynomial.polyder(below))
         return complex(-polyval(w, above) / (w * slope))
+
+
+def uncertain_roots(
+    coefficients: Array, covariance: ParameterCovariance | None
+) -> list[tuple[complex, Array]]:
+    """Roots of a polynomial, highest power first, with the covariance of real and imaginary part.
+
+    ``covariance``: of the coefficients, as of :func:`root_covariance`; (2, 2), NaN where it is not
+    known or not finite.
+    """
+    found = []
+    for root in map(complex, np.roots(coefficients)):
+        spread = np.full((2, 2), np.nan)
+        if covariance is not None:
+            spread = root_covariance(coefficients, root, covariance)
+        found.append((root, spread if np.isfinite(spread).all() else np.full((2, 2), np.nan)))
+    return found
+
+
+def root_covariance(
+    coefficients: Array, root: complex, covariance: ParameterCovariance | Array
+) -> Array:
+    """Covariance of a root's real and imaginary part, to first order, (2, 2).
+
+    ``coefficients`` (n + 1,), highest power first; ``covariance`` of them, or of all but the first
+    where that is a 1 known exactly.  Infinite variances where the data do not determine the root,
+    NaN for a repeated root.
+    """
+    if not isinstance(covariance, ParameterCovariance):
+        covariance = ParameterCovariance.from_matrix(covariance)
+    gradient = root_gradient(coefficients, root)[-len(covariance) :]
+    return covariance.of(np.vstack([gradient.real, gradient.imag]))
+
+
+def ellipse_outline(root: complex, covariance: Array, points: int = 73) -> Array:
+    """Points on the 95 % confidence ellipse of a root, real and imaginary parts, (2, points).
+
+    A real root varies on the real axis alone and has one degree of freedom.
+    """
+    variances, directions = np.linalg.eigh(covariance)
+    radii = np.sqrt(np.clip(variances, 0, None) * CHI_SQUARE_95[1 if root.imag == 0 else 2])
+    angle = np.linspace(0, 2 * np.pi, points)
+    outline: Array = directions @ (radii[:, None] * np.vstack([np.cos(angle), np.sin(angle)]))
+    return outline + np.array([[root.real], [root.imag]])

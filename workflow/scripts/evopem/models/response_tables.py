@@ -256,5 +256,5 @@ def response_length(model: PolynomialModel) -> int:
     settling = MOST_SAMPLES
     if radius < 1.0:
         settling = math.ceil(math.log(SETTLED) / math.log(radius)) if radius > 0.0 else 0
-    memory = len(model.delayed_b) + len(model.c)
+    memory = len(model.delayed_b()) + len(model.c)
     return min(max(settling + memory, FEWEST_SAMPLES), MOST_SAMPLES)

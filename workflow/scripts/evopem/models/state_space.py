@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -10,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomial_states import fitted_state
 
 Array = NDArray[np.float64]
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
@@ -20,6 +20,10 @@ PlainStructure = Literal["ss", "ss_oe"]
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state.
 STATE_RANK = 1e-10
+FIRST_SHARE = 0.1
+"""Share of a recording without a past that determines the state of its simulation."""
+# Iterations of reweighted least squares towards least absolute deviations.
+REWEIGHTINGS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +86,9 @@ class StateSpaceModel:
                 raise ValueError(f"{name} must be {shape}, not {getattr(self, name).shape}")
         if self.input_delays and len(self.input_delays) != nu:
             raise ValueError(f"{nu} inputs need {nu} delays, not {len(self.input_delays)}")
-        for kind, names, count in (
-            ("input", self.input_names, nu),
-            ("output", self.output_names, ny),
-        ):
+        for names, count in ((self.input_names, nu), (self.output_names, ny)):
             if names and len(names) != count:
-                raise ValueError(f"{count} {kind}s need {count} names, not {len(names)}")
+                raise ValueError(f"{count} channels need {count} names, not {len(names)}")
 
     @property
     def order(self) -> int:
@@ -138,7 +139,7 @@ class StateSpaceModel:
         """Noise-free response to (N, nu) inputs, (N, ny), that never sees a measured output.
 
         ``inputs`` are ``numpy.empty((N, 0))`` for a model without input; ``initial``, (n,), is the
-        state at the first sample, at rest by default; see :meth:`simulation_state`.
+        state at the first sample, at rest by default.
         """
         u = self._delayed(inputs)
         states = _states(self.A, u @ self.B.T, initial)
@@ -150,8 +151,7 @@ class StateSpaceModel:
     ) -> Array:
         """One-step prediction errors e of (N, nu) inputs and (N, ny) outputs, (N, ny).
 
-        ``initial``, (n,), is the state at the first sample, at rest by default; see
-        :meth:`prediction_state`.
+        ``initial``, (n,): state at the first sample, such as :meth:`prediction_state`.
         """
         u, y = self._signals(inputs, outputs)
         drive = u @ (self.B - self.K @ self.D).T + (y - self.level) @ self.K.T
@@ -183,15 +183,6 @@ class StateSpaceModel:
             response = response @ self.A
         return predicted
 
-    def simulation_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:
-        """Initial state with which the simulation fits outputs best, (n,).
-
-        Least squares, each output relative to its spread; (N, nu) inputs and (N, ny) outputs.
-        """
-        _, y = self._signals(inputs, outputs)
-        free = self._free_responses(self.A, len(y))
-        return _least_squares(free, y - self.simulate(inputs), np.std(y, axis=0))
-
     def prediction_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:
         """Initial state with which the one-step prediction fits outputs best, (n,).
 
@@ -199,16 +190,28 @@ class StateSpaceModel:
         """
         errors = self.residuals(inputs, outputs)
         free = self._free_responses(self.predictor, len(errors))
-        return _least_squares(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
+        return _fitted(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
 
     def simulate_from_fitted_state(
-        self, inputs: ArrayLike, outputs: ArrayLike, free_level: bool = False
+        self,
+        inputs: ArrayLike,
+        outputs: ArrayLike,
+        free_level: bool = False,
+        robust: bool = False,
     ) -> Array:
-        """Simulation, (N, ny), from :meth:`simulation_state`, or with a level that fits as well."""
-        _, y = self._signals(inputs, outputs)
-        rest = self.simulate(inputs)
-        free = self._free_responses(self.A, len(y), free_level)
-        return np.asarray(rest + free @ _least_squares(free, y - rest, np.std(y, axis=0)))
+        """Simulation, (N, ny), from the initial state with which it fits the outputs best.
+
+        Least squares, each output relative to its spread.  With ``free_level`` a constant is fitted
+        as well; ``robust`` takes the least absolute instead of squared errors.
+        """
+        form = self.without_delays()
+        u, y = form._signals(inputs, outputs)
+        with np.errstate(all="ignore"):
+            rest = form.simulate(u)
+            free = form._free_responses(form.A, len(y), free_level)
+        if not (np.isfinite(rest).all() and np.isfinite(free).all()):
+            return np.full(y.shape, np.inf)
+        return np.asarray(rest + free @ _fitted(free, y - rest, np.std(y, axis=0), robust))
 
     def simulate_from_first(
         self,
@@ -221,21 +224,23 @@ class StateSpaceModel:
         """Simulation, (N, ny), from the initial state that the first outputs make most probable.
 
         Of normal states with the second moments of a simulation from rest, in noise of the size
-        that the least-squares state leaves over the first outputs: the rule of
-        :func:`evopem.models.polynomial_states.simulate_from_first`.  Of (N, nu) inputs and (N, ny)
-        outputs the first ``known`` samples count, at least 1.  With ``free_level`` a constant is
-        fitted to them as well; ``robust`` takes the least absolute instead of squared errors.
+        that the least-squares state leaves over the first outputs: a state that they hardly
+        determine, as of poles that zeros nearly cancel, stays small instead of growing over the
+        samples behind them.  Of (N, nu) inputs and (N, ny) outputs the first ``known`` samples
+        count, at least 1.  With ``free_level`` a constant is fitted to them as well; ``robust``
+        takes the least absolute instead of squared errors.
         """
-        u, y = self._signals(inputs, outputs)
-        n, ny = self.order, self.outputs
+        form = self.without_delays()
+        u, y = form._signals(inputs, outputs)
+        n, ny = form.order, form.outputs
         with np.errstate(all="ignore"):
-            driven = _states(self.A, u @ self.B.T, None)
-            rest = driven @ self.C.T + u @ self.D.T + self.level
-            free = self._free_responses(self.A, len(y), free_level)
+            driven = _states(form.A, u @ form.B.T, None)
+            rest = driven @ form.C.T + u @ form.D.T + form.level
+            free = form._free_responses(form.A, len(y), free_level)
         if not (np.isfinite(rest).all() and np.isfinite(free).all()):
             return np.full(y.shape, np.inf)
         target, columns = (y - rest)[:known], free[:known]
-        left = target - columns @ _least_squares(columns, target, np.std(y[:known], axis=0))
+        left = target - columns @ _fitted(columns, target, np.std(y[:known], axis=0))
         freedom = known - free.shape[2] / ny
         squares = left**2 * known / freedom if ny * freedom >= n else target**2
         least = 1e-20 * np.mean(target**2, axis=0)
@@ -243,29 +248,30 @@ class StateSpaceModel:
         noise[noise == 0.0] = 1.0
         moments, directions = np.linalg.eigh(driven.T @ driven / len(driven))
         free[:, :, :n] = free[:, :, :n] @ (directions * np.sqrt(np.maximum(moments, 0.0)))
-        rows = (free[:known] / noise[:, None]).reshape(-1, free.shape[2])
-        prior = np.eye(n, free.shape[2])
-        return np.asarray(rest + free @ fitted_state(rows, (target / noise).ravel(), robust, prior))
+        state = _fitted(free[:known], target, noise, robust, np.eye(n, free.shape[2]))
+        return np.asarray(rest + free @ state)
 
     def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """``G = C (zI - A)^-1 B + D`` with its delays at frequencies in Hz, (..., ny, nu)."""
-        z = self._unit_circle(frequencies)
+        z = self._circle(frequencies)
         delays = np.asarray(self.input_delays or (0,) * self.inputs, dtype=float)
         shift = z[..., None, None] ** -delays
         return (self._resolvent(z, self.B) + self.D) * shift
 
     def noise_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """``H = C (zI - A)^-1 K + I`` at frequencies in Hz, (..., ny, ny)."""
-        return self._resolvent(self._unit_circle(frequencies), self.K) + np.eye(self.outputs)
+        return self._resolvent(self._circle(frequencies), self.K) + np.eye(self.outputs)
+
+    def _circle(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+        angles = np.asarray(frequencies, dtype=float) / self.sampling_rate
+        return np.asarray(np.exp(2j * np.pi * angles), dtype=complex)
 
     def impulse_response(self, samples: int) -> Array:
         """Responses to unit impulses at sample 0, (samples, ny, nu)."""
-        responses = np.zeros((samples, self.outputs, self.inputs))
-        for column in range(self.inputs):
-            impulse = np.zeros((samples, self.inputs))
-            impulse[:1, column] = 1.0
-            responses[:, :, column] = self.simulate(impulse) - self.level
-        return responses
+        impulses = np.zeros((self.inputs, samples, self.inputs))
+        impulses[:, :1] = np.eye(self.inputs)[:, None]
+        responses = [self.simulate(impulse) - self.level for impulse in impulses]
+        return np.stack(responses, axis=2) if responses else np.zeros((samples, self.outputs, 0))
 
     def step_response(self, samples: int) -> Array:
         """Responses to unit steps at sample 0, (samples, ny, nu)."""
@@ -294,10 +300,8 @@ class StateSpaceModel:
             # A line of states holds the input of the last samples, the oldest one last.
             last = first + delay - 1
             B[first, column] = 1.0
-            A[range(first + 1, last + 1), range(first, last)] = 1.0
-            A[:n, last] = self.B[:, column]
-            C[:, last] = self.D[:, column]
-            D[:, column] = 0.0
+            A[first + 1 : last + 1, first:last] = np.eye(delay - 1)
+            A[:n, last], C[:, last], D[:, column] = self.B[:, column], self.D[:, column], 0.0
             first = last + 1
         K = np.vstack([self.K, np.zeros((extra, self.outputs))])
         return replace(self, A=A, B=B, C=C, D=D, K=K, input_delays=(), covariance=None)
@@ -356,15 +360,12 @@ class StateSpaceModel:
         """Outputs after an initial state of one at each state, and levels of one, (N, ny, ...)."""
         responses = np.zeros((samples, self.outputs, self.order + self.outputs * free_level))
         responses[:, :, self.order :] = np.eye(self.outputs)[:, : self.outputs * free_level]
-        response = self.C
-        for sample in range(samples):
-            responses[sample, :, : self.order] = response
-            response = response @ dynamics
+        of_states = responses[:, :, : self.order]
+        of_states[:1], known, power = self.C, 1, dynamics
+        while known < samples:
+            of_states[known : 2 * known] = of_states[: min(known, samples - known)] @ power
+            known, power = 2 * known, power @ power
         return responses
-
-    def _unit_circle(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
-        f = np.asarray(frequencies, dtype=float)
-        return np.asarray(np.exp(2j * np.pi * f / self.sampling_rate), dtype=complex)
 
     def _resolvent(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
         """``C (zI - A)^-1 right``, (..., ny, columns)."""
@@ -373,22 +374,55 @@ class StateSpaceModel:
         return np.asarray(self.C @ solved, dtype=complex)
 
 
-def _least_squares(columns: Array, target: Array, spread: Array) -> Array:
-    """Coefficients, (k,), of columns, (N, ny, k), that fit a target relative to its spread."""
-    weights = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
-    rows = (columns * weights[:, None]).reshape(-1, columns.shape[2])
-    # States of very different sizes would make the small ones look undetermined.
-    sizes = np.linalg.norm(rows, axis=0)
-    sizes = np.where(sizes > 0.0, sizes, 1.0)
-    fitted = np.linalg.lstsq(rows / sizes, (target * weights).ravel(), STATE_RANK)[0]
-    return np.asarray(fitted / sizes)
+def first_samples(samples: int) -> int:
+    """How many of the samples of a recording without a past determine its state."""
+    return max(round(FIRST_SHARE * samples), 1)
+
+
+def _fitted(
+    columns: Array,
+    target: Array,
+    spread: Array,
+    robust: bool = False,
+    prior: Array | None = None,
+) -> Array:
+    """Coefficients, (k,), of columns, (N, ny, k), that fit a target, (N, ny), best.
+
+    Least squares relative to the spread, (ny,), of each output; ``robust``: by reweighting nearly
+    least absolute errors.  ``prior`` (M, k): further rows, of target 0, that are not reweighted.
+    """
+    scale = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
+    rows, aim = (columns * scale[:, None]).reshape(-1, columns.shape[2]), (target * scale).ravel()
+    further = np.zeros((0, rows.shape[1])) if prior is None else prior
+    weights = np.ones(len(aim))
+    for _ in range(REWEIGHTINGS + 1 if robust else 1):
+        weighted = np.vstack([rows * weights[:, None], further])
+        # States of very different sizes would make the small ones look undetermined.
+        sizes = np.linalg.norm(weighted, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        goal = np.concatenate([aim * weights, np.zeros(len(further))])
+        found = np.linalg.lstsq(weighted / sizes, goal, STATE_RANK)[0] / sizes
+        left = np.abs(aim - rows @ found)
+        weights = 1.0 / np.sqrt(np.maximum(left, 0.1 * np.mean(left) + 1e-300))
+    return np.asarray(found)
 
 
 def _states(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:
-    """States x_0 ... x_(N-1) of ``x+ = dynamics x + drive``, (N, n)."""
-    x = np.zeros(len(dynamics)) if initial is None else np.asarray(initial, dtype=float)
-    states = np.empty(drive.shape)
-    for sample, push in enumerate(drive):
-        states[sample] = x
-        x = dynamics @ x + push
-    return states
+    """States x_0 ... x_(N-1) of ``x+ = dynamics x + drive``, (N, n), in parts of equal length."""
+    samples, n = drive.shape
+    length = max(math.isqrt(samples), 1)
+    parts = -(-samples // length)
+    pushes = np.zeros((parts, length, n))
+    pushes.reshape(-1, n)[:samples] = drive
+    # Of each part from rest, and of its first state.
+    states, power = np.zeros_like(pushes), np.zeros((length, n, n))
+    power[0] = np.eye(n)
+    for k in range(1, length):
+        states[:, k] = states[:, k - 1] @ dynamics.T + pushes[:, k - 1]
+        power[k] = power[k - 1] @ dynamics.T
+    ends = states[:, -1] @ dynamics.T + pushes[:, -1]
+    x = np.zeros(n) if initial is None else np.asarray(initial, dtype=float)
+    for k in range(parts):
+        states[k] += x @ power
+        x = x @ power[-1] @ dynamics.T + ends[k]
+    return states.reshape(-1, n)[:samples]

@@ -8,21 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import (
-    estimate_level,
-    estimate_prediction_states,
-    estimate_simulation_state,
-    first_samples,
-    simulate_from_first,
-    simulate_with_fitted_level,
-)
-from evopem.models.state_space import StateSpaceModel
+from evopem.models.polynomial import Model, PolynomialModel, simulated_form
+from evopem.models.polynomial_states import estimate_level, estimate_prediction_states
+from evopem.models.state_space import StateSpaceModel, first_samples
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
-Model = PolynomialModel | StateSpaceModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,10 +76,7 @@ class HeldOut:
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
         known, u, y = max(self.first + self.unscored, 1), self.inputs, self.outputs
-        if isinstance(self.model, StateSpaceModel):
-            found = self.model.simulate_from_first(u, y, known, free_level)
-        else:
-            found = simulate_from_first(self.model, u, y[:, 0], known, free_level)[:, None]
+        found = simulated_form(self.model).simulate_from_first(u, y, known, free_level)
         if free_level:
             found = found + np.mean((y - found)[known:], axis=0)
         return found[self.first :]
@@ -96,13 +85,8 @@ class HeldOut:
         """Response of the validation samples, (N, l), from the state that fits them best."""
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
-        u, y = self.recording.inputs, self.recording.outputs[:, 0]
-        if isinstance(self.model, StateSpaceModel):
-            outputs = self.recording.outputs
-            return self.model.simulate_from_fitted_state(u, outputs, free_level)
-        if free_level:
-            return simulate_with_fitted_level(self.model, u, y)[:, None]
-        return self.model.simulate(u, estimate_simulation_state(self.model, u, y))[:, None]
+        u, y = self.recording.inputs, self.recording.outputs
+        return simulated_form(self.model).simulate_from_fitted_state(u, y, free_level)
 
 
 def unscored_samples(model: Model) -> int:

@@ -14,11 +14,11 @@ from evopem.automatic.held_out.response_parts import REASON, response_parts
 from evopem.automatic.held_out.simulation import (
     Model,
     errors_simulated_on,
-    in_state_space,
     prediction_errors,
 )
 from evopem.automatic.held_out.stretches import Fold, folds_of
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment, total_samples
 
 Array = NDArray[np.float64]
@@ -228,10 +228,9 @@ def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) 
 
 def _states(model: Model) -> int:
     """Initial states that a prediction fits."""
-    if isinstance(model, PolynomialModel) and in_state_space(model) is None:
+    if isinstance(model, PolynomialModel) and model.inputs <= 1:
         return model.orders.single.nf + model.orders.noise_states
-    states = in_state_space(model)
-    return 0 if states is None else states.order
+    return model.order if isinstance(model, StateSpaceModel) else model.state_space().order
 
 
 def _overlap(folds: Sequence[Fold]) -> float:

@@ -5,29 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import (
-    estimate_prediction_states,
-    first_samples,
-    fitted_state,
-    simulate_from_first,
-)
-from evopem.models.state_space import StateSpaceModel
+from evopem.models.polynomial import Model, PolynomialModel, simulated_form
+from evopem.models.polynomial_states import estimate_prediction_states
+from evopem.models.state_space import StateSpaceModel, first_samples
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
-Model = PolynomialModel | StateSpaceModel
-
 # A pole of a larger radius makes a simulation grow without bound.
 STABLE = 1.0 + 1e-9
-
-
-def in_state_space(model: Model) -> StateSpaceModel | None:
-    """The model in state space where it has several channels; None for one input at most."""
-    if isinstance(model, StateSpaceModel):
-        return model
-    return model.state_space() if model.inputs > 1 else None
 
 
 def errors_simulated_on(
@@ -47,18 +33,11 @@ def errors_simulated_on(
     known = before.samples or first_samples(held_out.samples)
     inputs = np.concatenate([before.inputs, held_out.inputs])
     outputs = np.concatenate([before.outputs, held_out.outputs])
-    states = in_state_space(model)
+    states = simulated_form(model)
     with np.errstate(all="ignore"):
-        if isinstance(model, PolynomialModel) and states is None:
-            single = Segment(inputs, outputs)
-            computed = simulate_from_first(
-                model, single.input, single.output, known, fitted_level, robust
-            )[:, None]
-        else:
-            assert states is not None
-            computed = np.full(outputs.shape, np.inf)
-            if np.abs(states.poles()).max(initial=0.0) < STABLE:
-                computed = states.simulate_from_first(inputs, outputs, known, fitted_level, robust)
+        computed = np.full(outputs.shape, np.inf)
+        if np.abs(states.poles()).max(initial=0.0) < STABLE:
+            computed = states.simulate_from_first(inputs, outputs, known, fitted_level, robust)
         errors = (computed - outputs)[known:]
         if fitted_level:
             centre = np.median if robust else np.mean
@@ -72,56 +51,26 @@ def simulated(
     """Simulation from the initial state that fits the stretch, (N, l).
 
     With ``fitted_level`` the level is fitted to the stretch as well; ``robust`` takes the least
-    absolute instead of the least squared errors, for one channel.
+    absolute instead of the least squared errors.
     """
-    states = in_state_space(model)
-    if isinstance(model, PolynomialModel) and states is None:
-        return _simulated_polynomials(model, stretch, fitted_level, robust)[:, None]
-    assert states is not None
+    states = simulated_form(model)
     with np.errstate(all="ignore"):
         if np.abs(states.poles()).max(initial=0.0) >= STABLE:
             return np.full(stretch.outputs.shape, np.inf)
-        return states.simulate_from_fitted_state(stretch.inputs, stretch.outputs, fitted_level)
-
-
-def _simulated_polynomials(
-    model: PolynomialModel, stretch: Segment, fitted_level: bool, robust: bool
-) -> Array:
-    """The level is filtered through 1/A from rest instead of being added as ``level / A(1)``.
-
-    The initial state takes up the difference, and a pole at 1 makes no division by zero.
-    """
-    from scipy.signal import lfilter
-
-    n = stretch.samples
-    response = lfilter(model.delayed_b, model.plant_denominator, stretch.input)
-    response = response + lfilter([model.level], model.a, np.ones(n))
-    impulse = np.zeros(n)
-    impulse[0] = 1.0
-    decay = lfilter([1.0], model.plant_denominator, impulse)
-    count = min(model.state_dimension, n - 1)
-    columns = np.zeros((n, count + int(fitted_level)))
-    for k in range(count):
-        columns[k:, k] = decay[: n - k]
-    columns[:, count:] = 1.0
-    if not (np.isfinite(columns).all() and np.isfinite(response).all()):
-        return np.full(n, np.inf)
-    if columns.shape[1]:
-        state = fitted_state(columns, stretch.output - response, robust)
-        response = response + columns @ state
-    return np.asarray(response)
+        return states.simulate_from_fitted_state(
+            stretch.inputs, stretch.outputs, fitted_level, robust
+        )
 
 
 def prediction_errors(model: Model, stretch: Segment) -> Array:
     """One-step prediction errors with fitted initial states, (M, l), of the last M samples."""
-    states = in_state_space(model)
-    if isinstance(model, PolynomialModel) and states is None:
+    if isinstance(model, PolynomialModel) and model.inputs <= 1:
         first = model.orders.first_residual
         if stretch.samples <= first + 1:
             return np.empty((0, 1))
         initial = estimate_prediction_states(model, stretch.input, stretch.output)
         return model.residuals(stretch.input, stretch.output, *initial)[first:, None]
-    assert states is not None
+    states = model if isinstance(model, StateSpaceModel) else model.state_space()
     first = max(states.input_delays, default=0)
     if stretch.samples <= first + 1:
         return np.empty((0, states.outputs))

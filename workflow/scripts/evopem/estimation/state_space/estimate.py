@@ -24,7 +24,7 @@ from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH, searched
 from evopem.estimation.state_space.starting_points import point_of_model
 from evopem.estimation.vector_autoregression import log_loss
-from evopem.models.plant_and_noise import side_by_side
+from evopem.models.conversions import side_by_side
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording, Segment
 
@@ -257,7 +257,7 @@ def noise_model(
     residuals = []
     for segment in recording.segments:
         u, y = segment.inputs, segment.outputs
-        left = (y - plant.simulate(u, plant.simulation_state(u, y)))[lost:]
+        left = (y - plant.simulate_from_fitted_state(u, y))[lost:]
         residuals.append(left - left.mean(axis=0))
     joined = np.vstack(residuals)
     alone = replace(

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.structures import STRUCTURES, plant_order
-from evopem.models.polynomials import root_gradient, roots
-from evopem.models.uncertain_roots import CHI_SQUARE_95
+from evopem.models.polynomials import CHI_SQUARE_95, root_gradient, roots
 from evopem.validation.checks.check import Check, Evidence
 
 if TYPE_CHECKING:

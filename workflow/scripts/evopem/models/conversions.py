@@ -1,0 +1,205 @@
+"""Other forms of models: polynomials in state space, plant beside noise, MATLAB's structures."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from evopem.files.atomic import atomic_write
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.state_space import StateSpaceModel
+from evopem.models.structures import Orders
+
+if TYPE_CHECKING:
+    from evopem.models.polynomial import PolynomialModel
+
+Array = NDArray[np.float64]
+
+# Steps in the imaginary direction have no cancellation: the derivative is exact to rounding.
+_COMPLEX_STEP = 1e-30
+
+
+def matlab_cells(arrays: Sequence[Array]) -> NDArray[Any]:
+    """A row, nothing, or a row of arrays that MATLAB reads as a cell array."""
+    if len(arrays) < 2:
+        return arrays[0][None, :] if arrays else np.zeros((0, 0))
+    cells = np.empty((1, len(arrays)), dtype=object)
+    for place, array in enumerate(arrays):
+        cells[0, place] = array[None, :]
+    return cells
+
+
+def save_model_mat(model: PolynomialModel | StateSpaceModel, path: str | os.PathLike[str]) -> None:
+    """Write the arguments of MATLAB's ``idpoly`` or ``idss`` to a v5 MAT file.
+
+    The level of the outputs, which they do not have, is stored beside them.
+    """
+    from scipy.io import savemat
+
+    with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
+        savemat(stream, model.matlab_arguments())
+        # SciPy stamps the header with the time of writing; the same model must give the same
+        # bytes.  The first 116 bytes are free text (MATLAB Level 5 MAT-file format).
+        stream.seek(0)
+        stream.write(b"MATLAB 5.0 MAT-file, written by evopem".ljust(116))
+
+
+def innovations_form(
+    o: Orders,
+    coefficients: Array,
+    level: float,
+    covariance: ParameterCovariance | None,
+    **attributes: Any,
+) -> StateSpaceModel:
+    """A polynomial model in innovations form, with the covariance of its entries.
+
+    Observer forms side by side: of A with all that enters it directly, of each F_i, and of D
+    where the noise has poles of its own.  The states of the plant come first.
+    """
+    parameters = np.append(coefficients, level)
+    if covariance is not None:
+        steps = parameters + 1j * _COMPLEX_STEP * np.eye(len(parameters))
+        columns = [np.concatenate([part.ravel() for part in _matrices(o, step)]) for step in steps]
+        jacobian = np.array(columns).imag.T[:, : len(covariance)] / _COMPLEX_STEP
+        covariance = ParameterCovariance(
+            jacobian @ covariance.factor, jacobian @ covariance.null_space
+        )
+    A, B, C, D, K, levels = (
+        np.ascontiguousarray(part.real) for part in _matrices(o, parameters.astype(complex))
+    )
+    shifts = tuple(max(nk - 1, 0) for nk in o.nk)
+    return StateSpaceModel(
+        *(A, B, C, D, K),
+        level=levels,
+        input_delays=shifts if any(shifts) else (),
+        covariance=covariance,
+        structure="ss" if np.any(K) else "ss_oe",
+        **attributes,
+    )
+
+
+def has_own_noise(o: Orders) -> bool:
+    """Whether the noise has states of its own."""
+    return o.nd > 0 or (o.na == 0 and o.nc > 0)
+
+
+def block_sizes(o: Orders) -> list[int]:
+    """States of the blocks: A with what enters it directly, each F_i, the noise."""
+    # Lags above 0 at which the shifted inputs act.
+    taps = [nb if nk else nb - 1 for nb, nk in zip(o.nb, o.nk, strict=True)]
+    direct = [lags for lags, nf in zip(taps, o.nf, strict=True) if nf == 0]
+    own_noise = has_own_noise(o)
+    shared = max([o.na, *direct, 0 if own_noise else o.nc])
+    of_inputs = [max(nf, lags) if nf else 0 for lags, nf in zip(taps, o.nf, strict=True)]
+    noise = o.noise_states if own_noise else 0
+    # A model of one gain alone has an idle state: a state-space model has one at least.
+    return [max(shared, int(not any(of_inputs))), *of_inputs, noise]
+
+
+def _matrices(o: Orders, parameters: NDArray) -> tuple[NDArray, ...]:
+    """A, B, C, D, K and level of the innovations form; of complex parameters, complex."""
+    sizes = block_sizes(o)
+    edges = list(pairwise(np.cumsum([0, *sizes]).tolist()))
+    n, nu = sum(sizes), o.inputs
+    A = np.zeros((n, n), dtype=complex)
+    B, C = np.zeros((n, nu), dtype=complex), np.zeros((1, n), dtype=complex)
+    D, K = np.zeros((1, nu), dtype=complex), np.zeros((n, 1), dtype=complex)
+    for first, stop in edges:
+        A[range(first, stop - 1), range(first + 1, stop)] = 1.0
+        C[0, first : min(first + 1, stop)] = 1.0
+    own_noise = has_own_noise(o)
+    a, c, d = (parameters[o.part(letter)] for letter in "acd")
+    for i in range(nu):
+        b, f = parameters[o.part("b", i)], parameters[o.part("f", i)]
+        first = edges[1 + i][0] if o.nf[i] else 0
+        if o.nk[i] == 0:
+            D[0, i], b = b[0], b[1:]
+        B[first : first + len(b), i] += b
+        if o.nf[i]:
+            A[first : first + len(f), first] -= f
+            B[first : first + len(f), i] -= f * D[0, i]
+    first = edges[-1][0] if own_noise else 0
+    K[first : first + len(c), 0] += c
+    if len(d):
+        K[first : first + len(d), 0] -= d
+        A[first : first + len(d), first] -= d
+    # The output feeds back through A: y = C x + D u + e.
+    rows = slice(0, len(a))
+    A[rows] -= np.outer(a, C[0])
+    B[rows] -= np.outer(a, D[0])
+    K[rows, 0] -= a
+    level = parameters[-1:] / (1.0 + np.sum(a)) if parameters[-1] else parameters[-1:]
+    return A, B, C, D, K, level
+
+
+def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceModel:
+    """A plant without noise model and a noise model without input in one model, the plant first.
+
+    A = [[A_plant, 0], [0, A_noise]], C = [C_plant, C_noise], K = [0; K_noise]: the state-space
+    counterpart of a Box-Jenkins model (Ljung 1999, section 4.3).  Their entries are independent:
+    they are estimated one after the other.
+    """
+    model = _stacked(plant, noise)
+    if plant.covariance is None or noise.covariance is None:
+        return model
+    entries, more = plant.parameters.size, noise.parameters.size
+    numbered = _stacked(
+        plant.with_parameters(np.arange(1.0, entries + 1.0)),
+        noise.with_parameters(np.arange(entries + 1.0, entries + more + 1.0)),
+    )
+    # Of each entry of the model that of either, or none: 0.
+    source = numbered.parameters.astype(int)
+    both = plant.covariance, noise.covariance
+    factor, null_space = (
+        np.vstack([np.zeros(part.shape[1]), part])[source]
+        for part in (
+            block_diag(*(each.factor for each in both)),
+            block_diag(*(each.null_space for each in both)),
+        )
+    )
+    return replace(model, covariance=ParameterCovariance(factor, null_space))
+
+
+def plant_of(model: StateSpaceModel, states: int) -> StateSpaceModel:
+    """The plant of a model made by :func:`side_by_side`, with its part of the covariance."""
+    if states == model.order:
+        return model
+    plant = _first_states(model, states)
+    if model.covariance is None:
+        return plant
+    numbered = model.with_parameters(np.arange(model.parameters.size, dtype=float))
+    places = _first_states(numbered, states).parameters.astype(int)
+    return replace(plant, covariance=model.covariance.part(places))
+
+
+def _first_states(model: StateSpaceModel, n: int) -> StateSpaceModel:
+    return replace(
+        model,
+        A=model.A[:n, :n],
+        B=model.B[:n],
+        C=model.C[:, :n],
+        K=model.K[:n],
+        structure="ss_oe",
+        covariance=None,
+    )
+
+
+def _stacked(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceModel:
+    return replace(
+        plant,
+        A=block_diag(plant.A, noise.A),
+        B=np.vstack([plant.B, np.zeros((noise.order, plant.inputs))]),
+        C=np.hstack([plant.C, noise.C]),
+        K=np.vstack([plant.K, noise.K]),
+        noise_covariance=noise.noise_covariance,
+        structure="ss",
+        covariance=None,
+    )
