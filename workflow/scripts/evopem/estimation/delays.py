@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import chain
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
@@ -22,6 +23,10 @@ LONGEST_DELAY, SHORT_DELAY = 200, 10
 LONGEST_SHARE = 8
 # Samples for each coefficient of an output.
 SAMPLES_PER_COEFFICIENT = 5
+# Difference of BIC, times the samples, that decides nothing: the smallest of such delays is taken.
+AS_WELL = 2.0
+# Shares of a lag's size, and of the outputs' power, that are rounding.
+TOLD, FLOOR = 1e-9, 1e-14
 # Rounds over the inputs; the choice hardly ever changes after the second one.
 ROUNDS = 5
 
@@ -68,10 +73,11 @@ def delays_by_criterion(
 ) -> list[tuple[int, Array]]:
     """Delay of each input by the BIC of ARX models, the other inputs at their own delays.
 
-    The models of a delay have orders na = nb of :data:`ORDERS`; the lowest BIC among them counts.
-    The best of many delays of an input that explains nothing lowers the criterion by up to twice
-    the logarithm of their number, so that much is added to all but short delays.  Too few samples
-    for models of order 1 give the smallest delays, whose criterion is NaN.
+    The models of a delay have orders na of :data:`ORDERS` and nb <= na; the lowest BIC among them
+    counts.  The best of many delays of an input that explains nothing lowers the criterion by up to
+    twice the logarithm of their number, so that much is added to all but short delays.  An input
+    without which BIC is as low has the smallest delay, and so have too few samples for models of
+    order 1, whose criterion is NaN.
 
     ``limits``: delays tried of each input, in samples.  Returns list of (int, (M,) array): delay of
     each input, and the lowest BIC of a sample at each of its M delays.
@@ -89,10 +95,13 @@ def delays_by_criterion(
             before = list(delays)
             for j, (low, high) in enumerate(limits):
                 last = max(min(high, lags - 1), low)
-                criteria[j] = problem.criteria(j, delays, low, last)
+                criteria[j], without = problem.criteria(j, delays, low, last)
                 beyond = np.arange(low, last + 1) > SHORT_DELAY
                 chance = 2.0 * np.log(last - low + 1) / problem.count
-                delays[j] = low + int(np.argmin(criteria[j] + chance * beyond))
+                scores = criteria[j] + chance * beyond
+                does_as_well = scores <= scores.min() + AS_WELL / problem.count
+                explains = scores.min() + chance < without
+                delays[j] = low + (int(np.argmax(does_as_well)) if explains else 0)
             if delays == before or len(limits) == 1:
                 break
     return list(zip(delays, criteria, strict=True))
@@ -136,38 +145,35 @@ class _Regression:
         first = self.outputs * self.orders[-1] + j * (self.lags + 1)
         return range(first + delay, min(first + delay + count, first + self.lags + 1))
 
-    def criteria(self, j: int, delays: Sequence[int], low: int, high: int) -> Array:
-        """Lowest BIC of a sample over the orders, for each delay of an input."""
+    def criteria(self, j: int, delays: Sequence[int], low: int, high: int) -> tuple[Array, float]:
+        """Lowest BIC of a sample over na and nb, for each delay of an input and without it."""
         stop = self.triangle.shape[1] - self.outputs
-        targets = self.triangle[:, stop:]
-        tiny = np.finfo(float).tiny
-        floor = 1e-14 * np.diag(np.mean(targets**2, axis=0) + tiny)
         penalty = np.log(self.count) / self.count * self.outputs
-        found = []
+        power = np.mean(self.triangle[:, stop:] ** 2, axis=0) + np.finfo(float).tiny
+        found, without = [], []
         for n in self.orders:
             others = (self._columns(i, delays[i], n) for i in range(self.m) if i != j)
             own = range(stop - self.constants, stop)
             base = self.triangle[:, [*own, *range(n * self.outputs), *chain(*others)]]
             lagged = self.triangle[:, [*self._columns(j, 0, self.lags + 1)]]
             basis = np.linalg.qr(base)[0]
-            whole = np.column_stack([lagged, targets])
+            whole = np.column_stack([lagged, self.triangle[:, stop:]])
             left = triangle_of([whole - basis @ (basis.T @ whole)])
-            u, y = left[:, : self.lags + 1], left[:, self.lags + 1 :]
-            terms = penalty * base.shape[1]
-            found.append(
-                [
-                    self._log_determinant(_residuals(u[:, delay : delay + n], y), floor)
-                    + terms
-                    + penalty * min(n, self.lags + 1 - delay)
-                    for delay in range(low, high + 1)
-                ]
-            )
-        return np.asarray(np.min(found, axis=0))
-
-    def _log_determinant(self, errors: Array, floor: Array) -> float:
-        return float(np.linalg.slogdet(errors.T @ errors / self.count + floor)[1])
-
-
-def _residuals(regressors: Array, targets: Array) -> Array:
-    solution = np.linalg.lstsq(regressors, targets, rcond=None)[0]
-    return np.asarray(targets - regressors @ solution)
+            sizes = np.append(np.linalg.norm(lagged, axis=0), np.zeros(n))
+            u = np.column_stack([left[:, : self.lags + 1], np.zeros((len(left), n))])
+            y = np.broadcast_to(left[:, self.lags + 1 :], (high - low + 1, len(left), self.outputs))
+            lags = sliding_window_view(u, n, axis=1).swapaxes(0, 1)[low : high + 1]
+            r: Array = np.asarray(np.linalg.qr(np.concatenate([lags, y], axis=2), mode="r"))
+            # Lags that the others already tell explain nothing: what is left of them is rounding.
+            told = np.abs(np.diagonal(r[:, :n, :n], axis1=1, axis2=2))
+            told = told > TOLD * sliding_window_view(sizes, n)[low : high + 1]
+            rows = r[:, :n, n:] * told[:, :, None]
+            explained = np.cumsum(rows[..., :, None] * rows[..., None, :], axis=1)
+            alone = left[:, self.lags + 1 :].T @ left[:, self.lags + 1 :]
+            errors = np.concatenate([alone[None], (alone - explained).reshape(-1, *alone.shape)])
+            values = np.linalg.slogdet(errors / self.count + FLOOR * np.diag(power))[1]
+            values += penalty * base.shape[1]
+            without.append(values[0])
+            terms = penalty * np.arange(1, n + 1)
+            found.append(np.min(values[1:].reshape(-1, n) + terms, axis=1))
+        return np.min(found, axis=0), float(np.min(without))
