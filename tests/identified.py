@@ -32,9 +32,9 @@ from evopem.files.atomic import files_below
 from evopem.files.checksums import write_checksums
 from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
+from evopem.pipeline.decisions import summarize_dataset
 from evopem.pipeline.identification import jobs, remove_parts
-from evopem.pipeline.summary import summarize_dataset
-from evopem.results.dataset import DatasetResults, read_dataset_results
+from evopem.results.dataset import DatasetResults, read_results
 from evopem.results.layout import DatasetFiles
 from evopem.validation.validation import ValidationTables
 
@@ -153,4 +153,4 @@ def identify_once(shared: Path) -> Identified:
         with suppress(OSError):  # another worker was first
             (own / SETTINGS.name).rename(folder)
     files = DatasetFiles(str(folder))
-    return Identified(files, read_dataset_results(files, SETTINGS))
+    return Identified(files, read_results(files))

@@ -31,7 +31,7 @@ from evopem.models.stabilization import OrderModels
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders, armax_orders
 from evopem.results.fleet import DatasetSummary
-from evopem.results.made_from import MadeFrom
+from evopem.results.identity import MadeFrom
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectral.summary import SpectrumSummary

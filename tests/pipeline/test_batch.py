@@ -15,8 +15,8 @@ from evopem.errors import InputError
 from evopem.files.unfinished import UnfinishedJob, write_record
 from evopem.pipeline import batch
 from evopem.pipeline.identification import identify_dataset
+from evopem.results.identity import forget_incomplete_batches, is_finished
 from evopem.results.layout import DatasetFiles
-from evopem.results.made_from import forget_incomplete_batches, is_finished
 from evopem.synthesis.armax import armax
 
 DEFAULTS = {

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from evopem.config.structures import AUTOMATIC_PHASES, PHASES
-from evopem.pipeline.figures import draw_figures
 from evopem.pipeline.planning.stages import STAGES
-from evopem.pipeline.report import commit_of, write_report
+from evopem.pipeline.report import commit_of, draw_figures, write_report
 from evopem.report.provenance import BEFORE, PHASE_STAGES
 from evopem.results.layout import FIGURES, DatasetFiles
 

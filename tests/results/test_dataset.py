@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evopem.errors import InputError
-from evopem.results.dataset import read_dataset_results
+from evopem.results.dataset import read_results
 from evopem.config.structures import phases_of
 from evopem.results.layout import DatasetFiles
 
@@ -21,7 +21,7 @@ def copied(identified, tmp_path):
 
 
 def read(files, identified):
-    return read_dataset_results(files, identified.results.settings)
+    return read_results(files)
 
 
 def test_the_selection_is_the_model(identified):

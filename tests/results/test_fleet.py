@@ -16,7 +16,7 @@ from evopem.files.atomic import write_parquet, write_table
 from evopem.files.job import job
 from evopem.files.json_form import load, save
 from evopem.pipeline.fleet import collect_fleet, collect_unfinished
-from evopem.pipeline.summary import summarize_dataset
+from evopem.pipeline.decisions import summarize_dataset
 from evopem.results.fleet import (
     DatasetSummary,
     fleet_table,

@@ -9,7 +9,7 @@ from identified import finish
 import evopem
 from evopem.files.checksums import write_checksums
 from evopem.files.job import job
-from evopem.results.dataset import read_dataset_results
+from evopem.results.dataset import read_results
 from evopem.results.identity import check_results, incompleteness
 from evopem.results.layout import DatasetFiles
 
@@ -76,4 +76,4 @@ def test_a_job_that_the_present_results_do_not_have_does_not_count(files):
 
 def test_jobs_of_the_same_run_may_read_before_it_ends(files, identified):
     shutil.rmtree(Path(files.folder) / "checksums")
-    assert read_dataset_results(files, identified.results.settings).name == "bench"
+    assert read_results(files).name == "bench"

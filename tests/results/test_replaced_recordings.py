@@ -10,7 +10,7 @@ import pytest
 from evopem.config.defaults import complete
 from evopem.files.checksums import sha256_of_file
 from evopem.results.layout import DatasetFiles
-from evopem.results.made_from import mark_replaced_recordings, was_read_from
+from evopem.results.identity import mark_replaced_recordings, was_read_from
 
 BOTH = {"file": "x.csv", "validation_file": "v.csv"}
 

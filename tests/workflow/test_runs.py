@@ -169,7 +169,7 @@ def test_neither_one_job_nor_cores_nor_environment_change_results(finished, tmp_
     folder = Folder(tmp_path, environment=ELSEWHERE)
     folder.configure(TINY | {"one_job_per": "recording", "candidates_per_job": "auto"})
     printed = folder.finish("--cores", "3")
-    assert jobs_of_each_rule(printed) == {"identify": 1}
+    assert jobs_of_each_rule(printed) == {"identification": 1}
     staged, made = (
         {name: content for name, content in final_files(each).items() if not _of_jobs(name)}
         for each in (finished, folder)
@@ -181,7 +181,7 @@ def test_neither_one_job_nor_cores_nor_environment_change_results(finished, tmp_
     assert Path(folder.files_of("truth").report).stat().st_size > 50_000
     assert folder.planned("--cores", "1") == {}
     Path(folder.files_of("truth").phase("nc")).unlink()  # no other job of the run needs it
-    assert folder.planned() == {"identify": 1}
+    assert folder.planned() == {"identification": 1}
 
 
 def _of_jobs(name):

@@ -90,7 +90,7 @@ def threads(count):
 
 
 def needs(*resources):
-    rule = "identify"
+    rule = "identification"
     return ("--set-resources", *(f"{rule}:{resource}" for resource in resources))
 
 

@@ -1,9 +1,12 @@
-"""A rule for each stage: what it reads, writes and depends on stands in `evopem.pipeline.planning.stages`."""
+"""A rule for each stage, or for all stages of a data set in one process.
+
+What a stage reads, writes and depends on stands in `evopem.pipeline.planning.stages`.
+"""
 
 for own in provider.rules:
 
     rule:
-        """Run one stage of one data set."""
+        """Run one stage, or all stages, of one data set."""
         name:
             own.name
         input:
@@ -21,13 +24,13 @@ for own in provider.rules:
         localrule: own.is_small
         conda:
             "../envs/evopem.yaml"
-        threads: estimation_cores if own.any_stage.is_part else 1
+        threads: estimation_cores if own.is_parallel else 1
         resources:
             mem_mb=own.memory,
             runtime=own.time,
         params:
-            function=own.function,
+            function=own.stage.function,
             arguments=own.arguments,
-            code=code_of(own, pages_of(own.name)),
+            code=code_of(own),
         script:
             "../scripts/run_stage.py"

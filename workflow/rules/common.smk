@@ -28,14 +28,12 @@ from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.files.job import interrupt_on_hangup
 from evopem.pipeline.planning.constraint_plan import check_planned_fits
-from evopem.pipeline.planning.provider import IDENTIFY, LIST, Provider
-from evopem.pipeline.planning.stage_rules import FILES as files
-from evopem.pipeline.planning.stage_rules import modules_of
+from evopem.pipeline.planning.provider import LIST, Provider, modules_of
 from evopem.pipeline.planning.stage import module_of
 from evopem.results.layout import BATCH, BATCH_CHECKSUMS, OVERVIEW
 from evopem.results.layout import DatasetFiles, check_folders
-from evopem.results.made_from import forget_incomplete_batches
-from evopem.results.made_from import mark_replaced_recordings
+from evopem.results.identity import forget_incomplete_batches
+from evopem.results.identity import mark_replaced_recordings
 from evopem.version import __version__
 
 os.environ.update(job_environment(os.environ, Path.cwd()))
@@ -155,9 +153,10 @@ def code(modules, templates=(), script="run_stage"):
     return code_version(SCRIPTS / f"{script}.py", templates, modules=modules)
 
 
-def code_of(rule, templates=()):
-    """The digest of the code behind a job, which may depend on its data set."""
+def code_of(rule):
+    """The digest of the code and templates behind a job, which may depend on its data set."""
     digests = {}
+    templates = TEMPLATES if rule.writes_report else ()
 
     def digest(wildcards):
         modules = tuple(rule.modules(wildcards))
@@ -166,11 +165,6 @@ def code_of(rule, templates=()):
         return digests[modules]
 
     return digest
-
-
-def pages_of(rule):
-    """The templates that a stage's results depend on."""
-    return TEMPLATES if rule.startswith("write_report") else ()
 
 
 BATCH_CODE = (

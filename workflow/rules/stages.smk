@@ -24,10 +24,6 @@ if provider.config.batches:
 
     include: "by_batch.smk"
 
-elif provider.config.run.one_job_per == "recording":
-
-    include: "by_recording.smk"
-
 else:
 
     include: "by_stage.smk"

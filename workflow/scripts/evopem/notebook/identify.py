@@ -16,7 +16,6 @@ from evopem.config.yaml_form import one_or_list
 from evopem.errors import InputError
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings
 from evopem.pipeline.packages import FOR_RESULTS, check_packages
-from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
@@ -105,10 +104,10 @@ def identify(
     held_out = _validation_signals(validation, recorded[0], wanted)
     settings = _settings(name, recorded, held_out, keys)
     from evopem.blas_threads import one_blas_thread
-    from evopem.notebook.progress import progress
     from evopem.notebook.results import Results
-    from evopem.pipeline.figures import read_results
     from evopem.pipeline.identification import identify_dataset
+    from evopem.pipeline.progress import progress
+    from evopem.results.dataset import read_results
 
     folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
     root = Path(folder.name)
@@ -140,15 +139,10 @@ def read_results(folder: str | Path) -> Results:
     """
     check_packages(FOR_RESULTS, "read_results", "the tables of the results")
     from evopem.notebook.results import Results
-    from evopem.pipeline.figures import read_results
+    from evopem.results.dataset import read_whole_results
 
     files = DatasetFiles(str(folder))
-    if not Path(files.config).is_file():
-        raise InputError(
-            str(folder), "holds no results of a data set", "give a folder such as results/arm"
-        )
-    check_results(files)
-    return Results(files, read_results(files))
+    return Results(files, read_whole_results(files))
 
 
 def _validation_signals(

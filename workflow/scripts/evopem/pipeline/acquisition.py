@@ -1,4 +1,4 @@
-"""Acquisition: recorded files, in one fixed form."""
+"""Acquisition: a recording from files or simulated, in one fixed form."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from evopem.config.channels import ChannelSettings, Geometry
+from evopem.config.channels import ChannelSettings, Geometry, SyntheticSource
+from evopem.config.settings import TransformSettings
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.channel_roles import ChannelRoles, roles_of
@@ -19,6 +20,17 @@ from evopem.signals.recording_info import (
     describe_file,
     describe_recording,
 )
+from evopem.synthesis import synthesize
+
+
+def synthesize_recording(
+    files: DatasetFiles, source: SyntheticSource, transforms: TransformSettings
+) -> None:
+    """Simulate a recording of a known system, non-stationary as the transforms undo it."""
+    recording, truth = synthesize(source, transforms)
+    save_recording(recording, files.recording)
+    save(describe_recording(recording), files.recording_info)
+    save(truth, files.truth)
 
 
 def read_recording(

@@ -19,8 +19,8 @@ from evopem.files.checksums import delete_results
 from evopem.files.job import job
 from evopem.files.unfinished import unfinished_record
 from evopem.pipeline.identification import identify_dataset
+from evopem.results.identity import MADE_FROM, is_finished, made_from
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
-from evopem.results.made_from import MADE_FROM, is_finished, made_from
 
 Log = Callable[[str], None]
 _SHOWN = 5

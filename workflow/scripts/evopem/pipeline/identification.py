@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,10 @@ from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 from evopem.pipeline.call import Log, call
 from evopem.pipeline.planning.stage import Stage
+from evopem.pipeline.planning.stage_lists import Task
 from evopem.pipeline.planning.stages import stages_of
-from evopem.pipeline.planning.task import Task
+from evopem.pipeline.progress import Announce
 from evopem.results.layout import DatasetFiles
-
-Announce = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,19 @@
-"""The line that says how far an identification has come."""
+"""How far an identification has come: a line or a bar."""
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import shutil
+import sys
 import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TextIO
+
+Announce = Callable[[str, int, int], None]
 
 # Seconds between two lines about one stage where there is no terminal.
 PAUSE = 30.0
@@ -50,3 +58,50 @@ class ProgressLine:
         if self.overwrites and self._width:
             self.stream.write(f"\r{'':<{self._width}}\r")
             self.stream.flush()
+
+
+_FORMAT = "{n_fmt}/{total_fmt} {bar} {elapsed} {desc}"
+
+
+@contextmanager
+def progress(shown: bool) -> Iterator[Announce | None]:
+    """A function that receives each stage before it begins; None where nothing is shown."""
+    if not shown:
+        yield None
+        return
+    # A notebook overwrites a line as a terminal does; a file of messages keeps all lines.
+    overwrites = sys.stderr.isatty() or _in_notebook()
+    if overwrites and importlib.util.find_spec("tqdm"):
+        with _bar() as announce:
+            yield announce
+        return
+    line = ProgressLine(sys.stderr, overwrites)
+    try:
+        yield line.announce
+    finally:
+        line.close()
+
+
+def _in_notebook() -> bool:
+    """Whether a kernel runs this code; it has imported IPython."""
+    ipython = sys.modules.get("IPython")
+    return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+
+
+@contextmanager
+def _bar() -> Iterator[Announce]:
+    with warnings.catch_warnings():
+        # Without ipywidgets it shows the bar as text, and says so.
+        warnings.simplefilter("ignore")
+        bar = importlib.import_module("tqdm.auto").tqdm(leave=False, bar_format=_FORMAT)
+
+    def announce(stage: str, number: int, stages: int) -> None:
+        bar.total = stages
+        bar.set_description_str(stage, refresh=False)
+        bar.n = number - 1
+        bar.refresh()
+
+    try:
+        yield announce
+    finally:
+        bar.close()

@@ -1,17 +1,27 @@
-"""Report: one self-contained HTML file for a data set."""
+"""The pages: figures and report of a data set, and several data sets side by side."""
 
 from __future__ import annotations
 
+import os
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
+from evopem.figures.comparison import Comparison
+from evopem.figures.registry import draw_all
 from evopem.figures.view import Results
-from evopem.files.atomic import write_text
-from evopem.pipeline.figures import read_results
+from evopem.files.atomic import write_page, write_text
+from evopem.report.comparison import build_comparison
 from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import template_folder
+from evopem.results.dataset import read_results, read_whole_results
 from evopem.results.layout import FIGURES, DatasetFiles
+
+
+def draw_figures(files: DatasetFiles) -> None:
+    """Draw every figure of one data set from its results."""
+    draw_all(read_results(files), Path(files.figures[0]).parent)
 
 
 def commit_of(workflow: Path) -> str:
@@ -67,3 +77,16 @@ def report_page(
         templates,
         commit_of(templates.parent),
     )
+
+
+def compare_datasets(folders: Sequence[str], page: str) -> Comparison:
+    """Lay the results of data sets side by side, on a page with links to their reports."""
+    found = [DatasetFiles(folder) for folder in folders]
+    comparison = Comparison.of([read_whole_results(files) for files in found])
+    reports = {
+        label: quote(Path(os.path.relpath(files.report, Path(page).parent)).as_posix())
+        for label, files in zip(comparison.labels, found, strict=True)
+        if Path(files.report).is_file()
+    }
+    write_page(page, build_comparison(comparison, template_folder(), reports))
+    return comparison

@@ -1,22 +1,33 @@
-"""Validation: residual tests, one-step prediction, simulation, and the evidence for each mode."""
+"""Validation: residual tests, errors, evidence for each mode; the other model."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
+from evopem.automatic.chosen import estimate_choice, window_of
+from evopem.automatic.fit import FitSettings
+from evopem.automatic.record import OtherModel
 from evopem.automatic.remedies import Remedied
+from evopem.automatic.structures import Choice, Comparison, Purpose
 from evopem.blas_threads import one_blas_thread
-from evopem.config.settings import SpectrumSettings
+from evopem.config.constraints import Constraints
+from evopem.config.settings import AutomaticSettings, Objective, SearchSettings, SpectrumSettings
 from evopem.config.structures import plant_order
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.stabilization import OrderModel, OrderModels
+from evopem.pipeline.chosen import estimated, record_of
+from evopem.pipeline.structures import errors_name_dataset, load_record
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import load_prepared
+from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.validation.mode_evidence import with_noise_modes
-from evopem.validation.validate import validate
+from evopem.validation.responses import held_out_stretches
+from evopem.validation.validate import validate, validation_errors
 
 
 def validate_model(files: DatasetFiles, phase: str | None, spectrum: SpectrumSettings) -> None:
@@ -68,3 +79,46 @@ def _models_of_orders(
         searched = OrderModels(tuple(best.values()))
     model = record.model if record.orders is not None else record.plant
     return order, searched.with_model(OrderModel.of(order, record.bic, model)).models
+
+
+def complete_other(
+    files: DatasetFiles,
+    purpose: Purpose,
+    search: SearchSettings,
+    settings: AutomaticSettings,
+    fits: FitSettings,
+    constraints: Constraints | None = None,
+) -> None:
+    """Keep the model for another purpose, with its errors on the validation samples.
+
+    It is the one of the comparison of structures, without acting on its checks and without a global
+    search.  Constraints hold for models of several channels.
+
+    Raises InputError when the record is too short.
+    """
+    prepared = load_prepared(files.prepared, files.transforms)
+    choice = load(Comparison, files.decision("comparison")).choice(purpose)
+    polynomials = choice.candidate.polynomials
+    with errors_name_dataset(files), one_blas_thread():
+        if polynomials is not None and polynomials.inputs == 1:
+            record = _of_one_channel(files, prepared, choice, search)
+        else:
+            quick, none = replace(search, evaluations=0), replace(settings, evaluations=0)
+            found = estimated(prepared, choice, quick, none, fits, constraints, None)
+            record = record_of(found, prepared, choice, quick, fits, constraints)
+        fitted_level = choice.level == "state"
+        held_out = held_out_stretches(record.model, prepared, fitted_level)
+        errors = validation_errors(held_out, fitted_level)
+    save(record, files.other_model(purpose))
+    save(OtherModel(purpose, record.text, *errors), files.other_errors(purpose))
+
+
+def _of_one_channel(
+    files: DatasetFiles, prepared: PreparedData, choice: Choice, search: SearchSettings
+) -> ModelRecord:
+    """The model of one channel."""
+    record, data = load_record(files), prepared.estimation
+    own = replace(search, objective=cast("Objective", record.plan.objective))
+    selected = estimate_choice(choice, record, data, own)
+    estimate = complete_estimate(selected, data, own, window_of(selected.orders))
+    return ModelRecord.of(estimate, data, own, prepared.transforms, choice.level)

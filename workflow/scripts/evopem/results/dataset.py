@@ -15,11 +15,13 @@ from evopem.automatic.structures import Choice
 from evopem.config.order_grid import phase_of_orders_of, phases_of_dataset
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import searched_forms
+from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord, load_record
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
+from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording import Recording, load_recording
@@ -117,11 +119,15 @@ def searched_range(
     return (OrderRange(name, key, order, *tried, least=min(tried)),)
 
 
-def read_dataset_results(files: DatasetFiles, settings: DatasetSettings) -> DatasetResults:
-    """Read the results of one data set.
+def read_whole_results(files: DatasetFiles) -> DatasetResults:
+    """The results of one data set, read from outside their run: refused unless they are whole."""
+    check_results(files)
+    return read_results(files)
 
-    Raises InputError when a file is missing or damaged.
-    """
+
+def read_results(files: DatasetFiles) -> DatasetResults:
+    """The results of one data set; an `InputError` names a file that is missing or damaged."""
+    settings = read_settings(files.config)
 
     def optional_table(path: str) -> pd.DataFrame:
         return read_table(path) if single else pd.DataFrame()

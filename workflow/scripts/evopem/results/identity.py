@@ -1,22 +1,29 @@
-"""Whether the results of a data set are whole: finished, and as their jobs wrote them.
+"""What results were made from, and whether they are whole: finished, and as their jobs wrote them.
 
-Everything that reads results from outside their run asks here: ``read_results``, ``compare``,
-the lists of all data sets and Snakemake's report. Nothing here imports numpy or pandas: a
-Snakefile uses this module.
+Whatever reads results from outside their run asks here: ``read_results``, ``compare``, the lists of
+all data sets, a new run. Nothing here imports numpy or pandas: a Snakefile uses this module.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+import os
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
+from evopem.files.archive import member_of
 from evopem.files.checksums import checksummed, sha256_of_file
+from evopem.files.json_form import from_json, to_json
 from evopem.files.unfinished import unfinished_jobs
-from evopem.results.layout import DatasetFiles
+from evopem.results.layout import BATCH_CHECKSUMS, DatasetFiles
+
+MADE_FROM = "made_from.json"
+"""Name of the file in the archive of a recording's results."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +38,13 @@ class IncompleteDataset:
 
 
 def check_results(files: DatasetFiles) -> None:
-    """Refuse results that no run has finished, or that were changed afterwards.
-
-    Raises InputError naming the folder and what is wrong.
-    """
+    """Refuse results that no run has finished, or that were changed afterwards."""
+    if not Path(files.config).is_file():
+        raise InputError(
+            files.folder,
+            "holds no results of a data set",
+            "give a folder such as results/arm, as the workflow or `evopem FILE` makes it",
+        )
     fault = incompleteness(files)
     if fault is not None:
         problem, _, remedy = fault.problem.removesuffix(".").rpartition("; ")
@@ -62,11 +72,6 @@ def incompleteness(
     if pending or missing:
         what = f"{missing} has not been made" if missing else "not all of its jobs have run"
         return IncompleteDataset("unfinished", f"{what}; run snakemake again.")
-    return _damage(files)
-
-
-def _damage(files: DatasetFiles) -> IncompleteDataset | None:
-    """The first file that is not as its job wrote it; None where there is none."""
     known = checksummed(files.folder)
     for file in (files.model, files.validation, files.summary):
         if Path(file) not in known:
@@ -74,9 +79,8 @@ def _damage(files: DatasetFiles) -> IncompleteDataset | None:
     for path, checksum in known.items():
         if path.is_file() and sha256_of_file(path) != checksum:
             return _changed(path, "was changed or damaged after it was written")
-    for name, checksum in _sources_of(files.summary).items():
-        path = Path(files.folder) / name
-        if not path.is_file() or sha256_of_file(path) != checksum:
+    for name, checksum in _read(files.summary, "made_from").items():
+        if _checksum(f"{files.folder}/{name}") != checksum:
             return _changed(files.summary, f"was not made from the present {name}")
     return None
 
@@ -85,8 +89,160 @@ def _changed(file: str | Path, problem: str) -> IncompleteDataset:
     return IncompleteDataset("failed", f"{file}: {problem}; delete it and run snakemake again.")
 
 
-def _sources_of(summary: str) -> Mapping[str, str]:
+def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[str]:
+    """Make the outputs of reading a recording older than it, where its content has changed.
+
+    The content is compared, by its SHA-256, only where the size differs or the file's status
+    changed after it was read; a touched file of equal content leaves everything as it is.
+
+    Returns the recorded files whose results are out of date.
+    """
+    replaced = []
+    for path, recording, info in _read_files(datasets):
+        origin = _origin(path, info)
+        if origin and _is_replaced(path, info, origin.get("sha256"), origin.get("bytes")):
+            _make_older(path, [recording, info])
+            replaced.append(path)
+    return replaced
+
+
+def was_read_from(path: str, info: str) -> bool:
+    """Whether a recording was read from this path, as its ``recording.json`` tells."""
+    return bool(_origin(path, info))
+
+
+def _read_files(datasets: Mapping[str, DatasetSettings]) -> Iterator[tuple[str, str, str]]:
+    """List each recorded file with the outputs of reading it: samples and origin."""
+    for name, dataset in datasets.items():
+        source, files = dataset.source, DatasetFiles.of_dataset(name)
+        for path in getattr(source, "files", ()):
+            yield path, files.recording, files.recording_info
+        for path in getattr(source, "validation_files", ()):
+            yield path, files.validation_recording, files.validation_recording_info
+
+
+def _is_replaced(path: str, info: str, checksum: object, size: object) -> bool:
+    """Whether a file has another content than when it was read."""
     try:
-        return dict(json.loads(Path(summary).read_text(encoding="utf-8"))["made_from"])
+        if not _was_touched(path, info) and size == Path(path).stat().st_size:
+            return False
+        return sha256_of_file(path) != checksum
+    except (OSError, ValueError):  # not read yet, or no longer there: its own job says so
+        return False
+
+
+def _was_touched(path: str, info: str) -> bool:
+    """Whether a file's status changed after ``info`` was written: the file system alone tells."""
+    link, file = Path(path).lstat(), Path(path).stat()
+    return max(link.st_ctime_ns, file.st_ctime_ns) > Path(info).stat().st_mtime_ns
+
+
+def _origin(path: str, info: str) -> Mapping[str, Any]:
+    """What is known of a file that was read; empty where it was not, or ``info`` is damaged."""
+    try:
+        content = json.loads(Path(info).read_text(encoding="utf-8"))
+        origins = map(dict, content["files"])
+        return next((each for each in origins if each.get("path") == str(Path(path))), {})
     except (OSError, ValueError, KeyError, TypeError):
         return {}
+
+
+def _make_older(path: str, outputs: list[str]) -> None:
+    """Give outputs a time before that of a file, which may itself be the oldest there is.
+
+    Never time 0, which Snakemake takes for no time at all.
+    """
+    second = 10**9
+    modified = Path(path).stat().st_mtime_ns
+    time = second if modified > second else modified - 2 * second
+    for output in outputs:
+        if Path(output).exists():
+            os.utime(output, ns=(time, time))
+
+
+@dataclass(frozen=True)
+class MadeFrom:
+    """What the results of a batch depend on, as Snakemake knows it of a job."""
+
+    code: str  # digest of the package's code
+    settings: str  # SHA-256 of the settings of the data set
+    # SHA-256 of each recorded file by its path, empty for one that does not exist
+    recordings: dict[str, str]
+
+    @property
+    def text(self) -> str:
+        """What the archive keeps."""
+        return json.dumps(asdict(self), indent=2) + "\n"
+
+
+def made_from(settings: DatasetSettings, code: str) -> MadeFrom:
+    """Digest what the results of a data set would be made from now."""
+    content = json.dumps(to_json(settings), sort_keys=True)
+    recordings = {file: _checksum(file) for file in settings.source.all_files}
+    return MadeFrom(code, hashlib.sha256(content.encode()).hexdigest(), recordings)
+
+
+def is_finished(files: DatasetFiles, settings: DatasetSettings, code: str) -> bool:
+    """Whether a recording has the results of a batch, whole and made from what there is now.
+
+    A recorded file that no longer exists is taken for unchanged, so that nothing made from it is
+    lost.
+    """
+    if incompleteness(files, (*files.batch_results, files.checksums)):
+        return False
+    kept, now = _kept(files), made_from(settings, code)
+    if kept is None:
+        return False
+    recordings = {file: own or kept.recordings.get(file) for file, own in now.recordings.items()}
+    return (kept.code, kept.settings, kept.recordings) == (now.code, now.settings, recordings)
+
+
+def forget_incomplete_batches(
+    batches: Mapping[str, tuple[str, ...]], datasets: Mapping[str, DatasetSettings]
+) -> None:
+    """Delete what the jobs of batches have written where a recording has to be identified again.
+
+    Snakemake knows the job of a batch and not the results of its recordings: it would not notice
+    that one of these is missing, nor that a recorded file was replaced by one of an older time.
+    """
+    for batch, names in batches.items():
+        output = Path(BATCH_CHECKSUMS.format(batch=batch))
+        if output.exists() and any(_is_outdated(name, datasets[name]) for name in names):
+            output.unlink(missing_ok=True)
+
+
+def _is_outdated(name: str, settings: DatasetSettings) -> bool:
+    """Whether results are missing, or a recorded file has another content than was read."""
+    files = DatasetFiles.of_dataset(name)
+    if not all(Path(file).exists() for file in (*files.batch_results, files.checksums)):
+        return True
+    touched = [
+        file
+        for file in settings.source.all_files
+        if Path(file).exists() and _was_touched(file, files.recording_info)
+    ]
+    kept = _kept(files) if touched else None
+    return any(kept is None or kept.recordings.get(file) != _checksum(file) for file in touched)
+
+
+def _kept(files: DatasetFiles) -> MadeFrom | None:
+    """What the archive of a recording keeps; None where it keeps nothing that can be read."""
+    try:
+        return from_json(MadeFrom, json.loads(member_of(files.details, MADE_FROM) or b""))
+    except (InputError, ValueError):
+        return None
+
+
+def _read(file: str, key: str) -> Mapping[str, Any]:
+    """The object under a key of a JSON file; empty where there is none."""
+    try:
+        return dict(json.loads(Path(file).read_text(encoding="utf-8"))[key])
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _checksum(file: str) -> str:
+    try:
+        return sha256_of_file(file)
+    except (OSError, ValueError):  # not there, or no name of a file: its job says so
+        return ""

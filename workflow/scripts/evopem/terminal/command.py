@@ -209,7 +209,7 @@ def _compare(given: Sequence[str]) -> int:
     check_packages(FOR_REPORT, "evopem", "the figures and the page")
     check_environment(os.environ)
     os.environ.update(job_environment(os.environ, Path.cwd()))
-    from evopem.pipeline.comparison import compare_datasets
+    from evopem.pipeline.report import compare_datasets
     from evopem.report.comparison import comparison_text
     from evopem.terminal.results_text import show
 

@@ -7,31 +7,42 @@ here imports numpy, pandas or Snakemake.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 from evopem.config import resources
 from evopem.config.configuration import Configuration
 from evopem.config.sample_sheet import RESERVED_NAMES
+from evopem.config.settings import DatasetSettings
 from evopem.files.json_form import to_json
 from evopem.pipeline.planning.stage import Demand, Stage
-from evopem.pipeline.planning.stage_rules import FILES, RecordingRule, StageRule, Wildcards
-from evopem.pipeline.planning.stages import STAGES, results_of, stages_of
-from evopem.pipeline.planning.task import Task
+from evopem.pipeline.planning.stage_lists import Task
+from evopem.pipeline.planning.stages import PREPARING, STAGES, WHOLE, results_of, stages_of
+from evopem.results.identity import is_finished, was_read_from
 from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles
-from evopem.results.made_from import is_finished, was_read_from
 
 _RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
 DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
 """The form of a data set's name. A folder with a reserved name belongs to no data set."""
 
-IDENTIFY = "identification:identify"
-"""The function that runs all stages of a data set."""
-
 LIST = "fleet:collect_fleet"
 """The function that lists all data sets."""
+
+FILES = DatasetFiles.of_dataset("{dataset}")
+"""The files of a data set, with the wildcard in their paths."""
+
+
+class Wildcards(Protocol):
+    """The wildcards of a job: ``dataset``, or ``batch``, and those of its stage."""
+
+    dataset: str
+    batch: str
+
+    def get(self, name: str) -> str | None:
+        """Value of a wildcard, None where the job has no such one."""
 
 
 @dataclass(frozen=True)
@@ -42,48 +53,44 @@ class Provider:
 
     @cached_property
     def rules(self) -> list[StageRule]:
-        """One rule for each stage.
+        """One rule for each stage, or for all of them where a job takes a recording through all.
 
         The outputs of a rule may not depend on the data set: where they differ, there are several
         rules, with numbers behind the name.
         """
-        rules = []
-        for name in dict.fromkeys(stage.name for stage in STAGES):
-            members: dict[tuple[str, ...], dict[str, Stage]] = {}
-            for dataset, settings in self.config.datasets.items():
-                for stage in stages_of(settings, self.with_report):
-                    if stage.name == name:
-                        own = {wildcard: f"{{{wildcard}}}" for wildcard in stage.wildcards}
-                        outputs = tuple(sorted(stage.made_by(Task(settings, FILES, own))))
-                        members.setdefault(outputs, {})[dataset] = stage
-            for number, (outputs, stages) in enumerate(members.items(), start=1):
-                rules.append(StageRule(self, _numbered(name, number), stages, list(outputs)))
+        members: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+        for dataset, settings in self.config.datasets.items():
+            for stage, made in self._made(settings):
+                members.setdefault((stage.name, tuple(made)), []).append(dataset)
+        rules: list[StageRule] = []
+        for stage in (WHOLE, *STAGES):
+            own = [(made, names) for (name, made), names in members.items() if name == stage.name]
+            for number, (outputs, names) in enumerate(own, start=1):
+                name = stage.name if number == 1 else f"{stage.name}_{number}"
+                rules.append(StageRule(self, name, stage, frozenset(names), list(outputs)))
         return rules
 
-    @cached_property
-    def recording_rules(self) -> list[RecordingRule]:
-        """The rule that takes a recording through all stages, one for each set of results."""
-        members: dict[tuple[str, ...], list[str]] = {}
-        for name in self.config.datasets:
-            members.setdefault(tuple(self.results(name, FILES)), []).append(name)
-        return [
-            RecordingRule(self, _numbered("identify", number), frozenset(names), list(results))
-            for number, (results, names) in enumerate(members.items(), start=1)
-        ]
+    def _made(self, settings: DatasetSettings) -> Iterator[tuple[Stage, list[str]]]:
+        """The stages of a data set, with their outputs as paths with wildcards."""
+        if self.config.run.one_job_per == "recording":
+            yield WHOLE, results_of(settings, FILES, self.with_report)
+            return
+        for stage in stages_of(settings, self.with_report):
+            own = {wildcard: f"{{{wildcard}}}" for wildcard in stage.wildcards}
+            yield stage, sorted(stage.made_by(Task(settings, FILES, own, self.config.run)))
 
     def task(self, dataset: str, values: dict[str, str] | None = None) -> Task:
         """A job of a data set, with the wildcard in the paths of its files."""
-        settings = self.config.datasets[dataset]
-        return Task(settings, FILES, values or {}, self.config.run.candidates_per_job)
+        return Task(self.config.datasets[dataset], FILES, values or {}, self.config.run)
 
     def values(self, wildcard: str) -> str:
         """A constraint of a wildcard to the values that it has for any data set."""
         values = {
             task.values[wildcard]
-            for settings in self.config.datasets.values()
+            for dataset, settings in self.config.datasets.items()
             for stage in stages_of(settings)
             if wildcard in stage.wildcards and wildcard != "part"
-            for task in stage.tasks(Task(settings, FILES))
+            for task in stage.tasks(self.task(dataset))
         }
         return "|".join(map(re.escape, sorted(values))) or "(?!)"
 
@@ -126,13 +133,13 @@ class Provider:
         """What recordings are ordered by where modes are followed; empty for their own order."""
         return to_json(self.config.order) if self.config.order else {}
 
-    def results(self, dataset: str, files: DatasetFiles | None = None) -> list[str]:
+    def results(self, dataset: str) -> list[str]:
         """The results of one data set, those that other jobs read among them.
 
         Snakemake does not make a missing file again that only finished jobs needed. All are asked
         for, so that whatever was deleted is made again.
         """
-        own = files or DatasetFiles.of_dataset(dataset)
+        own = DatasetFiles.of_dataset(dataset)
         if self.config.batches:
             return own.batch_results
         return results_of(self.config.datasets[dataset], own, self.with_report)
@@ -155,9 +162,8 @@ class Provider:
 
     def _last_results(self, dataset: str) -> list[str]:
         files, settings = DatasetFiles.of_dataset(dataset), self.config.datasets[dataset]
-        whole = Task(settings, files)
         stages = stages_of(settings, self.with_report)
-        jobs = [(stage, task) for stage in stages for task in stage.tasks(whole)]
+        jobs = [(stage, task) for stage in stages for task in stage.tasks(Task(settings, files))]
         read = {path for stage, task in jobs for path in stage.read_by(task)} | {files.summary}
         made = [stage.made_by(task) for stage, task in jobs]
         return [outputs[0] for outputs in made if read.isdisjoint(outputs)]
@@ -172,18 +178,6 @@ class Provider:
         if len(own) == len(self.config.datasets):
             return DATASET_PATTERN
         return "|".join(map(re.escape, sorted(own))) or "(?!)"
-
-    def recorded_files(self, dataset: str, key: str) -> list[str]:
-        """The recorded files under a key of a data set's source that are inputs of a job.
-
-        A missing file is no input before its first reading: its job then says so in a sentence,
-        and the other data sets continue, where Snakemake would stop them all. One that was read
-        before stays an input, so that nothing made from it is lost.
-        """
-        own = DatasetFiles.of_dataset(dataset)
-        info = own.recording_info if key == "files" else own.validation_recording_info
-        paths: Iterable[str] = getattr(self.config.datasets[dataset].source, key, ())
-        return [path for path in paths if resources.is_file(path) or was_read_from(path, info)]
 
     # Of batches.
 
@@ -222,13 +216,16 @@ class Provider:
             if not is_finished(DatasetFiles.of_dataset(name), self.config.datasets[name], code)
         }
 
+    # Of jobs.
+
     def memory(self, demand: Demand, dataset: str, threads: int, attempt: int) -> int:
         """MB of a job."""
         settings = self.config.datasets[dataset]
-        if demand == "small":
-            return 500
-        if demand == "reading" or (demand == "model" and not resources.estimates_again(settings)):
-            return resources.reading_memory(settings, attempt)
+        match _demand(demand, dataset, self.config):
+            case "small":
+                return 500
+            case "reading":
+                return resources.reading_memory(settings, attempt)
         return resources.estimation_memory(settings, threads, attempt)
 
     def time(
@@ -236,14 +233,118 @@ class Provider:
     ) -> int:
         """Minutes of a job."""
         settings = self.config.datasets[dataset]
-        if demand == "small":
-            return 5
-        if demand == "reading" or (demand == "model" and not resources.estimates_again(settings)):
-            return resources.reading_time(settings, attempt)
+        match _demand(demand, dataset, self.config):
+            case "small":
+                return 5
+            case "reading":
+                return resources.reading_time(settings, attempt)
         per_job = self.config.run.candidates_per_job if demand == "estimation" else 1
         phase = "joint" if demand == "model" else phase
         return resources.estimation_time(settings, phase, per_job, threads, attempt)
 
 
-def _numbered(name: str, number: int) -> str:
-    return name if number == 1 else f"{name}_{number}"
+def _demand(demand: Demand, dataset: str, config: Configuration) -> Demand:
+    """What a model that is completed demands depends on whether it is estimated again."""
+    if demand == "model" and not resources.estimates_again(config.datasets[dataset]):
+        return "reading"
+    return demand
+
+
+@dataclass(frozen=True)
+class StageRule:
+    """A rule: what runs a stage, or all of them, for each data set that has it."""
+
+    provider: Provider
+    name: str
+    stage: Stage
+    members: frozenset[str]  # names of the data sets
+    outputs: list[str]  # paths with wildcards
+
+    @property
+    def datasets(self) -> str:
+        """A constraint of the wildcard to the data sets that the rule is for."""
+        return self.provider.one_of(self.members)
+
+    @property
+    def log(self) -> str:
+        """Path of the log, with wildcards."""
+        return FILES.log(self.stage.job)
+
+    @property
+    def benchmark(self) -> str:
+        """Path of the measured times, with wildcards."""
+        return FILES.benchmark(self.stage.job)
+
+    @property
+    def priority(self) -> int:
+        """What is read and prepared comes first, so that a bad recording is told before any search.
+
+        Then data sets come to their end one after the other, not all at once.
+        """
+        names = [stage.name for stage in (WHOLE, *STAGES)]
+        return 1000 if self.stage.name in PREPARING else names.index(self.stage.name)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether its jobs run beside Snakemake, without one of a cluster."""
+        return self.stage.name in ("write_settings", "tabulate", "collect_decisions")
+
+    def recorded(self, wildcards: Wildcards) -> list[str]:
+        """The recorded files that a job reads.
+
+        A missing file is no input before its first reading: its job then says so in a sentence,
+        and the other data sets continue, where Snakemake would stop them all. One that was read
+        before stays an input, so that nothing made from it is lost.
+        """
+        own = DatasetFiles.of_dataset(wildcards.dataset)
+        infos = {"files": own.recording_info, "validation_files": own.validation_recording_info}
+        source = self.provider.config.datasets[wildcards.dataset].source
+        return [
+            path
+            for key in self.stage.recorded
+            for path in getattr(source, key, ())
+            if resources.is_file(path) or was_read_from(path, infos[key])
+        ]
+
+    @property
+    def is_parallel(self) -> bool:
+        """Whether a job estimates candidates on several cores."""
+        return self.stage.is_part or self.stage is WHOLE
+
+    @property
+    def writes_report(self) -> bool:
+        """Whether its results depend on the templates."""
+        return self.stage.name == "write_report" or self.stage is WHOLE
+
+    def inputs(self, wildcards: Wildcards) -> list[str]:
+        """The results that a job reads."""
+        return self.stage.read_by(self._task(wildcards))
+
+    def modules(self, wildcards: Wildcards) -> list[Path]:
+        """The modules whose code a job runs."""
+        settings = self.provider.config.datasets[wildcards.dataset]
+        if self.stage is WHOLE:
+            return modules_of([settings], self.provider.with_report)
+        return [self.stage.module]
+
+    def arguments(self, wildcards: Wildcards) -> Any:
+        """What a job is given of the settings."""
+        return to_json(self.stage.arguments(self._task(wildcards)))
+
+    def memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
+        """MB that a job asks for."""
+        return self.provider.memory(self.stage.demand, wildcards.dataset, threads, attempt)
+
+    def time(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
+        """Minutes that a job asks for."""
+        demand, phase = self.stage.demand, wildcards.get("phase")
+        return self.provider.time(demand, wildcards.dataset, phase, threads, attempt)
+
+    def _task(self, wildcards: Wildcards) -> Task:
+        values = {name: wildcards.get(name) or "" for name in self.stage.wildcards}
+        return self.provider.task(wildcards.dataset, values)
+
+
+def modules_of(datasets: Iterable[DatasetSettings], with_report: bool) -> list[Path]:
+    """The modules with the functions of all stages of some data sets."""
+    return sorted({stage.module for each in datasets for stage in stages_of(each, with_report)})

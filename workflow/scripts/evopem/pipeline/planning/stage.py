@@ -14,8 +14,7 @@ from typing import Any, Literal
 
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import AUTOMATIC_STRUCTURES
-from evopem.pipeline.planning.stage_lists import LISTS
-from evopem.pipeline.planning.task import Task
+from evopem.pipeline.planning.stage_lists import LISTS, Task
 
 Demand = Literal["small", "reading", "model", "estimation"]
 

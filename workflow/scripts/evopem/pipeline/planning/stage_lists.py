@@ -1,4 +1,4 @@
-"""What stages ask of a data set: which of them it has, lists of files, and arguments.
+"""What a job asks of its data set: lists of files, and arguments.
 
 Nothing here imports numpy, pandas or Snakemake.
 """
@@ -6,8 +6,10 @@ Nothing here imports numpy, pandas or Snakemake.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from evopem.config import order_grid
+from evopem.config.configuration import RunSettings
 from evopem.config.settings import AutomaticSettings, DatasetSettings
 from evopem.config.structures import (
     AUTOMATIC_STRUCTURES,
@@ -16,7 +18,18 @@ from evopem.config.structures import (
     searched_structures,
 )
 from evopem.pipeline.planning.constraint_plan import known_rate
-from evopem.pipeline.planning.task import Task
+from evopem.results.layout import DatasetFiles
+
+
+@dataclass(frozen=True)
+class Task:
+    """One job: a stage of a data set, with values of the stage's own wildcards."""
+
+    settings: DatasetSettings
+    files: DatasetFiles
+    # Of the wildcards by their names, such as ``{"structure": "oe"}``
+    values: Mapping[str, str] = field(default_factory=dict)
+    run: RunSettings = field(default_factory=RunSettings)
 
 
 def is_recorded(settings: DatasetSettings) -> bool:
@@ -97,7 +110,7 @@ def phases(task: Task) -> tuple[str, ...]:
 def part_count(task: Task) -> int:
     """How many jobs the candidates of a phase are divided into."""
     grid = task.settings.order_grid
-    return order_grid.part_count(task.values["phase"], grid, task.candidates_per_job)
+    return order_grid.part_count(task.values["phase"], grid, task.run.candidates_per_job)
 
 
 def is_told(task: Task) -> bool:

@@ -11,8 +11,8 @@ from evopem.config import order_grid
 from evopem.config.settings import DatasetSettings
 from evopem.pipeline.planning import stage_lists as of
 from evopem.pipeline.planning.stage import Stage
-from evopem.pipeline.planning.task import Task
-from evopem.results.layout import DatasetFiles
+from evopem.pipeline.planning.stage_lists import Task
+from evopem.results.layout import IDENTIFICATION, DatasetFiles
 
 PREPARING = ("synthesize", "read_recording", "read_validation", "prepare")
 """Stages that are done for all data sets before any is searched."""
@@ -33,7 +33,7 @@ STAGES = (
     ),
     Stage(
         "synthesize",
-        "synthesis:synthesize_recording",
+        "acquisition:synthesize_recording",
         "simulating the recording",
         of.is_synthetic,
         outputs=("recording", "recording_info", "truth"),
@@ -95,7 +95,7 @@ STAGES = (
     ),
     Stage(
         "decide_folds",
-        "search.structures:decide_folds",
+        "structures:decide_folds",
         "choosing the held-out samples",
         of.is_automatic,
         inputs=_DECIDED,
@@ -104,7 +104,7 @@ STAGES = (
     ),
     Stage(
         "decide_delay",
-        "search.structures:decide_delay",
+        "structures:decide_delay",
         "searching the delay of each input",
         of.is_automatic,
         inputs=_DECIDED,
@@ -113,7 +113,7 @@ STAGES = (
     ),
     Stage(
         "search_structure",
-        "search.structures:search_structure",
+        "structures:search_structure",
         "searching the orders of {structure} models",
         of.is_automatic,
         inputs=("search:{nested}", *_SCORED),
@@ -129,7 +129,7 @@ STAGES = (
     ),
     Stage(
         "choose",
-        "search.structures:choose",
+        "structures:choose",
         "comparing the structures",
         of.is_automatic,
         inputs=("search:{wanted}", *_SCORED),
@@ -143,7 +143,7 @@ STAGES = (
     ),
     Stage(
         "revise",
-        "search.structures:act_on_checks",
+        "structures:act_on_checks",
         "acting on failed checks",
         of.is_automatic,
         inputs=("decision:comparison", *_SCORED),
@@ -153,7 +153,7 @@ STAGES = (
     ),
     Stage(
         "estimate",
-        "search.chosen:estimate_chosen",
+        "chosen:estimate_chosen",
         "searching the chosen model globally",
         of.is_single_automatic,
         inputs=("decision:comparison", "decision:remedies", *_SCORED),
@@ -167,7 +167,7 @@ STAGES = (
     ),
     Stage(
         "estimate_candidates",
-        "search.order_search:estimate_candidates",
+        "order_search:estimate_candidates",
         "searching the orders: {phase}",
         of.is_by_chapter,
         inputs=(*_PREPARED, "phase:{previous}", "{resonances}"),
@@ -184,7 +184,7 @@ STAGES = (
     ),
     Stage(
         "select_candidate",
-        "search.order_search:select_candidate",
+        "order_search:select_candidate",
         "selecting the orders: {phase}",
         of.is_by_chapter,
         inputs=("part:{phase},{parts}", *_PREPARED),
@@ -202,7 +202,7 @@ STAGES = (
     ),
     Stage(
         "complete_model",
-        "model:complete_model",
+        "chosen:complete_model",
         "model and its uncertainty",
         of.is_any,
         inputs=("{decided}", "phase:{last}", *_PREPARED),
@@ -219,7 +219,7 @@ STAGES = (
     ),
     Stage(
         "complete_other",
-        "search.other_model:complete_other",
+        "validation:complete_other",
         "model for the other purpose",
         of.is_automatic,
         inputs=("decision:comparison", *_DECIDED),
@@ -235,7 +235,7 @@ STAGES = (
     ),
     Stage(
         "tabulate",
-        "search.candidates:tabulate_candidates",
+        "decisions:tabulate_candidates",
         "table of candidates",
         of.is_any,
         inputs=("phase:{phases}", "{tabulated}"),
@@ -254,7 +254,7 @@ STAGES = (
     ),
     Stage(
         "collect_decisions",
-        "search.decisions:collect_decisions",
+        "decisions:collect_decisions",
         "decisions",
         of.is_automatic,
         inputs=(
@@ -267,7 +267,7 @@ STAGES = (
     ),
     Stage(
         "summarize",
-        "summary:summarize_dataset",
+        "decisions:summarize_dataset",
         "checks",
         of.is_any,
         inputs=("recording_info", "{searched}", "model", "validation"),
@@ -277,7 +277,7 @@ STAGES = (
     ),
     Stage(
         "draw_figures",
-        "figures:draw_figures",
+        "report:draw_figures",
         "figures",
         of.is_any,
         inputs=("{shown}",),
@@ -294,7 +294,17 @@ STAGES = (
         is_page=True,
     ),
 )
-"""Every stage. Those of one name make the same files of different kinds of data sets."""
+"""Every stage, and :data:`WHOLE`, which runs all of them in one job."""
+
+WHOLE = Stage(
+    IDENTIFICATION,
+    "identification:identify",
+    "identification",
+    of.is_any,
+    settings={"settings": "", "with_report": lambda t: t.run.report == "html"},
+    recorded=("files", "validation_files"),
+    demand="estimation",
+)
 
 
 def stages_of(settings: DatasetSettings, with_report: bool = True) -> list[Stage]:

@@ -1,4 +1,4 @@
-"""Model: the selected candidate with its covariance, modes and frequency response."""
+"""The chosen model, searched globally: its covariance, modes and frequency response."""
 
 from __future__ import annotations
 
@@ -8,11 +8,17 @@ from typing import Any, cast
 
 import numpy as np
 
-from evopem.automatic.chosen import window_of
+from evopem.automatic.chosen import estimate_chosen as search_chosen
+from evopem.automatic.chosen import select_structure, window_of
 from evopem.automatic.fit import FitSettings as CommonSettings
+from evopem.automatic.limits import OrderLimits
 from evopem.automatic.preparation.plan import PreparationPlan
 from evopem.automatic.remedies import Remedied
+from evopem.automatic.state_space import weighting_of
+from evopem.automatic.state_space_chosen import ChosenModel, estimate_candidate
+from evopem.automatic.structures import Choice, Comparison
 from evopem.blas_threads import one_blas_thread
+from evopem.config.constraints import Constraints
 from evopem.config.settings import (
     AutomaticSettings,
     FitSettings,
@@ -30,14 +36,97 @@ from evopem.models.response_tables import (
     frequency_response_table,
     time_response_table,
 )
-from evopem.pipeline.search.chosen import estimate_channels
+from evopem.pipeline.structures import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import load_prepared
+from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording import Recording
 from evopem.signals.spectral.frequency_response import frequency_response
 
 NFFT = 1024
 Log = Callable[[str], None]
+
+
+def estimate_chosen(
+    files: DatasetFiles,
+    search: SearchSettings,
+    settings: AutomaticSettings,
+    fits: CommonSettings,
+    log: Log | None = None,
+) -> None:
+    """Describe all candidates of one channel, and search the chosen orders globally."""
+    record = load_record(files)
+    data = load_prepared(files.prepared, files.transforms).estimation
+    comparison = load(Comparison, files.decision("comparison"))
+    remedied = load(Remedied, files.decision("remedies"))
+    chosen = comparison.choice(settings.purpose).candidate
+    about = next(each for each in comparison.decisions if each.choice == chosen.name)
+    window = load_scorer(files, settings, fits).window
+    own = replace(search, objective=cast("Objective", record.plan.objective))
+    with one_blas_thread():
+        structures = select_structure(
+            comparison.candidates, chosen, about.sentence, record, data, window
+        )
+        selection = search_chosen(remedied, record, data, own, log)
+    save(structures, files.phase(structures.phase))
+    save(selection, files.phase(selection.phase))
+
+
+def estimate_channels(
+    files: DatasetFiles,
+    search: SearchSettings,
+    settings: AutomaticSettings,
+    fits: CommonSettings,
+    constraints: Constraints | None,
+    log: Log | None = None,
+) -> ModelRecord:
+    """Search the chosen model of several channels globally, and add its noise model.
+
+    Raises InputError when the record is too short, or no model of the order meets the constraints.
+    """
+    data = load_prepared(files.prepared, files.transforms)
+    choice = load(Remedied, files.decision("remedies")).choice
+    with errors_name_dataset(files):
+        found = estimated(data, choice, search, settings, fits, constraints, log)
+    return record_of(found, data, choice, search, fits, constraints)
+
+
+def estimated(
+    data: PreparedData,
+    choice: Choice,
+    search: SearchSettings,
+    settings: AutomaticSettings,
+    fits: CommonSettings,
+    constraints: Constraints | None,
+    log: Log | None,
+) -> ChosenModel:
+    """The model of a choice for several channels."""
+    limits = OrderLimits(None, settings.orders, data.estimation.input_names)
+    own = replace(fits, objective=search.objective)
+    return estimate_candidate(
+        *(choice.candidate, data.estimation, own, limits, constraints, settings.evaluations, log)
+    )
+
+
+def record_of(
+    found: ChosenModel,
+    data: PreparedData,
+    choice: Choice,
+    search: SearchSettings,
+    fits: CommonSettings,
+    constraints: Constraints | None,
+) -> ModelRecord:
+    """Everything that is known of a model of several channels."""
+    structure = choice.candidate.structure
+    weighting = "determinant"
+    if choice.candidate.polynomials is None:
+        weighting = weighting_of(structure, replace(fits, objective=search.objective))
+    return ModelRecord.of(
+        *(found.estimate, data.estimation, search, data.transforms, choice.level),
+        model=None if found.polynomials else found.model,
+        variant=(structure, weighting),
+        constraints=constraints,
+        at_upper_ends=found.at_upper_ends,
+    )
 
 
 def complete_model(

@@ -1,0 +1,235 @@
+"""What is known of a data set in one file each: candidates, decisions, and the summary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from evopem.automatic.candidates import Candidate, StructureSearch
+from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.delays import DelayChoice
+from evopem.automatic.held_out.folds import FoldPlan
+from evopem.automatic.preparation.plan import PreparationPlan
+from evopem.automatic.record import DecisionRecord, OtherModel, Trial
+from evopem.automatic.remedies import Remedied
+from evopem.automatic.structures import Choice, Comparison
+from evopem.automatic.subspace_comparison import SUBJECT
+from evopem.config.structures import ORDER_NAMES
+from evopem.estimation.candidate import Candidate as PhaseCandidate
+from evopem.estimation.candidate import PhaseSelection
+from evopem.estimation.model_record import ModelRecord
+from evopem.files.atomic import write_table
+from evopem.files.json_form import load, save
+from evopem.pipeline.structures import load_record
+from evopem.results.dataset import searched_range
+from evopem.results.fleet import summarize
+from evopem.results.layout import DatasetFiles
+from evopem.signals.recording import total_samples
+from evopem.signals.recording_info import RecordingInfo
+from evopem.validation.checks import Evidence
+from evopem.validation.checks.search import ranges_of_phases
+from evopem.validation.validation import Validation
+
+COLUMNS = (
+    *("step", "structure", "order", "model", "bic"),
+    *("simulation_error_percent", "fitted_level_error_percent", "prediction_error_percent"),
+    *("selected", "reason"),
+)
+Row = dict[str, Any]
+
+
+def tabulate_candidates(
+    files: DatasetFiles, phases: tuple[str, ...], structures: tuple[str, ...]
+) -> None:
+    """Write ``candidates.csv``, one row for each candidate of each phase or structure."""
+    rows = _of_phases(files, phases) if phases else _of_structures(files, structures)
+    columns = list(rows[0]) if phases else COLUMNS
+    write_table(files.candidates, {name: [row.get(name) for row in rows] for name in columns})
+
+
+def _of_phases(files: DatasetFiles, phases: tuple[str, ...]) -> list[Row]:
+    selections = [load(PhaseSelection, files.phase(phase)) for phase in phases]
+    return [
+        _of_phase(candidate, candidate.orders == selection.orders)
+        for selection in selections
+        for candidate in selection.candidates
+    ]
+
+
+def _of_phase(candidate: PhaseCandidate, selected: bool) -> Row:
+    orders, criteria, diagnostics = candidate.orders, candidate.criteria, candidate.diagnostics
+    return {
+        "phase": candidate.phase,
+        "model": str(orders),
+        **{name: getattr(orders.single, name) for name in ORDER_NAMES},
+        "rss": criteria.rss,
+        "bic": criteria.bic,
+        "objective": criteria.objective,
+        "evaluations": diagnostics.evaluations,
+        "max_pole_radius": candidate.max_pole_radius,
+        "selected": selected,
+        "max_noise_zero_radius": candidate.max_noise_zero_radius,
+        "n_restarts": diagnostics.n_restarts,
+        "n_confirming": diagnostics.n_confirming,
+        "n_local_optima": diagnostics.n_local_optima,
+        "at_stability_bound": candidate.at_stability_bound,
+        "n_multistart": diagnostics.n_multistart,
+        "undiscovered_probability": diagnostics.undiscovered_probability,
+        "pruned": candidate.pruned,
+    }
+
+
+def _of_structures(files: DatasetFiles, structures: tuple[str, ...]) -> list[Row]:
+    searches = [load(StructureSearch, files.search(each)) for each in structures]
+    comparison = load(Comparison, files.decision("comparison"))
+    remedied = load(Remedied, files.decision("remedies"))
+    choice = comparison.choice(remedied.choice.purpose)
+    rows = list(_searched(searches, comparison, choice))
+    return rows + [_remedy(each, choice) for each in remedied.trials]
+
+
+def _searched(
+    searches: Sequence[StructureSearch], comparison: Comparison, choice: Choice
+) -> Iterator[Row]:
+    """The orders of all structures, and those that were refined; not all of them are scored."""
+    names = {each.name for search in searches for each in search.candidates}
+    refined = [each for each in comparison.candidates if each.name not in names]
+    for step, listed in (
+        ("order", [each for search in searches for each in search.candidates]),
+        ("orders of each input", refined),
+    ):
+        for each in listed:
+            row: Row = {
+                "step": step,
+                "structure": each.structure,
+                "order": each.order,
+                "model": each.name,
+                "bic": each.bic,
+                "selected": each.name == choice.candidate.name,
+                "reason": _reason(each, choice),
+            }
+            if each.is_scored:
+                scores = vars(each.scores).items()
+                row |= {f"{kind}_error_percent": score for kind, score in scores}
+            yield row
+
+
+def _reason(candidate: Candidate, choice: Choice) -> str:
+    if candidate.name == choice.candidate.name:
+        return f"for {choice.purpose}: most likely of the best on held-out samples"
+    if not candidate.is_scored:
+        return "above the order of the lowest BIC"
+    if candidate.bic > choice.candidate.bic:
+        return "less likely than the selected one"
+    return "worse on held-out samples"
+
+
+def _remedy(trial: Trial, choice: Choice) -> Row:
+    """A model that was tried against failed checks; one that is selected replaces the choice."""
+    outcome = "fewer checks fail" if trial.taken else "no fewer checks fail, or larger errors"
+    return {
+        "step": "remedy",
+        "model": trial.model,
+        f"{choice.kind}_error_percent": trial.score,
+        "selected": trial.taken,
+        "reason": f"{trial.remedy}, as {trial.check} failed: {outcome}",
+    }
+
+
+def collect_decisions(
+    files: DatasetFiles, structures: tuple[str, ...], others: tuple[str, ...]
+) -> None:
+    """Put all decisions of a data set into one file, in their order."""
+    folds = load(FoldPlan, files.decision("folds"))
+    comparison = load(Comparison, files.decision("comparison"))
+    remedied = load(Remedied, files.decision("remedies"))
+    decisions: tuple[Decision, ...] = (
+        *_about_channels(load(RecordingInfo, files.recording_info)),
+        *load(PreparationPlan, files.decision("preparation")).decisions,
+        folds.decision,
+        folds.repetition.decision,
+        load(DelayChoice, files.decision("delay")).decision,
+        *(load(StructureSearch, files.search(each)).decision for each in structures),
+        *comparison.decisions,
+    )
+    choice = remedied.choice
+    remarks = *_remarks(files, choice.level), *_worse_than_estimate(comparison)
+    other = load(OtherModel, files.other_errors(others[0])) if others else None
+    record = DecisionRecord(
+        *(choice.purpose, decisions, remedied.trials, remedied.failed),
+        *((*remarks, *remedied.statements), other),
+    )
+    save(record, files.decisions)
+
+
+def _worse_than_estimate(comparison: Comparison) -> tuple[str, ...]:
+    """What is to be said where a short method simulates clearly better than the chosen model."""
+    compared = [each for each in comparison.decisions if each.subject == SUBJECT]
+    return tuple(each.sentence for each in compared if each.choice != each.alternatives[0].name)
+
+
+def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
+    """How input and output were told from the file; nothing where the configuration names them."""
+    roles = recording.roles
+    if roles is None:
+        return ()
+    pairs = (f"{roles.input} to {roles.output}", f"{roles.output} to {roles.input}")
+    test = roles.test
+    scores = (test.forward, test.backward) if test else (np.nan, np.nan)
+    criterion = (
+        f"p-value of the first one's past in predictions of the second, {test.lags} lags"
+        if test
+        else "names of the channels"
+    )
+    alternatives = tuple(map(Alternative, pairs, scores))
+    return (Decision("channels", pairs[0], alternatives, criterion, roles.sentence),)
+
+
+def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:
+    stretches = load_record(files).stretches
+    recordings = len({each.recording for each in stretches})
+    remarks = []
+    if recordings > 1:
+        remarks.append(
+            f"The estimation samples are those of {recordings} recordings: one model comes from all"
+            f" {total_samples(stretches)} of them, each recording with a level and an initial state"
+            " of its own. Simulations of other recordings fit their level along with the initial"
+            " state. The spectrum is that of the longest stretch."
+        )
+    elif len(stretches) > 1:
+        longest = max(each.samples for each in stretches)
+        remarks.append(
+            f"The estimation samples are {len(stretches)} stretches with breaks between them: the"
+            f" model comes from all {total_samples(stretches)} samples, each stretch with its own"
+            f" initial state, the spectrum from the longest stretch of {longest} samples."
+        )
+    if level == "state" and recordings == 1:
+        remarks.append(
+            "The level drifts: simulations of other samples fit their level along with the initial"
+            " state."
+        )
+    return tuple(remarks)
+
+
+def summarize_dataset(files: DatasetFiles, phases: tuple[str, ...], is_automatic: bool) -> None:
+    """Check the model of one data set, and write the summary.
+
+    ``phases``: of the order search; none for several channels.  ``is_automatic``: whether the
+    automatic recipe has chosen the model.
+    """
+    record = load(ModelRecord, files.model)
+    ranges = ranges_of_phases({phase: load(PhaseSelection, files.phase(phase)) for phase in phases})
+    if not phases:
+        chosen = load(Remedied, files.decision("remedies")).choice.candidate
+        search = load(StructureSearch, files.search(chosen.structure))
+        ranges = searched_range(record, chosen.order, search)
+    evidence = Evidence(
+        record,
+        load(Validation, files.validation),
+        load(RecordingInfo, files.recording_info),
+        ranges,
+        is_automatic,
+    )
+    save(summarize(evidence, (files.recording_info, files.model, files.validation)), files.summary)
