@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem import SearchSettings, estimate  # noqa: E402
-from evopem.models.response_tables import NORMAL_95, gain_band  # noqa: E402
+from evopem.models.response_tables import NORMAL_95, response_interval  # noqa: E402
 from evopem.synthesis.armax import true_model  # noqa: E402
 
 NOISES = ("Gaussian", "heavy-tailed")
@@ -70,7 +70,7 @@ def covered(seed: int, samples: int, noise: str, objective: str) -> NDArray[np.f
         abs(m.frequency_hz - t.frequency_hz) < NORMAL_95 * m.frequency_se_hz for m, t in pairs
     ]
     dampings = [abs(m.damping_ratio - t.damping_ratio) < NORMAL_95 * m.damping_se for m, t in pairs]
-    lower, upper = gain_band(found, FREQUENCIES)
+    lower, upper = (each[:, 0, 0] for each in response_interval(found, FREQUENCIES)[:2])
     gain = np.abs(truth.frequency_response(FREQUENCIES)[:, 0, 0])
     gains = np.mean((lower < gain) & (gain < upper))
     return np.array([parameters, *frequencies, *dampings, gains])

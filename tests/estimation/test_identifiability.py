@@ -10,7 +10,7 @@ from evopem import SearchSettings, estimate
 from evopem.estimation.pem.covariance import pseudo_inverse_factor
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.polynomial_search import descended_from
-from evopem.models.response_tables import gain_band
+from evopem.models.response_tables import response_interval
 from evopem.models.structures import armax_orders
 from evopem.signals.recording import Recording
 
@@ -56,12 +56,12 @@ def test_lines_determine_the_gain_at_the_lines_only(signal, orders, excited, bet
     assert np.isinf(errors[of_b]).all()
     assert np.isfinite(np.delete(errors, np.r_[of_b])).all()
     assert np.abs(model.b).max() < 2.0
-    lower, upper = gain_band(model, excited)
+    lower, upper = (each[:, 0, 0] for each in response_interval(model, excited)[:2])
     # Four standard errors instead of two: several lines, one record each.
     middle = np.sqrt(lower * upper)
     assert np.all(np.abs(np.log(gain(excited) / middle)) < 2 * np.log(upper / middle))
     assert np.all(upper / lower < 1.1)
-    assert np.isnan(gain_band(model, between)).all()
+    assert np.isnan(response_interval(model, between)).all()
 
 
 @pytest.mark.filterwarnings("ignore:the mean of the output")

@@ -5,9 +5,13 @@ import pytest
 
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.response_tables import NORMAL_95, gain_band
+from evopem.models.response_tables import NORMAL_95, response_interval
 
 FREQUENCIES = np.linspace(0.5, 45.0, 12)
+
+
+def gain_band(model, frequencies):
+    return [each[:, 0, 0] for each in response_interval(model, frequencies)[:2]]
 
 
 def model(covariance):

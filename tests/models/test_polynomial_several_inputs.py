@@ -11,7 +11,7 @@ from evopem.files.json_form import from_json, to_json
 from evopem.models.conversions import save_model_mat
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.state_space_tables import gain_intervals
+from evopem.models.response_tables import response_interval
 from evopem.models.structures import Orders, orders_of
 
 ONE = np.ones(1)
@@ -72,7 +72,7 @@ def test_intervals_of_gains_are_those_of_the_coefficients(structure):
     factor = 1e-3 * np.random.default_rng(2).standard_normal((count, count))
     model = replace(model, covariance=ParameterCovariance(factor, np.zeros((count, 0))))
     f = np.linspace(1.0, 49.0, 7)
-    low, high = gain_intervals(model.state_space(), f)
+    low, high, phase_error = response_interval(model.state_space(), f)
 
     def gains(parameters):
         return np.abs(model.with_parameters(parameters).frequency_response(f))
@@ -84,6 +84,8 @@ def test_intervals_of_gains_are_those_of_the_coefficients(structure):
     errors = np.linalg.norm(np.einsum("pfij,pr->rfij", slopes, factor), axis=0)
     expected = 1.959963984540054 * errors / gains(model.parameters)
     assert np.allclose(0.5 * np.log(high / low), expected, rtol=1e-6)
+    for own, form in zip(response_interval(model, f), (low, high, phase_error), strict=True):
+        assert np.allclose(own, form, rtol=1e-6)
 
 
 def test_modes_are_those_of_a_and_f_with_residues_as_participation():

@@ -1,99 +1,156 @@
-"""A model's modes and responses as tables."""
+"""A model's modes and responses as tables, with their intervals."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.modes import Mode
+from evopem.models.polynomial import Model, PolynomialModel
 from evopem.models.polynomials import max_root_radius
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.state_space_tables import NORMAL_95, gain_intervals
 
-Filter = Literal["plant", "noise"]
+NORMAL_95 = 1.959963984540054
+"""97.5 % point of the standard normal distribution."""
 
+Array = NDArray[np.float64]
+Column = list[float] | list[str] | list[int] | Array
 
-def gain_band(
-    model: PolynomialModel, frequencies: ArrayLike, which: Filter = "plant"
-) -> tuple[Array, Array]:
-    """Lower and upper end of the 95 % confidence interval of a gain at frequencies in Hz.
-
-    As :func:`response_interval` has them.
-
-    Examples
-    --------
-    >>> from evopem.models.polynomial import PolynomialModel
-    >>> from evopem.models.parameter_covariance import ParameterCovariance
-    >>> covariance = ParameterCovariance.from_matrix(1e-4 * np.eye(2))
-    >>> model = PolynomialModel(
-    ...     np.array([1, -0.5]), np.array([2.0]), np.array([1.0]), nk=1, covariance=covariance
-    ... )
-    >>> lower, upper = gain_band(model, [0.0])  # around the gain 4
-    >>> lower.round(3), upper.round(3)
-    (array([3.842]), array([4.165]))
-    """
-    return response_interval(model, frequencies, which)[:2]
-
-
-def response_interval(
-    model: PolynomialModel, frequencies: ArrayLike, which: Filter = "plant", place: int = 0
-) -> tuple[Array, Array, Array]:
-    """95 % confidence interval of a gain, and standard error of a phase, at frequencies in Hz.
-
-    The parameter covariance is propagated to ``ln G``, whose real part is ``ln |G|`` and whose
-    imaginary part is the phase, to first order (Ljung 1999, section 9.4), so the interval has the
-    same width in decibels above and below, and is never negative.
-
-    All are NaN where the gain is zero, where the covariance is not known, and where the response
-    depends on a direction of the parameters that the data do not determine, as between the lines
-    of a periodic input. The upper end is infinite where it leaves the range of numbers.
-
-    ``frequencies`` (M,): Hz.  ``which`` {"plant", "noise"}: ``G = B / (A F)`` from the input at a
-    ``place``, or ``H = C / (A D)``.  Returns both ends and the error in radians, (M,) each.
-    """
-    frequencies = np.asarray(frequencies, dtype=float)
-    if model.covariance is None:
-        unknown = np.full(frequencies.shape, np.nan)
-        return unknown, unknown, unknown
-    delay = np.exp(-2j * np.pi * frequencies / model.sampling_rate)[:, None]
-    above, below = ("b", "af") if which == "plant" else ("c", "ad")
-    slopes = np.zeros((len(frequencies), model.orders.parameters), dtype=complex)
-    response = model.frequency_response if which == "plant" else model.noise_response
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        # d ln G / da_i = -q^-i / A and d ln G / db_j = q^-(nk+j) / B.
-        for letter in (above, *below):
-            coefficients, first = _polynomial(model, letter, place)
-            part = model.part(letter, place)
-            lags = np.arange(first, first + part.stop - part.start)
-            sign = 1.0 if letter == above else -1.0
-            value = np.polynomial.polynomial.polyval(delay, coefficients)
-            slopes[:, part] = sign * delay**lags / value
-        errors, phase_errors = (
-            model.covariance.standard_errors(part) for part in (slopes.real, slopes.imag)
-        )
-        errors[~np.isfinite(errors)] = np.nan
-        phase_errors[~np.isfinite(phase_errors)] = np.nan
-        spread = np.exp(NORMAL_95 * errors)
-        gain = np.abs(response(frequencies)[..., 0, place if which == "plant" else 0])
-        return gain / spread, gain * spread, phase_errors
-
-
-def _polynomial(model: PolynomialModel, letter: str, place: int) -> tuple[Array, int]:
-    """Coefficients of a polynomial by lag from 0, and the lag of its first parameter."""
-    if letter == "b":
-        nk = model.nk[place]
-        return np.concatenate([np.zeros(nk), model.B[place]]), nk
-    return (model.F[place] if letter == "f" else getattr(model, letter)), 1
-
-
+FREQUENCIES = 2049
+# Samples of a time response: until it has settled to this share, within limits.
+SETTLED = 1e-3
+FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
 # Step of a central difference, in standard errors of a coefficient: small against the curvature of
 # a response, large against rounding.
 STEP = 1e-3
+
+
+def shaped_modes_table(
+    modes: Sequence[Mode], input_names: Sequence[str], output_names: Sequence[str]
+) -> dict[str, Column]:
+    """One row for each mode and output: what holds of the mode stands in each of its rows."""
+    rows = [(mode, place) for mode in modes for place in range(len(output_names))]
+    drives = {
+        f"participation_{part}_{name}": [
+            float(getattr(mode.input_participation[column], part)) for mode, _ in rows
+        ]
+        for column, name in enumerate(input_names)
+        for part in ("real", "imag")
+    }
+    return {
+        "mode": [number for number, _ in enumerate(modes, 1) for _ in output_names],
+        "frequency_hz": [mode.frequency_hz for mode, _ in rows],
+        "frequency_se_hz": [mode.frequency_se_hz for mode, _ in rows],
+        "damping_percent": [100.0 * mode.damping_ratio for mode, _ in rows],
+        "damping_se_percent": [100.0 * mode.damping_se for mode, _ in rows],
+        "pole_real": [mode.pole.real for mode, _ in rows],
+        "pole_imag": [mode.pole.imag for mode, _ in rows],
+        "phase_collinearity": [mode.phase_collinearity for mode, _ in rows],
+        "mean_phase_deg": [mode.mean_phase_deg for mode, _ in rows],
+        "phase_deviation_deg": [mode.phase_deviation_deg for mode, _ in rows],
+        "output": [output_names[place] for _, place in rows],
+        "shape_real": [float(mode.shape[place].real) for mode, place in rows],
+        "shape_imag": [float(mode.shape[place].imag) for mode, place in rows],
+        "shape_se_real": [float(mode.shape_se_real[place]) for mode, place in rows],
+        "shape_se_imag": [float(mode.shape_se_imag[place]) for mode, place in rows],
+        "output_share": [float(mode.output_shares[place]) for mode, place in rows],
+        **drives,
+    }
+
+
+def response_interval(
+    model: Model, frequencies: ArrayLike, noise: bool = False
+) -> tuple[Array, Array, Array]:
+    """95 % confidence intervals of gains, and standard errors of phases in radians, (M, l, m) each.
+
+    The parameter covariance is propagated to ``ln G``, whose real part is ``ln |G|`` and whose
+    imaginary part is the phase, to first order (Ljung 1999, section 9.4), so that an interval has
+    the same width in decibels above and below.  Of ``G`` at (M,) frequencies in Hz, or with
+    ``noise`` of the ``H`` of polynomials, (M, 1, 1).  NaN where the gain is zero, where the
+    covariance is not known, and where the response depends on a direction that the data do not
+    determine, as between the lines of a periodic input.  The upper end is infinite where it leaves
+    the range of numbers.
+
+    Examples
+    --------
+    >>> from evopem.models.parameter_covariance import ParameterCovariance
+    >>> covariance = ParameterCovariance.from_matrix(1e-4 * np.eye(2))
+    >>> model = PolynomialModel([1, -0.5], [2.0], nk=1, covariance=covariance)
+    >>> lower, upper, _ = response_interval(model, [0.0])  # around the gain 4
+    >>> lower.round(3), upper.round(3)
+    (array([[[3.842]]]), array([[[4.165]]]))
+    """
+    frequencies = np.asarray(frequencies, dtype=float)
+    gain = np.abs((model.noise_response if noise else model.frequency_response)(frequencies))
+    errors = np.full((2, *gain.shape), np.nan)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        if model.covariance is None:
+            pass
+        elif isinstance(model, PolynomialModel):
+            for place in range(gain.shape[2]):
+                errors[:, :, 0, place] = _polynomial_errors(model, frequencies, noise, place)
+        elif not noise:
+            for place, frequency in enumerate(frequencies):
+                errors[:, place] = _state_space_errors(model, float(frequency))
+        errors[~np.isfinite(errors)] = np.nan
+        spread = np.exp(NORMAL_95 * errors[0])
+        return gain / spread, gain * spread, errors[1]
+
+
+def _polynomial_errors(
+    model: PolynomialModel, frequencies: Array, noise: bool, place: int
+) -> tuple[Array, Array]:
+    """Standard errors of ``ln |G|`` and of the phase, (M,) each.
+
+    ``d ln G / da_i = -q^-i / A`` and ``d ln G / db_j = q^-(nk+j) / B``.
+    """
+    assert model.covariance is not None
+    delay = np.exp(-2j * np.pi * frequencies / model.sampling_rate)[:, None]
+    nk = 0 if noise else model.nk[place]
+    parts = (
+        (("c", model.C, 1, 1.0), ("a", model.A, 1, -1.0), ("d", model.D, 1, -1.0))
+        if noise
+        else (
+            ("b", model.delayed_b(place), nk, 1.0),
+            ("a", model.A, 1, -1.0),
+            ("f", model.F[place], 1, -1.0),
+        )
+    )
+    slopes = np.zeros((len(frequencies), model.orders.parameters), dtype=complex)
+    for letter, coefficients, first, sign in parts:
+        part = model.part(letter, place)
+        lags = np.arange(first, first + part.stop - part.start)
+        value = np.polynomial.polynomial.polyval(delay, coefficients)
+        slopes[:, part] = sign * delay**lags / value
+    of_gain, of_phase = (model.covariance.standard_errors(x) for x in (slopes.real, slopes.imag))
+    return of_gain, of_phase
+
+
+def _state_space_errors(model: StateSpaceModel, frequency: float) -> Array:
+    """Standard errors of ``ln |G|`` and of the phase at one frequency, (2, l, m).
+
+    ``dG = C R dA R B + dC R B + C R dB + dD`` with ``R = (zI - A)^-1``; delays are known.
+    """
+    n, ny, nu = model.order, model.outputs, model.inputs
+    assert model.covariance is not None
+    z = np.exp(2j * np.pi * frequency / model.sampling_rate)
+    resolvent = np.linalg.inv(z * np.eye(n) - model.A)
+    left, right = model.C @ resolvent, resolvent @ model.B
+    ends = np.cumsum([0, n * n, n * nu, ny * n, ny * nu])
+    shapes = ((n, n), (n, nu), (ny, n), (ny, nu))
+    dA, dB, dC, dD = (
+        model.covariance.factor[begin:end].reshape(*shape, -1)
+        for (begin, end), shape in zip(pairwise(ends), shapes, strict=True)
+    )
+    change = np.einsum("ik,klr,lj->ijr", left, dA, right, optimize=True)
+    change += np.einsum("ik,kjr->ijr", left, dB, optimize=True)
+    change += np.einsum("ikr,kj->ijr", dC, right, optimize=True)
+    change = (change + dD) / (left @ model.B + model.D)[:, :, None]
+    return np.linalg.norm([change.real, change.imag], axis=3)
 
 
 def response_standard_errors(
@@ -101,11 +158,9 @@ def response_standard_errors(
 ) -> Array:
     """Standard errors of a real function of a model, to first order (Ljung 1999, section 9.4).
 
-    ``model``: with a covariance.  ``response``: for instance ``lambda model:
-    model.step_response(100)``, or ``lambda model: 20 *
-    np.log10(np.abs(model.frequency_response(frequencies)))``.  Returns of the shape of the
-    response; infinite where it depends on a direction of the coefficients that the data do not
-    determine.  Raises ValueError when the model has no covariance.
+    ``model``: with a covariance, ValueError without.  ``response``: for instance ``lambda model:
+    model.step_response(100)``.  Of the shape of the response; infinite where it depends on a
+    direction of the coefficients that the data do not determine.
     """
     if model.covariance is None:
         raise ValueError("the model has no covariance of its coefficients")
@@ -124,16 +179,8 @@ def response_standard_errors(
     return errors.reshape(jacobian.shape[1:])
 
 
-Array = NDArray[np.float64]
-
-FREQUENCIES = 2049
-# Samples of a time response: until it has settled to this share, within limits.
-SETTLED = 1e-3
-FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
-
-
 def frequency_response_table(
-    model: PolynomialModel | StateSpaceModel,
+    model: Model,
     inputs: Sequence[str],
     outputs: Sequence[str],
     plant: StateSpaceModel | None = None,
@@ -147,13 +194,18 @@ def frequency_response_table(
     """
     if frequencies is None:
         frequencies = np.linspace(0.0, model.sampling_rate / 2.0, FREQUENCIES)
-    filters = _Filters.of(model, plant, frequencies)
+    own = plant or model
+    response, bands = own.frequency_response(frequencies), response_interval(own, frequencies)
+    noise, of_noise = model.noise_response(frequencies), response_interval(model, frequencies, True)
     blocks = []
     for row in range(len(outputs)):
-        noise = {f"noise_{name}": column for name, column in filters.noise(row).items()}
-        blocks += [filters.plant(row, k) | noise for k in range(len(inputs))] or [
-            dict.fromkeys(filters.noise(row), np.full(len(frequencies), np.nan)) | noise
-        ]
+        beside = _columns(noise[:, row, row], *(each[:, row, row] for each in of_noise))
+        of_pairs = [
+            _columns(response[:, row, k], *(each[:, row, k] for each in bands))
+            for k in range(len(inputs))
+        ] or [dict.fromkeys(beside, np.full(len(frequencies), np.nan))]
+        beside = {f"noise_{name}": column for name, column in beside.items()}
+        blocks += [of_pair | beside for of_pair in of_pairs]
     count, pairs = len(frequencies), [(o, i) for o in outputs for i in inputs or ("",)]
     return {
         "output": [output for output, _ in pairs for _ in range(count)],
@@ -161,48 +213,6 @@ def frequency_response_table(
         "frequency_hz": np.tile(frequencies, len(pairs)),
         **{name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]},
     }
-
-
-@dataclass(frozen=True, eq=False)
-class _Filters:
-    """Responses of plant, (M, l, m), and noise filter, (M, l, l), with intervals of their gains."""
-
-    model: PolynomialModel | StateSpaceModel
-    frequencies: Array
-    response: NDArray[np.complex128]
-    noise_response: NDArray[np.complex128]
-    bands: tuple[Array, Array] | None  # of the plant of a state-space model
-
-    @classmethod
-    def of(
-        cls,
-        model: PolynomialModel | StateSpaceModel,
-        plant: StateSpaceModel | None,
-        frequencies: Array,
-    ) -> _Filters:
-        bands, own = None, plant or model
-        if isinstance(own, StateSpaceModel):
-            bands = gain_intervals(own, frequencies)
-        return cls(
-            *(model, frequencies, own.frequency_response(frequencies)),
-            *(model.noise_response(frequencies), bands),
-        )
-
-    def plant(self, row: int, column: int) -> dict[str, Array]:
-        """Columns of one pair."""
-        response = self.response[:, row, column]
-        if self.bands is not None:
-            lower, upper = (each[:, row, column] for each in self.bands)
-            return _columns(response, lower, upper, np.full(len(response), np.nan))
-        assert isinstance(self.model, PolynomialModel)
-        return _columns(response, *response_interval(self.model, self.frequencies, place=column))
-
-    def noise(self, row: int) -> dict[str, Array]:
-        """Columns of the noise filter of one output."""
-        response = self.noise_response[:, row, row]
-        if isinstance(self.model, PolynomialModel):
-            return _columns(response, *response_interval(self.model, self.frequencies, "noise"))
-        return _columns(response, *(np.full(len(response), np.nan),) * 3)
 
 
 def _columns(

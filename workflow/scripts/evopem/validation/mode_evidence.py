@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from evopem.models.mode_matching import cluster_modes
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
+from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.models.stabilization import Estimated, OrderModel
-from evopem.models.state_space_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import (
     NO_TEST,
