@@ -29,8 +29,8 @@ from evopem import Orders, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E402
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
+from evopem.models.mode_matching import OrderModel  # noqa: E402
 from evopem.models.parameter_covariance import wald_p_value  # noqa: E402
-from evopem.models.stabilization import OrderModel  # noqa: E402
 from evopem.models.structures import armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402

@@ -21,8 +21,8 @@ from evopem.figures.registry import figure_of
 from evopem.figures.style import svg_text
 from evopem.figures.time_domain import settling_part, shown_samples
 from evopem.figures.view import View, view_of
+from evopem.models.mode_matching import StabilizationPole
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.stabilization import StabilizationPole
 from evopem.results.layout import FIGURES
 
 HOSTILE = """<script>alert("1")</script> $x^2$ & 'q', \\frac"""

@@ -25,9 +25,9 @@ from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
+from evopem.models.mode_matching import OrderModels
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.stabilization import OrderModels
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders, armax_orders
 from evopem.results.fleet import DatasetSummary

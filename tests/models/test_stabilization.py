@@ -1,30 +1,23 @@
 """Poles over the order, against models of known poles."""
 
-import numpy as np
 import pytest
 
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.stabilization import persistent_frequencies, stabilization
+from evopem.models.mode_matching import persistent_frequencies, stabilization
 from evopem.synthesis.truth import true_mode
 
 
-def model(frequencies, damping=0.05):
-    """A model with oscillating poles of these natural frequencies, sampled at 100 Hz."""
-    upper = np.array([true_mode(frequency, damping, 100.0).pole for frequency in frequencies])
-    poles = np.concatenate([upper, upper.conj()])
-    return PolynomialModel(
-        np.real(np.poly(poles)), np.ones(1), np.ones(1), nk=1, sampling_rate=100.0
-    )
+def modes(frequencies, damping=0.05):
+    """Modes of these natural frequencies, sampled at 100 Hz."""
+    return [true_mode(frequency, damping, 100.0) for frequency in frequencies]
 
 
 def test_each_pole_is_compared_with_those_of_the_next_lower_order():
     poles = stabilization(
-        [
-            (6, model([10.05, 20.1, 40.0], damping=0.09), -1.0),
-            (2, model([10.0]), -1.0),
-            (2, model([30.0]), 0.0),  # of a larger BIC
-            (4, model([10.05, 20.0], damping=0.052), -1.0),
-        ]
+        {
+            6: modes([10.05, 20.1, 40.0], damping=0.09),
+            2: modes([10.0]),
+            4: modes([10.05, 20.0], damping=0.052),
+        }
     )
     assert [pole.order for pole in poles] == [2, 4, 4, 6, 6, 6]
     assert [pole.frequency_hz for pole in poles] == pytest.approx([10, 10.05, 20, 10.05, 20.1, 40])
@@ -43,21 +36,22 @@ def test_each_pole_is_compared_with_those_of_the_next_lower_order():
 
 
 def test_a_frequency_that_moves_by_two_percent_is_not_stable():
-    poles = stabilization([(2, model([10.0]), 0.0), (4, model([10.2, 30.0]), 0.0)])
+    poles = stabilization({2: modes([10.0]), 4: modes([10.2, 30.0])})
     assert [pole.status for pole in poles] == ["new", "new", "new"]
 
 
 def test_a_mode_persists_when_it_is_present_at_three_orders():
     drifting = [10.0, 10.02, 10.04, 10.06]
     poles = stabilization(
-        (order, model([frequency, 20.0] if order < 6 else [frequency, 35.0]), 0.0)
-        for order, frequency in zip((4, 5, 6, 7), drifting, strict=True)
+        {
+            order: modes([frequency, 20.0] if order < 6 else [frequency, 35.0])
+            for order, frequency in zip((4, 5, 6, 7), drifting, strict=True)
+        }
     )
     # 20 Hz is present at two orders, 35 Hz at two, 10 Hz at four.
     assert persistent_frequencies(poles) == pytest.approx([10.04])
 
 
 def test_without_oscillating_poles_there_is_nothing_to_compare():
-    real = PolynomialModel(np.array([1.0, -0.5]), np.ones(1), np.ones(1), nk=1, sampling_rate=100.0)
-    assert stabilization([(1, real, 0.0)]) == []
+    assert stabilization({1: []}) == []
     assert persistent_frequencies([]) == []

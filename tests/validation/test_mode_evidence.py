@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter, residuez
 
 from evopem import SearchSettings, estimate
+from evopem.models.mode_matching import OrderModel
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.stabilization import OrderModel
 from evopem.signals.recording import Recording
 from evopem.validation.modal_parts import ModalParts
 from evopem.validation.mode_evidence import table_of_models

@@ -7,8 +7,8 @@ import pytest
 
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.files.json_form import from_json, to_json
+from evopem.models.mode_matching import OrderModel
 from evopem.models.mode_shapes import assurance
-from evopem.models.stabilization import OrderModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, without_input
 from evopem.synthesis.vibrating_structure import VibratingStructure
@@ -69,7 +69,7 @@ def test_without_held_out_samples_a_mode_is_not_judged(ambient):
 
 def test_smaller_orders_do_not_speak_against_a_mode_of_the_largest(ambient):
     estimates, _ = ambient
-    models = [OrderModel.of_estimate(each) for each in estimates]
+    models = [OrderModel.of(each.model.order, each.bic, each.model) for each in estimates]
     table = table_of_models(models, 12)
     own = [each for each in table.modes if each.order == 12]
     assert own
@@ -80,7 +80,7 @@ def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
     """Frequencies and damping ratios of the pair stay trusted, its shapes are not."""
     estimates, _ = ambient
     y = CLOSE.ambient_record(800, RATE, 0.2, np.random.default_rng(4))
-    models = [OrderModel.of_estimate(each) for each in estimates]
+    models = [OrderModel.of(each.model.order, each.bic, each.model) for each in estimates]
 
     def changed(**of_pair):
         modes = [

@@ -16,8 +16,8 @@ from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.limits import OrderLimits
 from evopem.automatic.state_space import refit
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
+from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.stabilization import OrderModel, OrderModels
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment, total_samples

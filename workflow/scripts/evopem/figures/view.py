@@ -17,7 +17,7 @@ from evopem.config.structures import plant_order
 from evopem.figures import view_tables
 from evopem.figures.style import ratio_unit, with_unit
 from evopem.figures.view_tables import Channel, by_output, spectrum_of
-from evopem.models.stabilization import StabilizationPole
+from evopem.models.mode_matching import StabilizationPole
 from evopem.results.dataset import DatasetResults
 from evopem.signals.prepared_data import Transforms
 from evopem.validation.checks.inputs import input_rests
@@ -234,7 +234,7 @@ class View:
     @cached_property
     def poles_of_orders(self) -> Sequence[StabilizationPole]:
         """Poles over the orders, each compared with the next lower order."""
-        return view_tables.poles_of_orders(self.results, self.order_name)
+        return view_tables.poles_of_orders(self.results)
 
     @cached_property
     def signals(self) -> pd.DataFrame:

@@ -12,7 +12,7 @@ import pandas as pd
 from evopem.config.structures import structure_name
 from evopem.errors import InputError
 from evopem.figures.style import with_unit
-from evopem.models.stabilization import StabilizationPole, stabilization, stabilization_of_modes
+from evopem.models.mode_matching import StabilizationPole, stabilization
 from evopem.results.dataset import DatasetResults
 from evopem.signals.spectral.multitaper import multitaper_spectrum
 from evopem.signals.spectral.peaks import spectral_peaks
@@ -214,18 +214,13 @@ def roots(results: DatasetResults) -> pd.DataFrame:
     return _roots_table(found, true)
 
 
-def poles_of_orders(results: DatasetResults, order_name: str) -> list[StabilizationPole]:
+def poles_of_orders(results: DatasetResults) -> list[StabilizationPole]:
     """Poles over the orders, each compared with the next lower order."""
-    if results.settings.is_single_channel:
-        return stabilization(
-            (getattr(each.orders.single, order_name), each.model, each.criteria.bic)
-            for each in results.models_of_orders.candidates
-        )
     table = results.validation.modes
     by_order: dict[int, list[Any]] = {order: [] for order in table.orders}
     for pole in table.poles:
         by_order.setdefault(pole.order, []).append(pole)
-    return stabilization_of_modes(by_order)
+    return stabilization(by_order)
 
 
 def signals(results: DatasetResults, outputs: Channels, inputs: Channels) -> pd.DataFrame:

@@ -1,23 +1,30 @@
-"""The same mode in two models: pairing with a reference, and grouping over several orders.
+"""The same mode in several models: paired with a reference, or grouped over all orders.
 
 Modes are paired with those of a reference by frequency.  Poles of different orders belong to one
 mode where they agree within their standard errors or the usual tolerances of modal analysis, and a
 mode has at most one pole of an order.  The nearest pairs are joined first, so that two close modes,
-both of which every order has, stay apart.
+both of which every order has, stay apart.  A stabilization diagram compares each pole with those of
+the next lower order: poles of a structure stay where they are, poles that fit noise do not.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from statistics import median
+from typing import Literal, Protocol
 
 import numpy as np
 
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
+from evopem.models.polynomial import Model
+from evopem.models.state_space import StateSpaceModel
 
 # Modes whose natural frequencies differ by more than this share are not the same mode.
-SAME_MODE = 0.15
+SAME_REFERENCE = 0.15
 # Poles are the same mode within these differences, relative for frequency and damping, or within
 # three standard errors of their difference.
 SAME_FREQUENCY = 0.02
@@ -25,13 +32,56 @@ SAME_DAMPING = 0.3
 STANDARD_ERRORS = 3.0
 # Smallest modal assurance criterion of two shapes of one mode, where both are known well enough.
 SAME_SHAPE = 0.8
+# In a stabilization diagram a pole is stable when its natural frequency changes by less than 1 %
+# and its damping ratio by less than 10 %, the usual thresholds of modal analysis (Ewins 2000).
+FREQUENCY_TOLERANCE = 0.01
+DAMPING_TOLERANCE = 0.10
+# Stable poles whose frequencies differ by less than this share belong to one mode.
+SAME_MODE = 0.02
+# A mode persists when its pole appears at this many successive orders.
+PERSISTENT_ORDERS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class OrderModel:
+    """The model of one order."""
+
+    order: int  # that was searched: with a noise model beside the plant there are more states
+    bic: float
+    # Without its covariance: large, and behind the errors of the modes.
+    model: Model
+    modes: tuple[Mode, ...]
+
+    @classmethod
+    def of(cls, order: int, bic: float, model: Model) -> OrderModel:
+        """The entry of a model with its covariance."""
+        return cls(order, bic, replace(model, covariance=None), tuple(model.modes()))
+
+
+@dataclass(frozen=True, eq=False)
+class OrderModels:
+    """The models of all orders that a search of one form went through, by order."""
+
+    models: tuple[OrderModel, ...]
+
+    def of_order(self, order: int) -> StateSpaceModel:
+        """The model of an order."""
+        model = next(each.model for each in self.models if each.order == order)
+        assert isinstance(model, StateSpaceModel)
+        return model
+
+    def with_model(self, changed: OrderModel) -> OrderModels:
+        """The same with another model of one order."""
+        kept = (each for each in self.models if each.order != changed.order)
+        return OrderModels(tuple(sorted([*kept, changed], key=lambda each: each.order)))
 
 
 def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[int, int]:
     """Pair modes by natural frequency, each at most once.
 
     As many modes as possible are paired, with the least sum of squared distances in the logarithm
-    of frequency (an assignment problem). Modes further apart than :data:`SAME_MODE` are not paired.
+    of frequency (an assignment problem). Modes further apart than :data:`SAME_REFERENCE` are not
+    paired.
 
     Returns index of the reference, by index of the estimate.
 
@@ -52,7 +102,7 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
         )
     )
     # Pairs that are too far apart all have one large cost, so that none displaces a good pair.
-    limit = math.log(1 + SAME_MODE)
+    limit = math.log(1 + SAME_REFERENCE)
     rows, columns = linear_sum_assignment(np.where(distance <= limit, distance**2, 1e3))
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= limit}
 
@@ -136,3 +186,79 @@ def _allowed(relative: float, *standard_errors: float) -> float:
 def _loss_by_noise(mode: Mode) -> float:
     """Expected ``1 - MAC`` of an estimated shape with the true one; 0 where it is not known."""
     return 1.0 - mode.shape_assurance if math.isfinite(mode.shape_assurance) else 0.0
+
+
+class ModeOfOrder(Protocol):
+    """What is compared of a mode."""
+
+    @property
+    def frequency_hz(self) -> float:
+        """Natural frequency in Hz."""
+
+    @property
+    def damping_ratio(self) -> float:
+        """Damping ratio."""
+
+
+Status = Literal["new", "frequency", "stable"]
+
+
+@dataclass(frozen=True)
+class StabilizationPole:
+    """An oscillating pole at one order of a stabilization diagram.
+
+    Its status compares it with the poles of the next lower order: none at this frequency, one at
+    this frequency, or one at this frequency and damping ratio.
+    """
+
+    order: int
+    frequency_hz: float
+    damping_ratio: float
+    status: Status
+
+
+def stabilization(modes: Mapping[int, Sequence[ModeOfOrder]]) -> list[StabilizationPole]:
+    """Modes by the order of their model, each compared with those of the next lower order.
+
+    By order, then as they are given.
+    """
+    poles: list[StabilizationPole] = []
+    below: Sequence[ModeOfOrder] = []
+    for order in sorted(modes):
+        poles += [
+            StabilizationPole(order, each.frequency_hz, each.damping_ratio, _status(each, below))
+            for each in modes[order]
+        ]
+        below = modes[order]
+    return poles
+
+
+def persistent_frequencies(poles: Sequence[StabilizationPole]) -> list[float]:
+    """Median natural frequencies in Hz of the modes that persist over the orders.
+
+    Stable poles are grouped by frequency. A group persists when it covers
+    :data:`PERSISTENT_ORDERS` orders; a pole that is stable at n - 1 orders was present at n.
+    """
+    stable = sorted(
+        (pole for pole in poles if pole.status == "stable"), key=lambda pole: pole.frequency_hz
+    )
+    groups = [stable[:1]]
+    for lower, upper in pairwise(stable):
+        if upper.frequency_hz - lower.frequency_hz > SAME_MODE * upper.frequency_hz:
+            groups.append([])
+        groups[-1].append(upper)
+    return [
+        median(pole.frequency_hz for pole in group)
+        for group in groups
+        if len({pole.order for pole in group}) >= PERSISTENT_ORDERS - 1
+    ]
+
+
+def _status(mode: ModeOfOrder, below: Sequence[ModeOfOrder]) -> Status:
+    width = FREQUENCY_TOLERANCE * mode.frequency_hz
+    near = [other for other in below if abs(other.frequency_hz - mode.frequency_hz) <= width]
+    if not near:
+        return "new"
+    tolerance = DAMPING_TOLERANCE * abs(mode.damping_ratio)
+    alike = any(abs(other.damping_ratio - mode.damping_ratio) <= tolerance for other in near)
+    return "stable" if alike else "frequency"

@@ -20,7 +20,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
-from evopem.models.stabilization import OrderModel, OrderModels
+from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.pipeline.chosen import estimated, record_of
 from evopem.pipeline.structures import errors_name_dataset, load_record
 from evopem.results.layout import DatasetFiles

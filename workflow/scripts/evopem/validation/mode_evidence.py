@@ -11,15 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.mode_matching import cluster_modes
+from evopem.models.mode_matching import OrderModel, cluster_modes
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
 from evopem.models.response_tables import Column, shaped_modes_table
-from evopem.models.stabilization import Estimated, OrderModel
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import (
     NO_TEST,
@@ -29,6 +29,9 @@ from evopem.validation.held_out_tests import (
 )
 from evopem.validation.modal_parts import ModalParts, noise_zeros
 from evopem.validation.responses import HeldOut, Model, divided
+
+if TYPE_CHECKING:
+    from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 
 Array = NDArray[np.float64]
 
@@ -167,7 +170,7 @@ class ModeTable:
 
 
 def mode_table(
-    estimates: Sequence[Estimated], recording: Recording, first: int | None = None
+    estimates: Sequence[StateSpaceEstimate], recording: Recording, first: int | None = None
 ) -> ModeTable:
     """Collect the modes of models of several orders, each with its evidence.
 
@@ -186,7 +189,7 @@ def mode_table(
     ValueError
         When the signals have other channels than the models.
     """
-    models = [OrderModel.of_estimate(each) for each in estimates]
+    models = [OrderModel.of(each.model.order, each.bic, each.model) for each in estimates]
     chosen = min(models, key=lambda each: each.bic).order
     if first is None:
         return table_of_models(models, chosen)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import OBJECTIVES, SpectrumSettings
 from evopem.errors import check_choice
+from evopem.models.mode_matching import OrderModel
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.stabilization import OrderModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
 from evopem.validation.excitation import excitation_order

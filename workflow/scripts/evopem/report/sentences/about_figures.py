@@ -9,7 +9,7 @@ from evopem.config.structures import plant_order, structure_name, varied_order
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.figures.orders import tied_text
 from evopem.figures.view import View
-from evopem.models.stabilization import PERSISTENT_ORDERS, persistent_frequencies
+from evopem.models.mode_matching import PERSISTENT_ORDERS, persistent_frequencies
 from evopem.report.numbers import (
     THIN,
     count,
