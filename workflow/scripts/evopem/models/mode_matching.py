@@ -24,7 +24,7 @@ from evopem.models.polynomial import Model
 from evopem.models.state_space import StateSpaceModel
 
 # Modes whose natural frequencies differ by more than this share are not the same mode.
-SAME_REFERENCE = 0.15
+SAME_MODE = 0.15
 # Poles are the same mode within these differences, relative for frequency and damping, or within
 # three standard errors of their difference.
 SAME_FREQUENCY = 0.02
@@ -37,7 +37,7 @@ SAME_SHAPE = 0.8
 FREQUENCY_TOLERANCE = 0.01
 DAMPING_TOLERANCE = 0.10
 # Stable poles whose frequencies differ by less than this share belong to one mode.
-SAME_MODE = 0.02
+SAME_POLES = 0.02
 # A mode persists when its pole appears at this many successive orders.
 PERSISTENT_ORDERS = 3
 
@@ -80,7 +80,7 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
     """Pair modes by natural frequency, each at most once.
 
     As many modes as possible are paired, with the least sum of squared distances in the logarithm
-    of frequency (an assignment problem). Modes further apart than :data:`SAME_REFERENCE` are not
+    of frequency (an assignment problem). Modes further apart than :data:`SAME_MODE` are not
     paired.
 
     Returns index of the reference, by index of the estimate.
@@ -102,7 +102,7 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
         )
     )
     # Pairs that are too far apart all have one large cost, so that none displaces a good pair.
-    limit = math.log(1 + SAME_REFERENCE)
+    limit = math.log(1 + SAME_MODE)
     rows, columns = linear_sum_assignment(np.where(distance <= limit, distance**2, 1e3))
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= limit}
 
@@ -244,7 +244,7 @@ def persistent_frequencies(poles: Sequence[StabilizationPole]) -> list[float]:
     )
     groups = [stable[:1]]
     for lower, upper in pairwise(stable):
-        if upper.frequency_hz - lower.frequency_hz > SAME_MODE * upper.frequency_hz:
+        if upper.frequency_hz - lower.frequency_hz > SAME_POLES * upper.frequency_hz:
             groups.append([])
         groups[-1].append(upper)
     return [
