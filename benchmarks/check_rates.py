@@ -30,19 +30,18 @@ from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E
 from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
 from evopem.models.mode_matching import OrderModel  # noqa: E402
-from evopem.models.parameter_covariance import wald_p_value  # noqa: E402
 from evopem.models.structures import armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 from evopem.synthesis.flexible_arm import flexible_arm  # noqa: E402
+from evopem.validation.excitation import split_spectra  # noqa: E402
 from evopem.validation.mode_evidence import table_of_models  # noqa: E402
 from evopem.validation.residual_tests import (  # noqa: E402
     ljung_box_lags,
     whiteness_test,
 )
 from evopem.validation.responses import divided  # noqa: E402
-from evopem.validation.split_spectra import split_spectra  # noqa: E402
 from evopem.validation.validate import input_significance  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -158,7 +157,8 @@ def input_record(
     assert model.covariance is not None
     of_b = model.covariance.part(slice(model.orders.na, model.orders.na + model.orders.single.nb))
     held_out = divided(model, Recording(u, y, 1.0), cut)
-    return input_significance(held_out).p_value, wald_p_value(model.b, of_b.matrix)
+    statistic = float(model.b @ np.linalg.pinv(of_b.matrix) @ model.b)
+    return input_significance(held_out).p_value, float(chdtrc(len(model.b), statistic))
 
 
 def selected(u: Array, y: Array) -> Fit:

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
-from evopem.models.parameter_covariance import ParameterCovariance, wald_p_value
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_covariance
 
 
@@ -67,15 +66,3 @@ def test_a_root_that_the_data_do_not_determine_has_infinite_variances():
     covariance = ParameterCovariance(np.array([[0.1], [-0.05]]), direction)
     assert np.isfinite(root_covariance(a, 0.5, covariance)[0, 0])
     assert root_covariance(a, 0.2, covariance)[0, 0] == np.inf
-
-
-def test_wald_p_value_against_the_chi_square_distribution():
-    covariance = np.array([[2.0, 0.5], [0.5, 1e-4]])
-    value = np.array([1.0, 0.02])
-    covariance[0, 1] = covariance[1, 0] = 0.005
-    statistic = value @ np.linalg.solve(covariance, value)
-    assert wald_p_value(value, covariance) == pytest.approx(chi2.sf(statistic, 2))
-    # One direction only: one degree of freedom.
-    assert wald_p_value([2.0, 2.0], np.ones((2, 2))) == pytest.approx(chi2.sf(4.0, 1))
-    assert np.isnan(wald_p_value([1.0], [[np.inf]]))
-    assert np.isnan(wald_p_value([0.0], [[0.0]]))

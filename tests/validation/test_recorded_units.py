@@ -7,7 +7,7 @@ from evopem.config.settings import PreparationSettings, SplitSettings, Transform
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
-from evopem.validation.recorded_units import recorded_errors, recorded_series
+from evopem.validation.tables import recorded_errors, recorded_series
 from evopem.validation.validate import validate
 
 

@@ -63,7 +63,6 @@ def test_static_gain_by_hand():
     assert result.samples == 4
     assert result.prediction_error_percent == pytest.approx(100 / math.sqrt(20.75))
     assert result.simulation_error_percent == pytest.approx(100 / math.sqrt(20.75))
-    assert result.prediction_fit_percent == pytest.approx(100 * (1 - 1 / math.sqrt(20.75)))
 
 
 @pytest.mark.parametrize("contiguous", [True, False])
@@ -209,5 +208,5 @@ def test_inputs_stay_as_they_are():
 def test_too_few_samples_are_refused():
     model = lightly_damped()
     u, y = response(model, 60, noise=0.1)
-    with pytest.raises(ValueError, match="leave no residuals"):
+    with pytest.raises(ValueError, match="no stretch has"):
         validate(model, prepared(u, y, 40), loss_start=39)

@@ -26,7 +26,7 @@ from evopem.validation.checks.residuals import white
 if TYPE_CHECKING:
     from evopem.signals.spectral.summary import SpectralPeak
     from evopem.validation.checks import Check
-    from evopem.validation.recorded_units import RecordedErrors
+    from evopem.validation.validation import RecordedErrors
 
 Results = DatasetResults
 # Length of the transforms of the residual spectrum: coarse, since white noise has no lines.

@@ -130,28 +130,3 @@ class ParameterCovariance:
         covariance[:, unknown] = np.nan
         covariance[infinite, infinite] = np.inf
         return covariance
-
-
-def wald_p_value(value: ArrayLike, covariance: ArrayLike) -> float:
-    """p-value of the Wald test that a vector is zero, from its covariance.
-
-    The statistic is compared with the chi-square distribution of as many degrees of freedom as
-    the covariance has rank.  NaN where the covariance is not finite or zero: the test is then
-    not possible.
-
-    ``value`` (m,).  ``covariance`` (m, m).
-    """
-    from scipy.special import chdtrc
-
-    estimate, spread = np.asarray(value, dtype=float), np.asarray(covariance, dtype=float)
-    if not (np.isfinite(estimate).all() and np.isfinite(spread).all()):
-        return float("nan")
-    scale = np.sqrt(np.diag(spread))
-    scale[scale == 0.0] = 1.0
-    correlation = spread / np.outer(scale, scale)
-    rank = int(np.linalg.matrix_rank(correlation, hermitian=True))
-    if rank == 0:
-        return float("nan")
-    scaled = estimate / scale
-    statistic = float(scaled @ np.linalg.pinv(correlation, hermitian=True) @ scaled)
-    return float(chdtrc(rank, max(statistic, 0.0)))

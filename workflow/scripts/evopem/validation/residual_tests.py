@@ -1,77 +1,36 @@
-"""Correlation tests on residuals: whiteness, and independence of the input."""
+"""The residuals that tests use, and tests of whiteness and of independence of the inputs.
+
+Those of polynomials are of the estimation samples, where the derivatives of the residuals give the
+distribution of the test after the fit (:func:`whiteness_test`).  Those of a state-space model are
+of the validation samples and need no correction for the fit.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import chdtrc
 
-from evopem.config.settings import OBJECTIVES
+from evopem.config.settings import OBJECTIVES, ScoringWindow
 from evopem.errors import check_choice
 from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_factor
 from evopem.estimation.pem.least_squares import triangle_of
+from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.models.response_tables import NORMAL_95
 from evopem.signals import correlation as signals
+from evopem.signals.recording import Recording
+from evopem.validation.responses import HeldOut
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-# Weights below this share of the largest one do not move the distribution.
-NEGLIGIBLE = 1e-12
-# Absolute error of the tail probability that truncating and discretising the integral may cause.
-ACCURACY = 1e-10
-# Largest number of nodes of the quadrature.
-MOST_NODES = 200_000
-
-
-def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:
-    """P(sum of weights_i x_i² > value) for independent standard normal x_i.
-
-    The characteristic function is inverted numerically (Imhof 1961, Biometrika 48:419; Davies
-    1980): the trapezoidal rule is applied with a step that keeps the aliasing error below
-    :data:`ACCURACY`.  NaN when no weight is positive or the value is not finite.
-
-    ``weights``: of at least zero.
-    """
-    from scipy.special import chdtrc
-
-    lam = np.asarray(weights, dtype=float)
-    lam = lam[lam > NEGLIGIBLE * np.max(lam, initial=0.0)]
-    if lam.size == 0 or not np.isfinite(value):
-        return float("nan")
-    if value <= 0.0:
-        return 1.0
-    if np.ptp(lam) <= 1e-9 * lam.max():
-        return float(chdtrc(lam.size, value / lam.mean()))
-    mean, deviation = lam.sum(), np.sqrt(2.0 * np.sum(lam**2))
-    if value > mean + 60.0 * deviation + 60.0 * lam.max():
-        return 0.0
-    # The sum and the value lie within this range up to a probability of about ACCURACY.
-    reach = max(value, mean + 60.0 * deviation + 60.0 * lam.max())
-    step = np.pi / reach
-    last = _truncation(lam)
-    nodes = min(int(np.ceil(last / step)), MOST_NODES)
-    u = (np.arange(nodes) + 0.5) * step
-    scaled = u[:, None] * lam
-    angle = 0.5 * (np.sum(np.arctan(scaled), axis=1) - value * u)
-    log_modulus = -0.25 * np.sum(np.log1p(scaled**2), axis=1)
-    tail = 0.5 + step / np.pi * np.sum(np.sin(angle) / u * np.exp(log_modulus))
-    return float(np.clip(tail, 0.0, 1.0))
-
-
-def _truncation(lam: np.ndarray) -> float:
-    """Where the modulus of the integrand has fallen to :data:`ACCURACY`."""
-    last = 1.0 / lam.max()
-    while -0.25 * np.sum(np.log1p((last * lam) ** 2)) > np.log(ACCURACY):
-        last *= 1.5
-    return float(last)
-
 
 Array = NDArray[np.float64]
 
@@ -81,6 +40,77 @@ CROSS_CORRELATION_LAGS = 200
 
 # A sum of squares that is expected to be smaller than this has no distribution worth testing.
 LEAST_EXPECTED = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class TestedResiduals:
+    """Residuals, (N, l), and the inputs of the same samples, (N, m)."""
+
+    residuals: Array
+    inputs: Array
+    bounds: tuple[int, ...]  # first residual of each stretch, and N
+    # Gives the derivatives of the residuals of the one output by everything estimated, in blocks of
+    # rows
+    jacobian: Callable[[], Iterable[Array]] | None = None
+
+
+def of_validation(held_out: Sequence[HeldOut]) -> TestedResiduals:
+    """The residuals of the validation samples that are scored."""
+    residuals = [(h.recording.outputs - h.predicted())[h.unscored :] for h in held_out]
+    inputs = [h.recording.inputs[h.unscored :] for h in held_out]
+    return TestedResiduals(np.concatenate(residuals), np.concatenate(inputs), _bounds(residuals))
+
+
+def of_estimation(
+    model: PolynomialModel, estimation: Recording, start: int, objective: str
+) -> TestedResiduals:
+    """The residuals of the estimation samples, of each stretch from sample ``start`` on.
+
+    Each stretch begins with the states that fit it best, and each of several recordings has a
+    level of its own.  Raises ValueError when no stretch is long enough.
+    """
+    first = model.orders.first_residual
+    window = ScoringWindow(first, max(start, first))
+    with_level = model.level != 0.0
+    errors = StretchErrors(
+        *(estimation.segments, model.orders, objective, 1.0, 1.0, with_level, window)
+    )
+    point = errors.completed_by_states(model)
+    for stretch, (_, at) in zip(errors.stretches, errors.places(), strict=True):
+        parameters, level = model.orders.parameters, model.level
+        if estimation.is_joined and with_level:
+            level = point[at[parameters]]
+        states = estimate_prediction_states(
+            replace(model, level=level), stretch.inputs, stretch.output
+        )
+        point[at[parameters:]] = [*([level] if with_level else []), *np.concatenate(states)]
+    residuals = errors.residuals_of_stretches(point)
+    inputs = [each.inputs[window.loss_start :] for each in errors.stretches]
+    return TestedResiduals(
+        np.concatenate(residuals)[:, None],
+        np.concatenate(inputs),
+        _bounds(residuals),
+        lambda: errors.jacobian_blocks(point),
+    )
+
+
+def _bounds(parts: Sequence[Array]) -> tuple[int, ...]:
+    return tuple(np.cumsum([0, *map(len, parts)]).tolist())
+
+
+def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:
+    """P(sum of weights_i x_i² > value) for independent standard normal x_i.
+
+    By the chi-square variable of the same mean, variance and skewness (Imhof 1961, Biometrika
+    48:419, eq. 5.1), exact for equal weights and to 0.002 where the probability is below 0.1.  NaN
+    when no weight is positive or the value is not finite.
+    """
+    lam = np.asarray(weights, dtype=float)
+    mean, square, cube = (float(np.sum(lam**power)) for power in (1, 2, 3))
+    if not (cube > 0.0 and math.isfinite(value)):
+        return math.nan
+    freedom = square**3 / cube**2
+    return float(chdtrc(freedom, max((value - mean) * square / cube + freedom, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -100,8 +130,6 @@ def free_whiteness_test(
 
     NaN where the residuals do not vary.
     """
-    from scipy.special import chdtrc
-
     if not np.ptp(residuals) > 0.0:
         return WhitenessTest(math.nan, math.nan, math.nan, lags)
     statistic = _ljung_box(autocorrelation_of(residuals, lags, bounds).values[1:], residuals.size)

@@ -19,7 +19,7 @@ from evopem.models.mode_matching import OrderModel
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
-from evopem.validation.excitation import excitation_order
+from evopem.validation.excitation import excitation_order, split_spectra
 from evopem.validation.held_out_tests import (
     NO_TEST,
     HeldOutContribution,
@@ -29,15 +29,17 @@ from evopem.validation.held_out_tests import (
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
 from evopem.validation.peak_evidence import peak_evidence
-from evopem.validation.recorded_units import RecordedSeries, recorded_errors, recorded_series
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
     ResidualCorrelation,
+    TestedResiduals,
     WhitenessTest,
     autocorrelation_of,
     correlation_with_input,
     free_whiteness_test,
     ljung_box_lags,
+    of_estimation,
+    of_validation,
     whiteness_test,
 )
 from evopem.validation.responses import (
@@ -49,9 +51,14 @@ from evopem.validation.responses import (
     unscored_samples,
 )
 from evopem.validation.scores import error_percent, outlier_percent
-from evopem.validation.split_spectra import split_spectra
-from evopem.validation.tables import autocorrelation_table, horizon_table, simulation_table
-from evopem.validation.tested_residuals import TestedResiduals, of_estimation, of_validation
+from evopem.validation.tables import (
+    RecordedSeries,
+    autocorrelation_table,
+    horizon_table,
+    recorded_errors,
+    recorded_series,
+    simulation_table,
+)
 from evopem.validation.validation import (
     InputValidation,
     OutputValidation,

@@ -7,15 +7,29 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from evopem.validation.excitation import SplitSpectra
 from evopem.validation.held_out_tests import HeldOutTest
 from evopem.validation.mode_evidence import ModeTable
 from evopem.validation.peak_evidence import PeakEvidence
-from evopem.validation.recorded_units import RecordedErrors
 from evopem.validation.residual_tests import WhitenessTest
-from evopem.validation.split_spectra import SplitSpectra
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+@dataclass(frozen=True)
+class RecordedErrors:
+    """Errors of an output in the units of the recording, over the scored validation samples."""
+
+    # prediction_error_percent, simulation_error_percent: ``100 ||y - yhat|| / ||y - mean(y)||``;
+    # NaN where no sample is defined
+    prediction_error_percent: float
+    simulation_error_percent: float
+    # Simulated samples that leave the range of the Box-Cox transform and have no recorded value
+    undefined_samples: int
+    # Number of times that the inverse of differencing sums up the error of the simulation. From 1
+    # on this error drifts, and its percentage grows with the length of the record
+    integrations: int
 
 
 @dataclass(frozen=True)
@@ -104,11 +118,6 @@ class Validation:
     input_test: HeldOutTest
     resolution_hz: float  # of the spectra whose peaks are judged
     modes: ModeTable
-
-    @property
-    def prediction_fit_percent(self) -> float:
-        """Fit of one-step predictions."""
-        return 100.0 - self.prediction_error_percent
 
     @property
     def simulation_fit_percent(self) -> float:

@@ -23,8 +23,8 @@ from evopem.validation.checks.inputs import (
     excitation,
     independent_of_state,
     response_to_input,
+    saturation,
 )
-from evopem.validation.checks.recording import saturation
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
     WHITE,

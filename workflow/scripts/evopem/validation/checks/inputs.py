@@ -1,12 +1,12 @@
-"""Checks of the inputs: whether they excite the system, and whether the outputs respond to them."""
+"""Checks of the channels: saturation, excitation, and whether the outputs respond to the inputs."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
-from evopem.validation.checks.check import SIGNIFICANCE, Check, Evidence, listed, p_text
-from evopem.validation.split_spectra import FEWEST_SAMPLES
+from evopem.validation.checks.check import LISTED, SIGNIFICANCE, Check, Evidence, listed, p_text
+from evopem.validation.excitation import FEWEST_SAMPLES
 
 if TYPE_CHECKING:
     from evopem.validation.validation import InputValidation, Validation
@@ -21,6 +21,8 @@ CHECK_THE_MODEL = (
     "Slow poles, or poles near the unit circle that zeros nearly cancel, let a fitted state imitate"
     " a drift. Try lower orders, or look for a trend in the record."
 )
+# Percentage of the samples at a channel's limits above which the channel counts as saturated.
+MAX_SATURATED_PERCENT = 0.1
 RESTING = "the input does not change in the validation samples"
 EXCITE_AGAIN = (
     "Record a second step or blow, in the same file or as a “validation_file”: one event cannot be"
@@ -152,4 +154,34 @@ def _outside(worst: InputValidation, is_named: bool) -> str:
         f"{100 * split.share_outside:.2g} % of the power of the validation input"
         f"{f' {worst.name}' if is_named else ''} lies where the estimation input has none"
         f"{f' ({bands})' if bands else ''}."
+    )
+
+
+def saturation(evidence: Evidence) -> Check:
+    """No channel saturated: at its smallest or largest value for several samples."""
+    name, recording = "Record not saturated", evidence.recording
+    percent = {}
+    for role, channels in (("input", recording.inputs), ("output", recording.outputs)):
+        for channel in channels:
+            called = role if len(channels) == 1 else f"{role} {channel.name}"
+            percent[called] = channel.saturated_percent
+    if any(math.isnan(each) for each in percent.values()):
+        return Check(
+            name,
+            None,
+            "The share of saturated samples could not be computed.",
+            "Inspect the record.",
+        )
+    saturated = {channel: each for channel, each in percent.items() if each > MAX_SATURATED_PERCENT}
+    if not saturated:
+        return Check(name, True, "No channel stays at its smallest or largest value.")
+    shares = [f"{each:.2g} % of the {channel}" for channel, each in saturated.items()]
+    more = f" and {len(shares) - LISTED} more channels" if len(shares) > LISTED else ""
+    return Check(
+        name,
+        False,
+        f"{' and '.join(shares[:LISTED])}{more} is saturated: it stays at its smallest or largest"
+        " value.",
+        "A linear model does not describe saturation. Record again within the range of the"
+        " instrument.",
     )
