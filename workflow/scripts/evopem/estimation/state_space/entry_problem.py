@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints
-from evopem.estimation import absolute_descent
-from evopem.estimation.absolute_descent import Places, Weighing
-from evopem.estimation.damped_descent import Optimum, descend
+from evopem.estimation import damped_descent
+from evopem.estimation.damped_descent import Optimum, Places, Weighing, descend
 from evopem.estimation.pem.constrained_parameters import Gain
 from evopem.estimation.state_space.errors import ScaledRecording, StateSpaceErrors
 from evopem.estimation.state_space.kernels import entry_derivatives
@@ -203,19 +202,19 @@ class EntryProblem:
     def descend(self, point: Array) -> Optimum:
         """The optimum that a descent ends at."""
         if self.absolute:
-            return absolute_descent.descend(self, point, absolute_descent.SEARCH_WIDTH)
+            return damped_descent.descend_absolute(self, point, damped_descent.SEARCH_WIDTH)
         return descend(self, point, STEPS, TOLERANCE)
 
     def polish(self, point: Array) -> Optimum:
         """The same to the last digits."""
         if self.absolute:
-            return absolute_descent.polish(self, point)
+            return damped_descent.polish_absolute(self, point)
         return descend(self, point, POLISH_STEPS, POLISH_TOLERANCE)
 
     def percent(self, errors: Array) -> float:
         """Objective of errors, (N, l), in percent."""
         if self.absolute:
-            criterion = absolute_descent.criterion(errors / self.sizes, self.weighing)
+            criterion = damped_descent.absolute_criterion(errors / self.sizes, self.weighing)
             return percent_of_absolute(criterion)
         return self.plain.percent(self.plain.criterion(errors.T @ errors / len(errors)))
 

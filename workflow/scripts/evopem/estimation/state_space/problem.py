@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import Objective
-from evopem.estimation import absolute_descent
-from evopem.estimation.absolute_descent import Places, Weighing
-from evopem.estimation.damped_descent import Optimum, descend
+from evopem.estimation import damped_descent
+from evopem.estimation.damped_descent import Optimum, Places, Weighing, descend
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
@@ -209,13 +208,13 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
     def nearest(self, coordinates: list[Array]) -> tuple[Array, int]:
         """Optima next to those of the quadratic objective, (m, n), and the evaluations."""
         starts = self._all_completed(coordinates)
-        reached = self._descended(starts, absolute_descent.SEARCH_WIDTH)
+        reached = self._descended(starts, damped_descent.SEARCH_WIDTH)
         return reached.points, reached.evaluations + len(starts)
 
     def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
         """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
         points = self._all_completed([each.point for each in optima[:DESCENDED]])
-        reached = self._descended(points, absolute_descent.SWEEP_WIDTH)
+        reached = self._descended(points, damped_descent.SWEEP_WIDTH)
         lowest = int(np.argmin(reached.values))
         return reached.points[lowest], float(reached.values[lowest]), reached.evaluations
 
@@ -224,7 +223,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         if not np.isfinite(coordinates).all():
             return np.full(self.dimension, np.nan)
         projection = self.plain.projection(coordinates)
-        along = absolute_descent.linear_coefficients(projection.basis, self.plain.data.outputs)
+        along = damped_descent.linear_coefficients(projection.basis, self.plain.data.outputs)
         triangle = projection.basis.T @ projection.regressors
         linear = np.linalg.lstsq(triangle, along, rcond=None)[0]
         return np.concatenate([coordinates, linear.T.ravel()])
@@ -252,7 +251,9 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
             return float("inf")
         if not self.is_stable(point):
             return float("inf")
-        return percent_of_absolute(absolute_descent.criterion(self.errors(point), self.weighing))
+        return percent_of_absolute(
+            damped_descent.absolute_criterion(self.errors(point), self.weighing)
+        )
 
     def recombine(
         self, parents: Array, count: int, generator: np.random.Generator
@@ -265,12 +266,12 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
     def descents(self, points: Array, steps: int, tolerance: float) -> Descent:  # noqa: ARG002
         """Descents from each row, to the last digits where the tolerance asks for them."""
         if tolerance >= TOLERANCE:
-            return self._descended(points, absolute_descent.SEARCH_WIDTH)
-        optima = [absolute_descent.polish(self, point) for point in points]
+            return self._descended(points, damped_descent.SEARCH_WIDTH)
+        optima = [damped_descent.polish_absolute(self, point) for point in points]
         return _descent_of(optima, points, percent_of_absolute)
 
     def _descended(self, points: Array, last_width: float) -> Descent:
-        optima = [absolute_descent.descend(self, point, last_width) for point in points]
+        optima = [damped_descent.descend_absolute(self, point, last_width) for point in points]
         return _descent_of(optima, points, percent_of_absolute)
 
     def covariance(self, projection: Projection) -> ParameterCovariance | None:
@@ -290,7 +291,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
 
 def percent_of_absolute(criterion: float) -> float:
     """A criterion in percent of the mean absolute outputs, y less its mean with a level."""
-    rounding = absolute_descent.ROUNDING if np.isfinite(criterion) else 0.0
+    rounding = damped_descent.ROUNDING if np.isfinite(criterion) else 0.0
     return 100.0 * (float(np.exp(criterion)) - rounding)
 
 
@@ -307,7 +308,7 @@ def absolute_scores(
     if not np.all(density > 0.0):
         return None
     sizes = errors.data.absolute_sizes
-    relative = absolute_descent.output_weights(one_step / sizes, weighing) / sizes
+    relative = damped_descent.output_weights(one_step / sizes, weighing) / sizes
     return np.sign(one_step) / (2.0 * density), np.diag(2.0 * density * relative)
 
 
