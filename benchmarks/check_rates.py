@@ -27,7 +27,7 @@ from scipy.special import chdtrc  # noqa: E402
 
 from evopem import Orders, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E402
-from evopem.estimation.delay_refinement import Fit, refine_delay  # noqa: E402
+from evopem.estimation.delays import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
 from evopem.models.mode_matching import OrderModel  # noqa: E402
 from evopem.models.structures import armax_orders  # noqa: E402

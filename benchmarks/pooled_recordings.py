@@ -22,7 +22,7 @@ from evidence import write_section
 
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.polynomial_estimate import describe
-from evopem.estimation.polynomial_search import prediction_errors
+from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended
 from evopem.models.polynomial import PolynomialModel

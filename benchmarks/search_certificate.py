@@ -27,8 +27,8 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem import PolynomialModel, SearchSettings  # noqa: E402
+from evopem.estimation.estimate import problem_of as problem_of_errors  # noqa: E402
 from evopem.estimation.order_selection import REPEAT_FACTOR  # noqa: E402
-from evopem.estimation.polynomial_search import problem_of as problem_of_errors  # noqa: E402
 from evopem.estimation.prediction_errors import (  # noqa: E402
     default_window,
     prediction_errors,

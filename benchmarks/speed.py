@@ -45,8 +45,8 @@ from evopem.config.settings import (  # noqa: E402
     SearchSettings,
     SpectrumSettings,
 )
-from evopem.estimation.candidate import Candidate  # noqa: E402
-from evopem.estimation.order_race import first_pass  # noqa: E402
+from evopem.estimation.candidate import Candidate, first_pass  # noqa: E402
+from evopem.estimation.estimate import estimate  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
     estimate_candidates,
     select_candidate,
@@ -55,7 +55,6 @@ from evopem.estimation.pem.kernels import LANES  # noqa: E402
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.global_search import global_search  # noqa: E402
-from evopem.estimation.structured_estimate import estimate  # noqa: E402
 from evopem.models.structures import Orders, armax_orders, orders_of  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
 from evopem.config.settings import ScoringWindow
-from evopem.estimation.delay_refinement import (
+from evopem.estimation.delays import (
     Fit,
     delay_alternatives,
     refine_delay,

@@ -246,8 +246,9 @@ def test_a_level_of_the_output_is_warned_of_and_a_small_one_is_not(recwarn):
     y = y - y.mean()
     few = SearchSettings(evaluations=100)
     estimate(u, y + 0.02, (1, 1, 1, 1), settings=few)
-    assert not [each for each in recwarn if "mean of the output" in str(each.message)]
-    for structure, orders in (("armax", (1, 1, 1, 1)), ("oe", (1, 1, 1)), ("arx", (1, 1, 1))):
+    assert not [each for each in recwarn if "the mean of an output" in str(each.message)]
+    structures = {"armax": (1, 1, 1, 1), "oe": (1, 1, 1), "arx": (1, 1, 1), "ss": 1, "ss_oe": 1}
+    for structure, orders in structures.items():
         with pytest.warns(UserWarning, match="subtract the means of input and output"):
             estimate(u, y + 1.0, orders, structure=structure, settings=few)
 

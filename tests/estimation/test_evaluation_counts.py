@@ -21,9 +21,9 @@ from evopem.config.settings import (
     SearchSettings,
     SpectrumSettings,
 )
-from evopem.estimation.order_race import first_pass
+from evopem.estimation.candidate import first_pass
+from evopem.estimation.estimate import estimate
 from evopem.estimation.order_selection import estimate_candidates, select_candidate
-from evopem.estimation.structured_estimate import estimate
 from evopem.models.structures import orders_of
 from evopem.synthesis.armax import armax
 

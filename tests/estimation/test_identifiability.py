@@ -7,9 +7,9 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
+from evopem.estimation.estimate import descended_from
 from evopem.estimation.pem.covariance import pseudo_inverse_factor
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.polynomial_search import descended_from
 from evopem.models.response_tables import response_interval
 from evopem.models.structures import armax_orders
 from evopem.signals.recording import Recording

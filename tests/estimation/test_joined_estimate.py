@@ -7,9 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.order_selection import estimate_candidates, reoptimize_from
 from evopem.estimation.polynomial_estimate import describe
-from evopem.estimation.polynomial_search import estimate_polynomial, prediction_errors
+from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended
 from evopem.models.polynomial import PolynomialModel

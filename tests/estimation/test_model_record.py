@@ -8,8 +8,8 @@ import pytest
 import evopem
 from evopem.config.settings import PreparationSettings, SearchSettings, SplitSettings
 from evopem.errors import InputError
+from evopem.estimation.estimate import estimate
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.structured_estimate import estimate
 from evopem.files.json_form import load, save
 from evopem.signals.preparation import prepare
 from evopem.synthesis.armax import armax

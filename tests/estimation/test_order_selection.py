@@ -8,19 +8,18 @@ import pytest
 from evopem.config.channels import SyntheticSource
 from evopem.config.settings import PreparationSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.candidate import Candidate, select_delay, select_order
+from evopem.estimation.candidate import Candidate, first_pass, race, select_delay, select_order
 from evopem.estimation.criteria import Criteria
-from evopem.estimation.order_race import first_pass, race
 from evopem.estimation.order_selection import (
     complete_estimate,
     continue_search,
     estimate_candidates,
+    estimate_in_parallel,
     reoptimize_from,
     repeat_search,
     select_candidate,
     settle,
 )
-from evopem.estimation.parallel import estimate_in_parallel
 from evopem.estimation.search.certificate import (
     AFTER_FEW_OPTIMA,
     AFTER_FIRST_PASS,

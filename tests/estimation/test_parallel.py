@@ -8,7 +8,7 @@ import pytest
 
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation import parallel
+from evopem.estimation import order_selection
 from evopem.models.structures import armax_orders
 from evopem.signals.recording import Recording
 
@@ -30,9 +30,9 @@ def test_a_killed_process_is_named_in_one_sentence(monkeypatch):
             os.kill(os.getpid(), signal.SIGKILL)
         return []
 
-    monkeypatch.setattr(parallel, "estimate_candidates", killed)
+    monkeypatch.setattr(order_selection, "estimate_candidates", killed)
     orders = [armax_orders(order, order, order, 1) for order in (1, 2, 3, 4)]
     with pytest.raises(InputError, match=r"^the candidates of phase joint: .+ was killed"):
-        parallel.estimate_in_parallel(
+        order_selection.estimate_in_parallel(
             recording, orders, "joint", SearchSettings(), ScoringWindow(5, 25), cores=2
         )

@@ -7,7 +7,7 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.kernels.sections import products_of_sections
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
-from evopem.estimation.polynomial_search import prediction_errors, scaled_errors
+from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.section_coordinates import SectionCoordinates

@@ -8,7 +8,7 @@ import pytest
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
-from evopem.estimation.polynomial_search import prediction_errors, scaled_errors
+from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.common_sections import (
     growth,

@@ -8,8 +8,8 @@ import pytest
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.candidate import PhaseSelection
+from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.polynomial_search import estimate_polynomial
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.fleet import DatasetSummary

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.delays import estimate_delays
+    from evopem.estimation.estimate import estimate
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
-    from evopem.estimation.structured_estimate import estimate
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
     from evopem.models.structures import Orders
@@ -69,7 +69,7 @@ _HOMES = {
     "SearchSettings": "evopem.config.settings",
     "StateSpaceEstimate": "evopem.estimation.state_space.local_estimates",
     "StateSpaceModel": "evopem.models.state_space",
-    "estimate": "evopem.estimation.structured_estimate",
+    "estimate": "evopem.estimation.estimate",
     "identify": "evopem.notebook.identify",
     "read_results": "evopem.notebook.identify",
     "estimate_delays": "evopem.estimation.delays",

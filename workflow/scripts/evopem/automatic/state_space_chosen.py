@@ -16,10 +16,10 @@ from evopem.automatic.state_space import (
 )
 from evopem.config.constraints import Constraints
 from evopem.errors import InputError
+from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.order_limits import OrderLimits as InputLimits
 from evopem.estimation.order_limits import joint_orders
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
-from evopem.estimation.polynomial_search import estimate_polynomial
 from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.models.constraint_checks import check_constraints

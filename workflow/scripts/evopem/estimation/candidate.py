@@ -1,17 +1,20 @@
-"""A candidate of the order search, and the selection of one in each phase."""
+"""A candidate of the order search, the race between those of a phase, and the selection of one."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.settings import SearchSettings
 from evopem.config.structures import plant_order
 from evopem.estimation.criteria import Criteria
+from evopem.estimation.search.certificate import Target, gain_after_first_pass, is_certified
+from evopem.estimation.search.global_search import FIRST_PASS
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
@@ -22,32 +25,29 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+# Powers of the residuals that the objectives sum.
+POWERS = {"quadratic": 2, "absolute": 1}
+
+SearchOn = Callable[["Candidate", Target | None], "Candidate"]
+Settle = Callable[[Sequence["Candidate"]], list["Candidate"]]
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """The estimate of one order, as it passes between the jobs of an order search.
-
-    ``model``: without the covariance of its parameters. ``with_level``: whether a constant was
-    estimated along.  ``plant_state`` (nf,): contribution of the past to the first equations of
-    ``F x = -B u``.  ``noise_state`` (max(nc, nd),): contribution of the past to the first equations
-    of ``C e = D v``.  ``minimum``: what the search minimised, at its best point.
-    ``at_stability_bound``: whether a root of A, C, D or F lies at the largest radius allowed.
-    ``pruned``: why it was left before the end of its search; empty where it was not.
-    ``further_levels``: of the second and later recordings, where there are several with a level.
-    """
+    """The estimate of one order, as it passes between the jobs of an order search."""
 
     phase: str
     orders: Orders
-    model: PolynomialModel
+    model: PolynomialModel  # without the covariance of its parameters
     criteria: Criteria
     with_level: bool
-    plant_state: Array
+    plant_state: Array  # these as of PolynomialEstimate
     noise_state: Array
-    minimum: float
+    minimum: float  # what the search minimised, at its best point
     at_stability_bound: bool
     diagnostics: SearchDiagnostics
-    pruned: str = ""
-    further_levels: tuple[float, ...] = ()
+    pruned: str = ""  # why it was left before the end of its search
+    further_levels: tuple[float, ...] = ()  # of the second and later recordings
 
     @classmethod
     def of(cls, estimate: PolynomialEstimate, phase: str) -> Candidate:
@@ -88,14 +88,11 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class PhaseSelection:
-    """The outcome of one phase of the order search.
-
-    ``reason``: why it was selected, in a sentence.
-    """
+    """The outcome of one phase of the order search."""
 
     phase: str
     orders: Orders
-    reason: str
+    reason: str  # in a sentence
     candidates: tuple[Candidate, ...]
 
     @property
@@ -104,10 +101,7 @@ class PhaseSelection:
         return next(each for each in self.candidates if each.orders == self.orders)
 
     def over_orders(self, structure: str) -> tuple[Candidate, ...]:
-        """The models of every plant order; of several structures, the best of each order by BIC.
-
-        ``structure``: the structure that is looked at, where the phase has several of them.
-        """
+        """The models of every plant order; of several structures, the best of the one looked at."""
         structures = {each.orders.structure for each in self.candidates}
         if len(structures) == 1:
             return self.candidates
@@ -121,24 +115,16 @@ class PhaseSelection:
 
 
 def select_delay(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
-    """The delay with the smallest mean BIC over the orders (chapter section 5.3).
-
-    The chapter looked for better criteria and for small deviations between the orders; the mean
-    rewards both.  The orders returned are those of the delay's best candidate.
-    """
-    by_delay: dict[int, list[Candidate]] = defaultdict(list)
-    for candidate in candidates:
-        by_delay[candidate.orders.single.nk].append(candidate)
-    means = {nk: float(np.mean([c.criteria.bic for c in group])) for nk, group in by_delay.items()}
-    spreads = {nk: float(np.ptp([c.criteria.bic for c in group])) for nk, group in by_delay.items()}
-    selected = min(sorted(means), key=lambda nk: means[nk])
-    best = min(by_delay[selected], key=_criterion)
-    others = [means[nk] for nk in means if nk != selected]
-    lead = f", {min(others) - means[selected]:.4f} below the next" if others else ""
+    """The orders of the best candidate of the delay with the smallest mean BIC (chapter 5.3)."""
+    means, rows = _mean_criteria(candidates)
+    selected, *others = sorted(means, key=lambda nk: (means[nk], nk))
+    of_delay = [candidates[row] for row in rows[selected]]
+    best, spread = min(of_delay, key=_criterion), np.ptp([c.criteria.bic for c in of_delay])
+    lead = f", {means[others[0]] - means[selected]:.4f} below the next" if others else ""
     reason = (
         f"A delay of {selected} sample{'' if selected == 1 else 's'} has the smallest mean BIC "
         f"over the orders ({means[selected]:.4f}{lead}); over its orders BIC varies by "
-        f"{spreads[selected]:.4f}."
+        f"{spread:.4f}."
     )
     return best.orders, reason
 
@@ -156,6 +142,108 @@ def select_order(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
     return best.orders, reason + "."
 
 
+def _mean_criteria(
+    candidates: Sequence[Candidate],
+) -> tuple[dict[int, float], dict[int, list[int]]]:
+    """The mean BIC of each delay, and the rows of its candidates."""
+    rows: dict[int, list[int]] = defaultdict(list)
+    for row, candidate in enumerate(candidates):
+        rows[candidate.orders.single.nk].append(row)
+    means = {nk: float(np.mean([candidates[row].criteria.bic for row in rows[nk]])) for nk in rows}
+    return means, rows
+
+
 def _criterion(candidate: Candidate) -> tuple[float, Orders]:
     """BIC, and the smaller model where it ties."""
     return candidate.criteria.bic, candidate.orders
+
+
+def first_pass(settings: SearchSettings) -> SearchSettings:
+    """Settings of a search that ends after a batch of descents from random points."""
+    return replace(settings, evaluations=FIRST_PASS)
+
+
+def race(
+    candidates: Sequence[Candidate],
+    phase: str,
+    samples: int,
+    settings: SearchSettings,
+    search_on: SearchOn,
+    settle: Settle,
+) -> list[Candidate]:
+    """Search on those candidates that may be selected, and say of the others why not.
+
+    How much a search may gain after its first pass is known from measurements; a candidate that
+    would need more to be selected is left then, or during its search.  ``samples``: those scored.
+    ``search_on`` takes a candidate and what its search is made for; ``settle`` returns the
+    candidates, none higher than a nested one.
+    """
+    settled = list(candidates)
+    finished = [_finished(each, settings) for each in settled]
+    while True:
+        settled = settle(settled)
+        gains = [
+            0.0 if done else _likely_gain(each, samples)
+            for each, done in zip(settled, finished, strict=True)
+        ]
+        excesses = _excesses_of_delays(settled, gains) if phase == "delay" else _excesses(settled)
+        contending = [
+            row for row, excess in enumerate(excesses) if not finished[row] and excess <= gains[row]
+        ]
+        if not contending:
+            break
+        row = min(contending, key=lambda row: (excesses[row], settled[row].orders))
+        target = (
+            None if phase == "delay" else _target(settled[row], excesses[row], samples, settings)
+        )
+        settled[row], finished[row] = search_on(settled[row], target), True
+    return [
+        each if _finished(each, settings) else replace(each, pruned=_reason(phase, excess, gain))
+        for each, excess, gain in zip(settled, excesses, gains, strict=True)
+    ]
+
+
+def _finished(candidate: Candidate, settings: SearchSettings) -> bool:
+    found = candidate.diagnostics
+    return is_certified(found) or found.evaluations >= settings.evaluations
+
+
+def _likely_gain(candidate: Candidate, samples: int) -> float:
+    gain = gain_after_first_pass(candidate.diagnostics.undiscovered_probability)
+    return gain * candidate.orders.parameters / samples
+
+
+def _target(candidate: Candidate, excess: float, samples: int, settings: SearchSettings) -> Target:
+    """The objective at which a candidate's BIC is the lowest."""
+    power = POWERS[settings.objective]
+    value = candidate.minimum * np.exp(-excess / power)
+    return Target(value, candidate.orders.parameters / samples / power)
+
+
+def _excesses(candidates: Sequence[Candidate]) -> list[float]:
+    """How far each candidate's BIC lies above the lowest."""
+    lowest = min(each.criteria.bic for each in candidates)
+    return [each.criteria.bic - lowest for each in candidates]
+
+
+def _excesses_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) -> list[float]:
+    """How far the mean BIC of each candidate's delay lies above the lowest, less other gains.
+
+    The candidates of the leading delay have to be searched only when another one may overtake it.
+    """
+    means, rows = _mean_criteria(candidates)
+    reach = {nk: float(np.mean([gains[row] for row in rows[nk]])) for nk in rows}
+    leader = min(sorted(means), key=lambda nk: means[nk])
+    rivals = [nk for nk in means if nk != leader and means[nk] - means[leader] <= reach[nk]]
+    may_win = {*rivals, leader} if rivals else set()
+    return [0.0 if each.orders.single.nk in may_win else np.inf for each in candidates]
+
+
+def _reason(phase: str, excess: float, gain: float) -> str:
+    """Why a candidate was left, ``gain`` being 0 where its search had begun."""
+    if phase == "delay":
+        return "no likely gain of it changes the choice of the delay"
+    above = f"its BIC lies {excess:.4f} above the lowest"
+    if not gain:
+        return f"{above}, more than the rest of its search is likely to gain"
+    return f"{above}; full searches rarely gain more than {gain:.4f}"

@@ -1,9 +1,12 @@
-"""Delays of the inputs, from ARX models of several orders."""
+"""Delays of the inputs: from ARX models of several orders, and at the end of an order search."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -11,6 +14,8 @@ from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
 from evopem.estimation.pem.least_squares import chunks, triangle_of
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 
 Array = NDArray[np.float64]
@@ -27,6 +32,9 @@ SAMPLES_PER_COEFFICIENT = 5
 AS_WELL = 2.0
 # Shares of a lag's size, and of the outputs' power, that are rounding.
 TOLD, FLOOR = 1e-9, 1e-14
+# BIC removes a coefficient about where its squared t ratio is below ln N.  Up to this many times
+# that value the smaller model is estimated, since the t ratio is approximate.
+SCREENING = 3.0
 # Rounds over the inputs; the choice hardly ever changes after the second one.
 ROUNDS = 5
 
@@ -177,3 +185,68 @@ class _Regression:
             terms = penalty * np.arange(1, n + 1)
             found.append(np.min(values[1:].reshape(-1, n) + terms, axis=1))
         return np.min(found, axis=0), float(np.min(without))
+
+
+class Fit(NamedTuple):
+    """An estimated model and its BIC on the samples that all models are compared on."""
+
+    model: PolynomialModel
+    bic: float
+
+
+@dataclass(frozen=True)
+class DelayRefinement:
+    """The model chosen in the end, and what it was compared with."""
+
+    fit: Fit
+    tried: tuple[tuple[Orders, float], ...]  # with their BIC, in the order of the estimates
+
+
+def refine_delay(
+    start: Fit, samples: int, shortest_delay: int, estimate: Callable[[Orders], Fit]
+) -> DelayRefinement:
+    """Follow the smallest BIC from a model to its neighbours, with other lags of B, while it falls.
+
+    With one coefficient of B too many, delays nk and nk + 1 both contain the true model.
+    ``estimate``: makes a model of some orders on the same scored samples.
+    """
+    best = start
+    tried: dict[Orders, float] = {}
+    while True:
+        fits = []
+        for orders in delay_alternatives(best.model, samples, shortest_delay):
+            if orders != start.model.orders and orders not in tried:
+                fits.append(estimate(orders))
+                tried[orders] = fits[-1].bic
+        better = min(fits, key=lambda fit: (fit.bic, fit.model.orders), default=best)
+        if not better.bic < best.bic:
+            return DelayRefinement(best, tuple(tried.items()))
+        best = better
+
+
+def delay_alternatives(model: PolynomialModel, samples: int, shortest_delay: int) -> list[Orders]:
+    """Orders of B without its first or its last lag, unless clearly significant, or one earlier."""
+    orders, nb, nk = model.orders, model.orders.single.nb, model.orders.single.nk
+    limit = math.sqrt(SCREENING * math.log(samples))
+    # A t ratio that is not known (NaN) is no reason to keep a coefficient.
+    keeps_first, keeps_last = (t > limit for t in t_ratios_of_ends(model))
+    alternatives = []
+    if nb > 1 and not keeps_first:
+        alternatives.append(replace(orders, nb=(nb - 1,), nk=(nk + 1,)))
+    if nb > 1 and not keeps_last:
+        alternatives.append(replace(orders, nb=(nb - 1,)))
+    if nk > shortest_delay:
+        alternatives.append(replace(orders, nb=(nb + 1,), nk=(nk - 1,)))
+    return alternatives
+
+
+def t_ratios_of_ends(model: PolynomialModel) -> tuple[float, float]:
+    """Absolute t ratios of the first and the last coefficient of B; NaN without a covariance."""
+    if model.covariance is None:
+        return math.nan, math.nan
+    of_b = model.part("b")
+    ends = np.eye(model.orders.parameters)[[of_b.start, of_b.stop - 1]]
+    errors = model.covariance.standard_errors(ends)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        leading, trailing = np.abs(model.b[[0, -1]]) / errors
+    return float(leading), float(trailing)

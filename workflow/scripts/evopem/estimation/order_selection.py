@@ -1,26 +1,33 @@
-"""The search for delay and orders (chapter sections 5.3 and 5.4): candidates and selection."""
+"""Order search: estimates of a phase, on one core or several, and the selection of one of them."""
 
 from __future__ import annotations
 
+import logging
+import multiprocessing
+import os
+import sys
+import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
+from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import (
     Candidate,
     PhaseSelection,
+    race,
     select_delay,
     select_order,
 )
-from evopem.estimation.delay_refinement import Fit, refine_delay
-from evopem.estimation.order_race import race
-from evopem.estimation.polynomial_estimate import PolynomialEstimate
-from evopem.estimation.polynomial_search import (
-    descended_from,
-    described,
-    estimate_polynomial,
-)
+from evopem.estimation.delays import Fit, refine_delay
+from evopem.estimation.estimate import descended_from, estimate_polynomial
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
+from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.search.certificate import Target, is_certified
 from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.problem import same_optimum
@@ -42,10 +49,7 @@ def estimate_candidates(
 ) -> list[Candidate]:
     """Estimate every order of a phase, or of a part of it, on the same samples.
 
-    ``data``: the prepared estimation samples.  ``phase``: name of the phase, carried into the
-    candidates.  ``window``: the same for all phases of a data set.  ``log``: receives a line at the
-    start and the end of each estimate and one a generation.  InputError when the record is too
-    short for an order.
+    InputError when the record is too short for an order.
     """
     candidates = []
     for position, order in enumerate(orders):
@@ -138,9 +142,8 @@ def complete_estimate(
 ) -> PolynomialEstimate:
     """The full estimate of a candidate, with residuals and covariance, without a search.
 
-    With a focus or constraints, descents for these start from the candidate.
-
-    InputError when no model of the candidate's orders meets the constraints.
+    With a focus or constraints, descents for these start from the candidate; InputError when no
+    model of its orders meets the constraints.
     """
     orders, level = candidate.orders, candidate.with_level
     if fit is not None and fit.changes_model:
@@ -154,7 +157,9 @@ def complete_estimate(
             constraints=fit.constraints,
             optimum=candidate.search,
         )
-    return described(candidate.search, data, orders, settings, window, level)
+    with one_blas_thread():
+        errors = prediction_errors(data, orders, settings, window, level)
+        return describe(errors, candidate.search, data.sampling_rate, shortest=True)
 
 
 def select_candidate(
@@ -168,23 +173,12 @@ def select_candidate(
 ) -> PhaseSelection:
     """Select a phase's delay or order, after repeating the searches that leave it in doubt.
 
-    If a nested smaller model has a lower objective, the larger one is re-optimised from it.  A
-    candidate that would be selected although no restart confirmed its optimum is searched once
-    more before the selection stands.
-
-    ``candidates``: all of the phase, in any order.  ``min_delay``: given in the last phase: its
-    selection is compared with models of one coefficient of B less at either end, and with earlier
-    delays down to this one.
+    ``candidates``: all of the phase.  ``min_delay``: given in the last phase, whose selection is
+    compared with models of other lags of B, down to this delay.
     """
 
-    def repeat(candidate: Candidate) -> Candidate:
-        return repeat_search(candidate, data, settings, window, log)
-
-    def reoptimize(nested: Candidate, candidate: Candidate) -> Candidate:
-        return reoptimize_from(nested, candidate, data, settings, window)
-
-    def search_on(candidate: Candidate, target: Target | None) -> Candidate:
-        return continue_search(candidate, data, settings, window, log, target)
+    repeat = partial(repeat_search, data=data, settings=settings, window=window, log=log)
+    reoptimize = partial(reoptimize_from, data=data, settings=settings, window=window)
 
     ordered = sorted(candidates, key=lambda candidate: candidate.orders)
     if settings.prune:
@@ -194,7 +188,7 @@ def select_candidate(
             phase,
             samples,
             settings,
-            search_on,
+            lambda each, target: continue_search(each, data, settings, window, log, target),
             lambda each: _no_worse_than_nested(each, reoptimize),
         )
     selection = settle(ordered, phase, repeat, reoptimize, last=min_delay is not None)
@@ -251,10 +245,9 @@ def settle(
 ) -> PhaseSelection:
     """Select a candidate, given how a search is repeated and how one is re-optimised.
 
-    ``repeat``: returns a candidate after a further search; see :func:`repeat_search`.
-    ``reoptimize``: takes a nested smaller candidate and the larger one, and returns the latter
-    after a descent from the former; see :func:`reoptimize_from`.  ``last``: whether this is the
-    last phase, whose selection has to be certified.
+    A candidate that a nested smaller one beats is re-optimised from it.  One that would be selected
+    although no restart confirmed its optimum is searched once more; in the ``last`` phase, one that
+    is not certified.
     """
     select = select_delay if phase == "delay" else select_order
     settled = list(candidates)
@@ -279,10 +272,7 @@ def settle(
 def _no_worse_than_nested(
     candidates: Sequence[Candidate], reoptimize: Callable[[Candidate, Candidate], Candidate]
 ) -> list[Candidate]:
-    """Re-optimise each candidate that a nested one beats from the best of those.
-
-    From the smallest up, so that each is compared with the improved smaller ones.
-    """
+    """Re-optimise each candidate that a nested one beats, from the smallest up."""
     settled = list(candidates)
     for row in sorted(range(len(settled)), key=lambda row: settled[row].orders.parameters):
         own = settled[row]
@@ -305,3 +295,75 @@ def _is_doubtful(candidate: Candidate, last: bool) -> bool:
 def _decides(orders: Orders, selected: Orders, phase: str) -> bool:
     """Whether a selection rests on a candidate: for the delay, on all orders with that delay."""
     return orders.nk == selected.nk if phase == "delay" else orders == selected
+
+
+class _Task(NamedTuple):
+    """What all estimates of a process share."""
+
+    data: Recording
+    phase: str
+    settings: SearchSettings
+    window: ScoringWindow
+    level: bool
+
+
+def estimate_in_parallel(
+    data: Recording,
+    orders: Sequence[Orders],
+    phase: str,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    log: Callable[[str], None] | None = None,
+    cores: int = 1,
+    level: bool = False,
+) -> list[Candidate]:
+    """As :func:`estimate_candidates`, on several cores, whose log is the package's logger.
+
+    An estimate depends on its order and the data alone, so sharing the work changes no bit.
+    InputError also when a process was killed.
+    """
+    if cores <= 1 or len(orders) <= 2:
+        return estimate_candidates(data, orders, phase, settings, window, log, level)
+    # The largest go first, so that no core is left with one of them at the end. The smallest is
+    # estimated here: it loads the compiled kernels, which forked processes then share.
+    smallest, *others = sorted(range(len(orders)), key=lambda index: orders[index].parameters)
+    first = estimate_candidates(data, [orders[smallest]], phase, settings, window, log, level)
+    found = {smallest: first}
+    # Elsewhere than on Linux forking is unsafe.
+    start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+    task = _Task(data, phase, settings, window, level)
+    try:
+        with ProcessPoolExecutor(min(cores, len(others)), start, _prepare, (task,)) as pool:
+            running = {index: pool.submit(_estimate, orders[index]) for index in reversed(others)}
+            found |= {index: estimate.result() for index, estimate in running.items()}
+    except BrokenProcessPool:
+        raise InputError(
+            f"the candidates of phase {phase}",
+            "a process that estimates them was killed, as a system without memory does",
+            "run again with fewer cores or jobs, or with more memory",
+        ) from None
+    return [candidate for index in range(len(orders)) for candidate in found[index]]
+
+
+_tasks: list[_Task] = []
+
+
+def _prepare(task: _Task) -> None:
+    """Keep the task of this process, and end the process when its parent ends."""
+    _tasks[:] = [task]
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _estimate(order: Orders) -> list[Candidate]:
+    task = _tasks[0]
+    log = logging.getLogger("evopem").info
+    return estimate_candidates(
+        task.data, [order], task.phase, task.settings, task.window, log, task.level
+    )

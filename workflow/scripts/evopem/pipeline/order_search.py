@@ -12,10 +12,9 @@ from evopem.config.order_grid import (
     previous_phase,
 )
 from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
-from evopem.estimation.candidate import Candidate, PhaseSelection
-from evopem.estimation.order_race import first_pass
+from evopem.estimation.candidate import Candidate, PhaseSelection, first_pass
+from evopem.estimation.order_selection import estimate_in_parallel
 from evopem.estimation.order_selection import select_candidate as select
-from evopem.estimation.parallel import estimate_in_parallel
 from evopem.files.json_form import load, save
 from evopem.models.structures import orders_of
 from evopem.results.layout import DatasetFiles

@@ -1,0 +1,352 @@
+"""Estimate a model of any structure: ``evopem.estimate``, and the search behind its polynomials."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from evopem.blas_threads import one_blas_thread
+from evopem.config.constraints import Constraints
+from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
+from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
+from evopem.estimation.prediction_errors import (
+    Errors,
+    checked_errors,
+    in_scaled_units,
+    prediction_errors,
+    scaled_errors,
+)
+from evopem.estimation.prediction_estimate import (
+    EstimationTask,
+    from_estimates,
+    prediction_estimate,
+    search_key,
+)
+from evopem.estimation.search.armax_problem import ArmaxProblem
+from evopem.estimation.search.certificate import Target
+from evopem.estimation.search.global_search import continued_search
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.estimation.simulation_estimate import simulation_estimate
+from evopem.estimation.state_space.estimate import estimate_state_space
+from evopem.estimation.state_space.local_estimates import STRUCTURES, StateSpaceEstimate
+from evopem.models.constraint_checks import Focus, check_fit
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.state_space import StateSpaceStructure
+from evopem.models.structures import Orders, orders_of
+from evopem.signals.recording import Recording, recording_of
+
+Array = NDArray[np.float64]
+
+# Mean of the output, in standard deviations, from which on it biases the poles noticeably.
+LEVEL_WARNING = 0.3
+
+
+@overload
+def estimate(  # type: ignore[overload-overlap]
+    input: ArrayLike | Recording | None,
+    output: ArrayLike | None = None,
+    orders: int | Mapping[str, Any] | None = None,
+    sampling_rate: float = 1.0,
+    *,
+    structure: StateSpaceStructure,
+    settings: SearchSettings | None = None,
+    level: bool = False,
+    focus: str | int = "prediction",
+    weighting: OutputWeighting = "determinant",
+    constraints: Constraints | None = None,
+    log: Callable[[str], None] | None = None,
+) -> StateSpaceEstimate: ...
+
+
+@overload
+def estimate(
+    input: ArrayLike | Recording | None,
+    output: ArrayLike | None = None,
+    orders: Orders | Mapping[str, Any] | Sequence[Any] | None = None,
+    sampling_rate: float = 1.0,
+    *,
+    structure: str = "armax",
+    settings: SearchSettings | None = None,
+    window: ScoringWindow | None = None,
+    level: bool = False,
+    focus: str | int = "prediction",
+    weighting: OutputWeighting = "determinant",
+    constraints: Constraints | None = None,
+    earlier: SearchResult | None = None,
+    log: Callable[[str], None] | None = None,
+    target: Target | None = None,
+) -> PolynomialEstimate: ...
+
+
+def estimate(
+    input: ArrayLike | Recording | None,  # noqa: A002 - the field's word
+    output: ArrayLike | None = None,
+    orders: Any = None,
+    sampling_rate: float = 1.0,
+    *,
+    structure: str = "armax",
+    settings: SearchSettings | None = None,
+    window: ScoringWindow | None = None,
+    level: bool = False,
+    focus: str | int = "prediction",
+    weighting: OutputWeighting = "determinant",
+    constraints: Constraints | None = None,
+    earlier: SearchResult | None = None,
+    log: Callable[[str], None] | None = None,
+    target: Target | None = None,
+) -> PolynomialEstimate | StateSpaceEstimate:
+    """Find the model of a structure and orders with the smallest prediction errors, globally.
+
+    Parameters
+    ----------
+    input, output : (N,), (N, m) and (N, l) array_like
+        The signals; not modified.  ``input`` is None without an input, or a :class:`Recording`,
+        which holds all signals, their rate, and segments that do not continue each other.
+    orders : Orders, mapping or sequence
+        ``{"na": 2, "nb": 2, "nc": 2, "nk": 1}``, or MATLAB's tuple for the structure; of nb, nf and
+        nk one number for all inputs, or a sequence with one for each.  For state space the number
+        of states, or ``{"n": 4, "nk": [1, 3]}`` with delays.
+    sampling_rate : float
+        Hz.
+    structure : str
+        A key of :data:`evopem.config.structures.STRUCTURES`: ``fir``, ``arx``, ``arma``,
+        ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``, of one output; or ``ss``,
+        ``ss_oe``, ``ss_oe_drift`` or ``ss_bj``.
+    settings : SearchSettings, optional
+    window : ScoringWindow, optional
+        Of a polynomial model.
+    level : bool
+        Whether a constant is estimated along, for each recording.
+    focus : {"prediction", "simulation"} or int
+        The errors to be small: of one step, of simulation, or of predictions that many samples
+        ahead.
+    weighting : {"determinant", "noise", "power"}
+        Of the outputs of a state-space model; see :func:`.estimate_state_space`.
+    constraints : Constraints, optional
+        What the model must meet, and priors.
+    earlier : SearchResult, optional
+        Result of an earlier search of the same problem, to be combined with this one; as `target`
+        of a polynomial model.
+    log : callable, optional
+        Receives one line a generation.
+    target : Target, optional
+        What the search is made for: it ends once it is unlikely to get so low.
+
+    Returns
+    -------
+    PolynomialEstimate or StateSpaceEstimate
+
+    Raises
+    ------
+    InputError
+        When constraints contradict each other, the structure or the focus.
+    ValueError
+        When the record is too short for the orders, or a setting is outside its range.
+
+    Warns
+    -----
+    UserWarning
+        When the mean of the output is not small beside its standard deviation, and the model has no
+        level.
+
+    Examples
+    --------
+    >>> import evopem
+    >>> from evopem.synthesis.armax import armax
+    >>> recording, truth = armax(seed=1, samples=1000)
+    >>> found = evopem.estimate(
+    ...     recording,
+    ...     orders=(7, 6, 7, 3),
+    ...     settings=evopem.SearchSettings(objective="quadratic", seed=1),
+    ... )
+    >>> [round(mode.frequency_hz) for mode in found.model.modes()]
+    [5, 17, 37]
+    """
+    if orders is None:
+        raise ValueError("orders are missing, such as orders=(2, 2, 2, 1)")
+    recording = recording_of(input, output, sampling_rate)
+    given = {"window": window, "earlier": earlier, "target": target}
+    expert = [name for name, each in given.items() if each is not None]
+    if not level:
+        _warn_of_level(recording.outputs)
+    if structure in STRUCTURES:
+        if expert:
+            raise ValueError(
+                f"{' and '.join(expert)} cannot be given: all samples of a state-space model count,"
+                " with its initial states"
+            )
+        of_model = {"n": orders} if isinstance(orders, int) else dict(orders)
+        return estimate_state_space(
+            recording,
+            of_model["n"],
+            structure=structure,  # type: ignore[arg-type]
+            delays=of_model.get("nk", 1),
+            level=level,
+            focus=focus,
+            weighting=weighting,
+            constraints=constraints,
+            settings=settings,
+            log=log,
+        )
+    if len(recording.output_names) > 1:
+        raise ValueError(
+            f"a polynomial model has one output, and there are {len(recording.output_names)};"
+            " estimate one for each, or a state-space model (structure='ss') of all"
+        )
+    if structure == "armax" and not recording.has_input:
+        raise ValueError("structure 'armax' needs an input; without one, use 'arma'")
+    return estimate_polynomial(
+        recording,
+        orders_of(structure, orders, max(len(recording.input_names), 1)),
+        settings=settings,
+        window=window,
+        level=level,
+        focus=focus,
+        constraints=constraints,
+        earlier=earlier,
+        log=log,
+        target=target,
+    )
+
+
+def _warn_of_level(outputs: Array) -> None:
+    """Warn of a constant part, which a model without a level has no term for."""
+    for mean, deviation in zip(outputs.mean(axis=0), outputs.std(axis=0), strict=True):
+        if abs(mean) > LEVEL_WARNING * deviation:
+            warnings.warn(
+                f"the mean of an output is {mean:.3g}, with a standard deviation of"
+                f" {deviation:.3g}: the model has no constant term, so set level=True, or subtract"
+                " the means of input and output first",
+                stacklevel=3,
+            )
+
+
+def estimate_polynomial(
+    data: Recording,
+    orders: Orders,
+    *,
+    settings: SearchSettings | None = None,
+    window: ScoringWindow | None = None,
+    level: bool = False,
+    focus: Focus = "prediction",
+    constraints: Constraints | None = None,
+    earlier: SearchResult | None = None,
+    optimum: SearchResult | None = None,
+    log: Callable[[str], None] | None = None,
+    target: Target | None = None,
+) -> PolynomialEstimate:
+    """Find the polynomial model of given orders with the smallest errors in focus, globally.
+
+    One objective over all segments, each with initial states, and each recording with a level where
+    one is estimated: ``A y = (B/F) u + (C/D) e + level``.  Draws come from ``SeedSequence(seed,
+    spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``, without nd, nf and level for ARMAX models of
+    one input and segment, whose searches alone use ``initialization`` and ``n_initial_discard``.
+    ``earlier``: a search of the same problem to combine with this one.  ``optimum``: of one-step
+    prediction without constraints, where these or a focus are given.  ``target``: what the search
+    is made for; it ends once it is unlikely to get so low.
+
+    Criteria and residuals are those of one step.  The covariance is zero across active constraints,
+    counts priors as observations, and is None for absolute errors of several steps.  InputError
+    when constraints contradict each other, the structure or the focus; ValueError when the record
+    is too short, or a setting is outside its range.
+    """
+    settings = settings or SearchSettings()
+    # Output-error models of several inputs have more optima than 20,000 evaluations tell apart.
+    many = settings.evaluations * max(data.inputs.shape[1], 1) ** 2
+    settings = replace(settings, evaluations=many)
+    rate, names = data.sampling_rate, data.input_names
+    # The bits of a result must not depend on how many threads the machine's BLAS would take.
+    with one_blas_thread():
+        errors = checked_errors(data, orders, settings, window, level)
+        horizon = check_fit(focus, constraints, orders, rate, names)
+        if constraints is None and focus == "prediction":
+            found = _searched(errors, settings, earlier, log, target, rate)
+        else:
+            if earlier is not None:
+                raise ValueError("an earlier search is not continued with a focus or constraints")
+            given = constraints or Constraints()
+            task = EstimationTask(errors, rate, settings, given, names, log, optimum)
+            found = (
+                simulation_estimate(task)
+                if horizon is None
+                else prediction_estimate(task, horizon)[0]
+            )
+    effect = found.constraints if constraints is not None else None
+    model = replace(found.model, input_names=names, output_name=data.output_names[0])
+    return replace(found, model=model, focus=focus, constraints=effect)
+
+
+def _searched(
+    errors: Errors,
+    settings: SearchSettings,
+    earlier: SearchResult | None,
+    log: Callable[[str], None] | None,
+    target: Target | None,
+    sampling_rate: float,
+) -> PolynomialEstimate:
+    """The optimum of one-step prediction without constraints."""
+    scaled, scales = scaled_errors(errors)
+    problem = problem_of(scaled, settings.initialization)
+    o, recombine = errors.orders, None
+    if isinstance(problem, PolynomialProblem):
+        recombine, key = problem.recombine, search_key(errors)
+    else:
+        key = (o.na, o.single.nb, o.nc, o.single.nk)
+    if isinstance(problem, PolynomialProblem) and o.inputs > 1 and earlier is None:
+        earlier = from_estimates(problem)
+        earlier = earlier and replace(earlier, point=earlier.point * scales)
+        if settings.evaluations == 0 and earlier is not None:
+            return describe(errors, earlier, sampling_rate, shortest=True)
+    found = continued_search(problem, scales, key, settings, earlier, log, recombine, target)
+    del problem, scaled  # their tables are as large as those that follow
+    return describe(errors, found, sampling_rate, shortest=True)
+
+
+def problem_of(errors: Errors, initialization: str = "arx") -> ArmaxProblem | PolynomialProblem:
+    """The search problem of prediction errors: that of the chapter for its ARMAX models.
+
+    ``initialization``, "arx" or "incremental_order", is that of the latter.
+    """
+    of_armax = errors.orders.structure == "armax" and errors.orders.inputs == 1
+    if of_armax and not errors.level and not isinstance(errors, StretchErrors):
+        return ArmaxProblem(errors, initialization)
+    return PolynomialProblem(errors)
+
+
+def descended_from(
+    start: ArrayLike | PolynomialModel,
+    earlier: SearchResult,
+    data: Recording,
+    orders: Orders,
+    settings: SearchSettings,
+    window: ScoringWindow,
+    level: bool,
+) -> PolynomialEstimate:
+    """The estimate after one descent, pooled with an earlier search of the problem.
+
+    ``start``: a point in the problem's own units, or of several segments a model of smaller orders.
+    """
+    with one_blas_thread():
+        errors = prediction_errors(data, orders, settings, window, level)
+        scaled, scales = scaled_errors(errors)
+        problem = problem_of(scaled)
+        if not isinstance(start, PolynomialModel):
+            point: Array | None = np.asarray(start) / scales
+        elif isinstance(scaled, StretchErrors):
+            models = [in_scaled_units(start, scaled, scales)]
+            starts = PolynomialProblem(scaled, models, own_starts=False).starts()
+            point = starts[0] if len(starts) else None
+        else:
+            raise TypeError("of one segment, start from a point")
+        if point is None:
+            return describe(errors, earlier, data.sampling_rate, shortest=True)
+        ended = descended(problem, point)
+        ended = replace(ended, point=ended.point * scales)
+        return describe(errors, pooled(earlier, ended), data.sampling_rate, shortest=True)
