@@ -12,12 +12,11 @@ import pandas as pd
 import pytest
 from identified import with_model, with_output_name, without_covariance
 
-from evopem.figures import REPORT_FIGURES, draw_all
+from evopem.figures import REPORT_FIGURES, draw_all, figure_of
 from evopem.figures.chart import Chart, Curve, Panel, rows_of
 from evopem.figures.draw import draw, unwrapped_gaps
 from evopem.figures.frequency_domain import complex_plane
 from evopem.figures.orders import convergence, delay, phases, stabilization
-from evopem.figures.registry import figure_of
 from evopem.figures.style import svg_text
 from evopem.figures.time_domain import settling_part, shown_samples
 from evopem.figures.view import View, view_of

@@ -15,6 +15,7 @@ from evopem.errors import InputError
 from evopem.figures.chart import (
     FAMILY,
     FREQUENCY,
+    MOST_PANELS,
     VALIDATION_TIME,
     Chart,
     Curve,
@@ -25,7 +26,6 @@ from evopem.figures.chart import (
     rows_of,
 )
 from evopem.figures.frequency_domain import GAIN_BINS, Pair, model_source
-from evopem.figures.report_figure import MOST_PANELS
 from evopem.figures.style import extremes, with_unit
 from evopem.figures.time_domain import shown_samples
 from evopem.figures.view import Channel, Results, View, view_of

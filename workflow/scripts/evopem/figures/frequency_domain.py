@@ -9,8 +9,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evopem.figures.chart import FREQUENCY, Chart, Curve, Mark, Panel, around, nothing, rows_of
-from evopem.figures.report_figure import MOST_PANELS, ReportFigure, columns_of, small
+from evopem.figures.chart import (
+    FREQUENCY,
+    MOST_PANELS,
+    Chart,
+    Curve,
+    Mark,
+    Panel,
+    ReportFigure,
+    around,
+    columns_of,
+    nothing,
+    rows_of,
+    small,
+)
 from evopem.figures.style import extremes, with_unit
 from evopem.figures.view import Channel, View
 from evopem.signals.spectral.summary import SpectralPeak

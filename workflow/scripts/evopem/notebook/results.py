@@ -14,10 +14,10 @@ import pandas as pd
 
 from evopem.automatic.decision import Decision
 from evopem.errors import InputError
+from evopem.figures import figure_of
 from evopem.figures.chart import Chart
 from evopem.figures.comparison import Comparison
 from evopem.figures.draw import draw, grid_of
-from evopem.figures.registry import figure_of
 from evopem.figures.time_domain import responses_of
 from evopem.figures.view import View, view_of
 from evopem.files.atomic import files_below, write_page
@@ -240,7 +240,7 @@ class Results:
             When matplotlib or jinja2 is missing, or the file cannot be written.
         """
         check_packages(FOR_REPORT, "report", "the figures and the page")
-        from evopem.figures.registry import svg_texts
+        from evopem.figures import svg_texts
         from evopem.pipeline.report import report_page
 
         page = report_page(self.files, self.results, svg_texts(self.results))

@@ -9,9 +9,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from evopem.figures.chart import Chart
-from evopem.figures.registry import REPORT_FIGURES
-from evopem.figures.report_figure import ReportFigure
+from evopem.figures import REPORT_FIGURES
+from evopem.figures.chart import Chart, ReportFigure
 from evopem.figures.view import View
 from evopem.report.downloads import MOST_CELLS, Download, csv_download
 from evopem.report.inline_svg import inline_svg
