@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem.estimation.state_space.estimate import estimates_of_orders  # noqa: E402
-from evopem.report.followed_chart import movements  # noqa: E402
+from evopem.report.index_page import movements  # noqa: E402
 from evopem.results.followed_modes import RecordedMode, follow_modes  # noqa: E402
 from evopem.signals.recording import without_input  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402

@@ -18,7 +18,7 @@ from evopem.files.json_form import load
 from evopem.pipeline.identification import identify_dataset
 from evopem.pipeline.progress import ProgressLine
 from evopem.report.numbers import THIN
-from evopem.report.sentences.about_verdict import verdict
+from evopem.report.verdict import verdict
 from evopem.results.dataset import read_results
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording_info import RecordingInfo

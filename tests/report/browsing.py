@@ -1,7 +1,9 @@
 """Chromium, and the pages that are tested in it."""
 
+import re
 import shutil
 from dataclasses import replace
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ from identified import with_output_name
 from evopem.figures.comparison import Comparison
 from evopem.report import build_index
 from evopem.report.comparison import build_comparison
+from evopem.report.templates import environment
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
 
@@ -130,6 +133,15 @@ def several(summary, tmp_path_factory):
     file = tmp_path_factory.mktemp("pages") / "several.html"
     file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
     return file
+
+
+def told(about, *given):
+    """The paragraphs of one of the templates' sentences, as they are read."""
+    module = environment(TEMPLATES).get_template("sentences.html.j2").module
+    text = str(getattr(module, about)(*given))
+    paragraphs = re.findall(r"<p>(.*?)</p>", text, re.DOTALL) or [text]
+    plain = [re.sub(r"[ \n]+", " ", unescape(paragraph)).strip() for paragraph in paragraphs]
+    return [paragraph for paragraph in plain if paragraph]
 
 
 def visit(browser, file, width=1440, scheme="light"):

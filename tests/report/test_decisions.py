@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.record import DecisionRecord, OtherModel
-from evopem.report.sections.selection import MOST_RIVALS, rivals
+from evopem.report.sections import MOST_RIVALS, rivals
 
 
 def decision(choice, **scores):

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.report.downloads import thin_table
+from evopem.report.figures import thin_table
 from evopem.results.layout import FIGURES
 from evopem.signals.preparation import prepare
 from evopem.synthesis import synthesize

@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import pytest
+from browsing import told
 
 from evopem.figures.view import view_of
 from evopem.report.numbers import count, percent
-from evopem.report.sentences import about_figures
 
 
 def with_search(results, **changes):
@@ -31,7 +31,7 @@ def with_search(results, **changes):
         (
             {"n_multistart": 64, "undiscovered_probability": 0.0015},
             "descents from 64 random points: the estimated probability that a further descent"
-            " leads to an undiscovered local optimum is 0.15 %",
+            " leads to an undiscovered local optimum is 0.15\u202f%",
         ),
         (
             {"generations": 3, "n_multistart": 0, "undiscovered_probability": 1.0},
@@ -48,14 +48,14 @@ def with_search(results, **changes):
     ],
 )
 def test_diagnostics_of_the_search_in_words(results, changes, sentence):
-    (text,) = about_figures.search(view_of(with_search(results, **changes)))
+    (text,) = told("convergence", view_of(with_search(results, **changes)))
     assert sentence in text
-    (unchanged,) = about_figures.search(view_of(results))
+    (unchanged,) = told("convergence", view_of(results))
     assert sentence not in unchanged
 
 
 def test_the_search_of_all_candidates_in_words(results):
-    (text,) = about_figures.search(view_of(results))
+    (text,) = told("convergence", view_of(results))
     table = results.candidates
     assert text.startswith(
         f"The search of {len(table)} candidates took"

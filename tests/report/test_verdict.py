@@ -6,19 +6,21 @@ import numpy as np
 import pytest
 from identified import with_model, with_outcome, without_modes
 
+from evopem.automatic.record import DecisionRecord
 from evopem.figures.view import view_of
 from evopem.models.polynomial import PolynomialModel
-from evopem.report.sentences.about_modes import mode_lines
-from evopem.report.sentences.about_verdict import DESIRABLE, ESSENTIAL, verdict
+from evopem.report.verdict import DESIRABLE, ESSENTIAL, mode_lines, verdict
 from evopem.validation.checks import Check
 from evopem.validation.held_out_tests import NO_TEST
 from evopem.validation.mode_evidence import doubts
 
 
-def with_checks(monkeypatch, results, **outcomes):
+def with_checks(monkeypatch, results, grade="defect", **outcomes):
     """Every check passed, but those whose outcome is given by name."""
     named = {name.replace("_", " "): passed for name, passed in outcomes.items()}
-    listed = [Check(c.name, named.get(c.name, True), c.statement) for c in results.checks]
+    listed = [
+        Check(c.name, named.get(c.name, True), c.statement, grade=grade) for c in results.checks
+    ]
     monkeypatch.setattr(type(results), "checks", property(lambda _: listed))
 
 
@@ -65,6 +67,58 @@ def test_a_check_that_did_not_pass_takes_its_uses_away(
     assert answers(found)[use] == answer
     (named,) = [each for each in found.uses if each.name == use]
     assert f"“{check.replace('_', ' ')}”" in named.reason
+
+
+@pytest.mark.parametrize(
+    ("check", "grade", "answer"),
+    [
+        ("Search_repeatable", "note", "good"),
+        ("Orders_inside_their_search_ranges", "note", "good"),
+        ("White_residuals", "note", "good"),
+        ("White_residuals", "caution", "care"),
+        ("White_residuals", "defect", "care"),
+    ],
+)
+def test_a_verdict_follows_the_kind_of_a_check(results, monkeypatch, check, grade, answer):
+    """What the user's own range or the search limits is no fault of the model."""
+    with_checks(monkeypatch, results, grade, **{check: False})
+    found = verdict(with_outcome(results, simulation_error_percent=5.0))
+    assert answers(found)["one-step prediction"] == answers(found)["standard errors"] == answer
+    if answer == "care":
+        word = "caution" if grade == "caution" else "failed"
+        reasons = {use.name: use.reason for use in found.uses}
+        assert f"{word}: “White residuals”" in reasons["standard errors"]
+
+
+@pytest.mark.parametrize("error", [100.0, 333.0])
+def test_a_model_no_better_than_the_mean_is_good_for_nothing_that_it_computes(
+    results, monkeypatch, error
+):
+    with_checks(monkeypatch, results)
+    of_both = {"prediction_error_percent": error, "simulation_error_percent": error}
+    uses = {use.name: use for use in verdict(with_outcome(results, **of_both)).uses}
+    for name in ("one-step prediction", "simulation of the transformed output"):
+        assert uses[name].answer == "no"
+    assert uses["the frequency response"].answer == "no"
+    assert "no better than the mean" in uses["the frequency response"].reason
+    of_prediction = with_outcome(results, prediction_error_percent=error)
+    assert answers(verdict(of_prediction))["one-step prediction"] == "no"
+    assert answers(verdict(of_prediction))["the frequency response"] == "good"
+
+
+def test_intervals_after_an_automatic_choice_are_given_with_care(results, monkeypatch):
+    """Measured coverage after a choice of structure and orders is below 95 %."""
+    with_checks(monkeypatch, results)
+    record = DecisionRecord("simulation", (), (), (), (), None)
+    chosen = replace(results, decisions=record)
+    tried = replace(chosen, phases=results.phases | {"structures": results.phases["joint"]})
+    (use,) = [use for use in verdict(tried).uses if use.name == "standard errors"]
+    assert use.answer == "care"
+    assert "leave out the choice" in use.reason
+    only = results.phases["joint"]
+    given = replace(only, candidates=(only.selected,))
+    alone = replace(chosen, phases=results.phases | {"structures": given})
+    assert answers(verdict(alone))["standard errors"] == "good"
 
 
 def test_the_sentence_names_every_use_with_its_answer(results):
@@ -210,6 +264,12 @@ def test_reasons_to_doubt_a_mode(results):
         "does not improve the prediction of validation samples"
     ]
     assert of(reached=None, needed_by_noise=None) == ["could not be tested on validation samples"]
-    assert of(recurrence=0.5) == ["was found at only 50 % of the orders compared"]
-    assert of(recurrence=0.0) == ["was found at none of the orders compared"]
+    compared = {"order": 6, "compared": 4}
+    assert of(recurrence=0.5, orders=(4, 5, 6), **compared) == [
+        "was found at only 2 of 4 other orders with poles to spare"
+    ]
+    # Orders that need all their poles elsewhere are not compared, and may have it all the same.
+    assert of(recurrence=0.0, orders=(2, 3, 6), **compared) == [
+        "was found at only 0 of 4 other orders with poles to spare, though at 2 without"
+    ]
     assert of(recurrence=np.nan) == []

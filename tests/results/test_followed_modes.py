@@ -2,9 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
-from evopem.report.followed_chart import followed_charts, movements
+from evopem.report import build_index
+from evopem.report.index_page import followed_charts, movements
+from evopem.report.templates import template_folder
 from evopem.results.followed_modes import RecordedMode, follow_modes, followed_table, group_of
+
+
+TEMPLATES = template_folder()
 
 
 def mode(frequency, error=0.01, trusted=True, shape=()):
@@ -99,3 +105,52 @@ def test_the_table_has_a_row_for_each_mode_and_recording():
     assert list(table["warning"].dropna()) == ["moved from here on"] * 3
     assert list(table["dataset"][table["warning"].notna()]) == ["day09"] * 3
     assert len(followed_table([])) == 0
+
+
+def sequence(values, error):
+    return {f"day{k:02d}": [mode(value, error)] for k, value in enumerate(values, start=1)}
+
+
+def test_a_slow_trend_is_told_and_not_taken_for_scatter():
+    """Equal steps make equal differences, which are no scatter; each is far above the error."""
+    (followed,) = follow_modes(sequence(np.linspace(12.0, 11.496, 13), 0.0002))
+    assert followed.drift.kind == "trend"
+    np.testing.assert_allclose(followed.levels.values, np.linspace(12.0, 11.496, 13), atol=1e-6)
+    (sentence,) = movements(followed)
+    assert sentence.startswith("The mode at 11.75 Hz follows a trend: −4.29")
+    assert not followed.constant
+    html = build_index({}, TEMPLATES, followed=[followed])
+    assert "follows a trend" in html
+    assert "No mode moved" not in html
+
+
+def test_an_oscillation_is_told_with_its_period():
+    values = 12.0 + 0.05 * np.sin(2 * np.pi * np.arange(24) / 6.0)
+    (followed,) = follow_modes(sequence(values, 0.005))
+    assert followed.drift.kind == "oscillation"
+    assert followed.drift.period == pytest.approx(6.0)
+    (sentence,) = movements(followed)
+    assert "oscillates by ±0.4" in sentence
+    assert sentence.endswith("with a period of 6.")
+
+
+def test_no_mode_moved_is_said_where_a_constant_holds_alone():
+    # Quantiles of a normal distribution in no order.
+    noise = ndtri((np.random.default_rng(3).permutation(20) + 0.5) / 20)
+    (steady,) = follow_modes(sequence(12.0 + 0.01 * noise, 0.01))
+    assert steady.constant
+    assert "No mode moved by more than its error" in build_index({}, TEMPLATES, followed=[steady])
+    (restless,) = follow_modes(sequence(12.0 + 0.05 * noise, 0.01))
+    assert not restless.constant
+    assert movements(restless) == []
+    html = build_index({}, TEMPLATES, followed=[restless])
+    assert "No mode moved" not in html
+    assert "more than its standard error of 0.083" in html
+
+
+def test_a_step_is_told_as_a_step_and_not_as_a_trend():
+    generator = np.random.default_rng(4)
+    values = 12.0 - 0.06 * (np.arange(16) > 7) + 0.01 * generator.standard_normal(16)
+    (followed,) = follow_modes(sequence(values, 0.01))
+    assert followed.drift is None
+    assert [change.index for change in followed.levels.changes] == [8]

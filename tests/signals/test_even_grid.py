@@ -12,7 +12,6 @@ from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
-from evopem.report.sentences.about_recording import uneven_stamps
 from evopem.results.layout import DatasetFiles
 from evopem.signals.even_grid import LONGEST_GAP, even_grid
 from evopem.signals.reading import read_measured
@@ -51,8 +50,6 @@ def test_how_uneven_stamps_are():
     found = grid_of(np.delete(late, LOST)).unevenness
     assert (found.in_gaps, found.longest_gap) == (5, pytest.approx(4.0))
     assert found.largest_shift == pytest.approx(0.2)
-    (sentence,) = uneven_stamps([found])
-    assert sentence.endswith("0.2 steps away. 5 samples are missing, in gaps of up to 4 steps.")
 
 
 def test_dates():

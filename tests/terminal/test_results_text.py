@@ -6,7 +6,7 @@ import pytest
 
 from evopem.report.numbers import with_error
 from evopem.report.results_text import results_text
-from evopem.report.sentences.about_verdict import verdict
+from evopem.report.verdict import verdict
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
 from evopem.terminal.results_text import run_text

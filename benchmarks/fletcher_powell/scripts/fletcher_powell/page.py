@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from evopem.files.json_form import to_json
-from evopem.report.downloads import csv_download
-from evopem.report.inline_svg import inline_svg
+from evopem.report.figures import csv_download, inline_svg
 from evopem.report.provenance import installed, listed
 from evopem.report.templates import environment
 from evopem.version import __version__

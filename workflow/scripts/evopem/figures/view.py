@@ -254,6 +254,14 @@ class View:
         return found.diagnostics.convergence
 
     @property
+    def is_chosen_by_scores(self) -> bool:
+        """Whether the automatic recipe chose the model among others."""
+        if self.results.decisions is None:
+            return False
+        structures = self.results.phases.get("structures")
+        return len(structures.candidates if structures else self.scores) > 1
+
+    @property
     def has_noise_model(self) -> bool:
         """Whether the model claims anything of the noise."""
         return bool(self.results.model.has_noise_model)

@@ -28,7 +28,7 @@ from evopem.models.state_space import StateSpaceModel
 from evopem.notebook.comparison import ModelComparison, pyplot_panels
 from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
 from evopem.report.results_text import results_html, results_text
-from evopem.report.sentences.about_verdict import verdict
+from evopem.report.verdict import verdict
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import DatasetSummary
 from evopem.results.layout import IDENTIFICATION, DatasetFiles

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from evopem.figures.comparison import Comparison
 from evopem.figures import draw_all
+from evopem.figures.comparison import Comparison
 from evopem.figures.view import Results
 from evopem.files.atomic import write_page, write_text
 from evopem.report.comparison import build_comparison

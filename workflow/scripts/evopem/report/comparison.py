@@ -16,11 +16,10 @@ from evopem.figures.comparison import (
 )
 from evopem.figures.draw import draw
 from evopem.figures.style import svg_text
-from evopem.report.downloads import MOST_CELLS
+from evopem.report.figures import DrawnFigure
 from evopem.report.numbers import MISSING, THIN, fixed, percent, with_error
-from evopem.report.section import DrawnFigure
-from evopem.report.sentences.about_verdict import verdict
 from evopem.report.templates import environment
+from evopem.report.verdict import verdict
 from evopem.validation.checks import failed_checks
 
 SAME = "All models were validated on the same samples."
@@ -160,9 +159,8 @@ def _sections(comparison: Comparison) -> list[DrawnFigure]:
         chart = chart_of(comparison)
         drawn.append(
             DrawnFigure.of(
-                *(chart, svg_text(draw(chart)), (name, title, caption), MOST_CELLS),
-                dataset="-".join(comparison.labels)[:80],
-                data=("CSV of each data set",),
+                *(chart, svg_text(draw(chart)), (name, title, caption)),
+                *("-".join(comparison.labels)[:80], ("CSV of each data set",)),
             )
         )
     return drawn

@@ -7,17 +7,18 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median, stdev
 from urllib.parse import quote
 
-from evopem.report.followed_chart import followed_charts, movements
-from evopem.report.numbers import number, to_its_error
+from evopem.report.numbers import THIN, number, to_its_error
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
-from evopem.results.followed_modes import FollowedMode, group_of
+from evopem.results.followed_modes import NORMAL_95, FollowedMode, group_of
 
 # Size of a row's plot of the gain, and the decibels that it shows at most.
-WIDTH, HEIGHT = 120, 30
-DEEPEST = 80.0
+WIDTH, HEIGHT, DEEPEST = 120, 30, 80.0
+# Size of the chart of a followed mode; with fewer recordings it says no more than the table.
+CHART_WIDTH, CHART_HEIGHT, EDGE, FEWEST = 640, 90, 4, 3
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,7 @@ def build_index(
             grouped=len(sizes) > 1 and max(sizes.values()) > 1,
             charts=followed_charts(followed),
             warnings=[sentence for each in followed for sentence in movements(each)],
+            varying=[sentence for each in followed for sentence in variation(each)],
             ordered_by=ordered_by,
         )
     )
@@ -152,3 +154,123 @@ def _sparkline(
     ]
     label = f"Gain from 0 to {number(highest)} Hz, from {top:.0f} down to {bottom:.0f} dB"
     return Sparkline("M" + "L".join(points), marks, label.replace("-", "−"))
+
+
+@dataclass(frozen=True)
+class FollowedChart:
+    """Frequency of one mode by recording."""
+
+    title: str
+    high: str  # frequencies in Hz at the upper and the lower edge
+    low: str
+    first: str  # places at the left and the right edge
+    last: str
+    intervals: str  # SVG paths of 95 % intervals, levels, estimates and those that a warning names
+    levels: str
+    points: str
+    marks: str
+    label: str  # description for screen readers
+
+
+def followed_charts(followed: Sequence[FollowedMode]) -> list[FollowedChart]:
+    """Charts of the modes that enough recordings have."""
+    several = len({each.group for each in followed}) > 1
+    return [_chart(each, several) for each in followed if len(each.modes) >= FEWEST]
+
+
+def movements(followed: FollowedMode) -> list[str]:
+    """How a mode moved by more than its error and its scatter, a sentence each."""
+    if followed.levels is None:
+        return []
+    found, drift = [], followed.drift
+    if drift is not None:
+        told = _moved(followed.frequency_hz, drift.size, drift.standard_error)
+        found.append(
+            f"The mode at {number(followed.frequency_hz)} Hz "
+            + (
+                f"follows a trend: {told} from {followed.recordings[0]} to"
+                f" {followed.recordings[-1]}."
+                if drift.kind == "trend"
+                else f"oscillates by ±{told} with a period of {number(drift.period, 2)}."
+            )
+        )
+    for change in followed.levels.changes:
+        told = _moved(change.before, change.after - change.before, change.standard_error)
+        name = followed.recordings[change.index]
+        found.append(f"The mode at {number(change.before)} Hz moved by {told} from {name} on.")
+    for index in followed.levels.outlying:
+        level, value = followed.levels.values[index], followed.modes[index].frequency_hz
+        found.append(
+            f"The mode at {number(level)} Hz lies {_share(value - level, level, 3)} from its level"
+            f" in {followed.recordings[index]} alone."
+        )
+    return found
+
+
+def variation(followed: FollowedMode) -> list[str]:
+    """That a mode is not constant within its errors, where nothing says how it moved."""
+    if followed.constant or movements(followed):
+        return []
+    level = followed.frequency_hz
+    spread = stdev(mode.frequency_hz for mode in followed.modes)
+    error = median(mode.frequency_se_hz for mode in followed.modes)
+    return [
+        f"The mode at {number(level)} Hz varies by {_share(spread, level)} from recording to"
+        f" recording, more than its standard error of {_share(error, level)} explains."
+    ]
+
+
+def _share(part: float, whole: float, digits: int = 2) -> str:
+    return f"{number(100.0 * part / whole, digits)}{THIN}%"
+
+
+def _moved(level: float, size: float, error: float) -> str:
+    return f"{_share(size, level, 3)} (standard error {_share(error, level)})"
+
+
+def _chart(followed: FollowedMode, several: bool) -> FollowedChart:
+    values = [mode.frequency_hz for mode in followed.modes]
+    halves = [NORMAL_95 * mode.frequency_se_hz for mode in followed.modes]
+    low = min(value - half for value, half in zip(values, halves, strict=True))
+    high = max(value + half for value, half in zip(values, halves, strict=True))
+    first, last = followed.places[0], followed.places[-1]
+    xs = [
+        EDGE + (CHART_WIDTH - 2 * EDGE) * (p - first) / ((last - first) or 1.0)
+        for p in followed.places
+    ]
+
+    def y(value: float) -> float:
+        return EDGE + (CHART_HEIGHT - 2 * EDGE) * (high - value) / ((high - low) or 1.0)
+
+    intervals = "".join(
+        f"M{x:.1f} {y(value - half):.1f}V{y(value + half):.1f}"
+        for x, value, half in zip(xs, values, halves, strict=True)
+    )
+    points = [f"M{x:.1f} {y(value):.1f}h0" for x, value in zip(xs, values, strict=True)]
+    levels, marked = "", set()
+    if followed.levels is not None:
+        marked = {*(change.index for change in followed.levels.changes), *followed.levels.outlying}
+        steps = [
+            f"{x:.1f} {y(level):.1f}" for x, level in zip(xs, followed.levels.values, strict=True)
+        ]
+        levels = "M" + "L".join(steps)
+    told = movements(followed) + variation(followed)
+    title = f"Mode {followed.number}, {number(followed.frequency_hz)} Hz"
+    return FollowedChart(
+        title=f"{followed.group}: {title}" if several else title,
+        high=number(high, 5),
+        low=number(low, 5),
+        first=_edge(followed, 0),
+        last=_edge(followed, -1),
+        intervals=intervals,
+        levels=levels,
+        points="".join(points),
+        marks="".join(points[index] for index in sorted(marked)),
+        label=f"{title}, in {len(values)} recordings from {number(min(values), 5)} to "
+        f"{number(max(values), 5)} Hz. {' '.join(told) or 'It moved by no more than its error.'}",
+    )
+
+
+def _edge(followed: FollowedMode, index: int) -> str:
+    """Name and place of a recording at an edge of the chart."""
+    return f"{followed.recordings[index]} ({number(followed.places[index])})"

@@ -8,7 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from evopem.figures.view import Results, view_of
-from evopem.report.section import Material
+from evopem.report import provenance, sentences
+from evopem.report.figures import drawn_figures
 from evopem.report.sections import SECTIONS
 from evopem.report.templates import environment
 
@@ -19,7 +20,8 @@ def read_wall_clock(directory: Path) -> dict[str, float]:
     """Seconds that each stage took: the times of its jobs, summed.
 
     The files are ``<stage>.tsv`` and ``<stage>/<wildcards>.tsv``; a phase of the search counts
-    under its name. A missing or empty one is ignored, because times are not results."""
+    under its name. A missing or empty one is ignored, because times are not results.
+    """
     seconds: dict[str, float] = {}
     for path in sorted(directory.rglob("*.tsv")):
         parts = path.relative_to(directory).with_suffix("").parts
@@ -34,15 +36,34 @@ def read_wall_clock(directory: Path) -> dict[str, float]:
 
 def build_report(
     results: Results,
-    figures: Mapping[str, str],
+    drawings: Mapping[str, str],
     wall_clock: Mapping[str, float],
     config_text: str,
     template_directory: Path,
     commit: str = "unknown",
 ) -> str:
-    """One HTML page that loads no other file; `figures` are SVG texts by name, times in seconds."""
+    """One HTML page that loads no other file; `drawings`: SVG texts by name; times in seconds."""
     view = view_of(results)
-    material = Material(view, figures, wall_clock, config_text, commit)
-    sections = [section.of(material) for section in SECTIONS if section.applies(view)]
-    page = environment(template_directory).get_template("report.html.j2")
-    return page.render(view=view, results=results, sections=sections)
+    page = environment(template_directory).get_template(
+        "report.html.j2", globals=sentences.IN_TEMPLATES
+    )
+    return page.render(
+        view=view,
+        results=results,
+        sections=[
+            {
+                "id": section.id,
+                "title": section.title(view),
+                "template": f"section_{section.id if section.content else 'figures'}.html.j2",
+                "content": section.content(view) if section.content else {},
+                "figures": drawn_figures(view, drawings, section.id),
+            }
+            for section in SECTIONS
+            if section.applies(view)
+        ],
+        stages=provenance.stages(view, wall_clock),
+        versions=provenance.listed(provenance.installed(provenance.REPORT_LIBRARIES)),
+        command=provenance.command(commit),
+        commit=commit,
+        config_text=config_text,
+    )

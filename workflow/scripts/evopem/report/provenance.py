@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
 from evopem.figures.view import View
-from evopem.report.numbers import count
-from evopem.signals.recording_info import RecordingInfo
 
 # They draw and write the page; the libraries behind the numbers are listed in the model.
 REPORT_LIBRARIES = ("pandas", "matplotlib", "jinja2", "snakemake")
@@ -62,43 +60,6 @@ def command(commit: str) -> str:
     run = "snakemake --snakefile PATH/Snakefile --directory . --cores all"
     digest = commit.split(",")[0]
     return run if digest == "unknown" else f"git -C PATH checkout {digest}\n{run}"
-
-
-def terms(view: View, commit: str) -> list[tuple[str, str]]:
-    """Origin, seeds, evaluations and versions, as terms and values."""
-    results, model = view.results, view.results.model
-    rows = _origin(results.recording_info, "")
-    if results.validation_recording_info is not None:
-        rows += _origin(results.validation_recording_info, " for validation")
-    rows.append(("Seed of the search", str(model.search.settings.seed)))
-    if view.truth is not None:
-        rows.append(("Seed of the synthesis", str(view.truth.seed)))
-    evaluations, whose = model.search.diagnostics.evaluations, " of the last search"
-    if view.candidates is not None:
-        evaluations, whose = int(view.candidates["evaluations"].sum()), ""
-    return [
-        *rows,
-        (f"Objective evaluations{whose}", count(evaluations)),
-        ("Commit of the workflow", commit),
-        ("Versions behind the numbers", listed({"evopem": model.evopem} | model.versions)),
-        ("Versions behind this page", listed(installed(REPORT_LIBRARIES))),
-    ]
-
-
-def _origin(recording: RecordingInfo, suffix: str) -> list[tuple[str, str]]:
-    if not recording.files:
-        return [(f"Recording{suffix}", "simulated, see the configuration")]
-    rows = []
-    for file in recording.files:
-        rows += [
-            ("File", file.path),
-            ("SHA-256", file.sha256),
-            ("Size", f"{count(file.bytes)} bytes"),
-            ("Format", file.format),
-            *(("Input channel", str(each)) for each in file.inputs),
-            *(("Output channel", str(each)) for each in file.outputs),
-        ]
-    return [(f"{term}{suffix}", value) for term, value in rows]
 
 
 def installed(libraries: Iterable[str]) -> dict[str, str]:

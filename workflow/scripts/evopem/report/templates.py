@@ -9,9 +9,17 @@ from typing import TYPE_CHECKING
 
 from evopem.report import numbers
 from evopem.report.equations import symbol
+from evopem.report.sentences import IN_TEMPLATES
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+# Functions of :mod:`evopem.report.numbers` that templates have.
+FILTERS = ("number", "fixed", "percent", "count", "raw", "standard_error", "hertz")
+WORDS = (
+    *("number", "count", "with_error", "root", "hertz", "enumeration", "plural", "times"),
+    *("p_value", "superscript"),
+)
 
 
 def template_folder() -> Path:
@@ -36,19 +44,11 @@ def environment(folder: Path) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters.update(
-        number=numbers.number,
-        fixed=numbers.fixed,
-        percent=numbers.percent,
-        count=numbers.count,
-        raw=numbers.raw,
-        standard_error=numbers.standard_error,
-    )
+    environment.filters.update({name: getattr(numbers, name) for name in FILTERS})
+    environment.tests["finite"] = numbers.is_number
+    environment.globals.update({name: getattr(numbers, name) for name in WORDS} | IN_TEMPLATES)
     environment.globals.update(
-        with_error=numbers.with_error,
-        root=numbers.root,
         symbol=symbol,
-        hertz=numbers.hertz,
         page_script=_script(folder / "page.js"),
         figures_script=_script(
             folder / "uplot" / "uPlot.iife.min.js",

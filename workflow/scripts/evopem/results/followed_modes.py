@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.mode_shapes import assurance
+from evopem.validation.drifts import Drift, constant_probability, find_drift
 from evopem.validation.level_changes import FEWEST, Levels, find_levels
 
 if TYPE_CHECKING:
@@ -63,6 +64,8 @@ class FollowedMode:
     places: tuple[float, ...]
     modes: tuple[RecordedMode, ...]  # in each recording
     levels: Levels | None  # of the frequency; None for too few recordings
+    drift: Drift | None  # of the frequency, where it says more than steps do
+    constant: bool  # whether a constant frequency, weighted by the errors, is not rejected
 
     @property
     def frequency_hz(self) -> float:
@@ -123,16 +126,9 @@ def follow_modes(
             float(place + 1) if places is None else places[name]
             for place, name in zip(track.places, members, strict=True)
         ]
-        followed.append(
-            FollowedMode(
-                group,
-                number,
-                members,
-                tuple(positions),
-                tuple(track.modes),
-                _levels(track.modes, FALSE_ALARMS / max(tested, 1)),
-            )
-        )
+        course = _course(track.modes, positions, FALSE_ALARMS / max(tested, 1))
+        modes = tuple(track.modes)
+        followed.append(FollowedMode(group, number, members, tuple(positions), modes, *course))
     return followed
 
 
@@ -163,7 +159,9 @@ def _rows(followed: FollowedMode) -> list[dict[str, object]]:
         zip(followed.recordings, followed.places, followed.modes, strict=True)
     ):
         warning = None
-        if levels is not None and any(change.index == index for change in levels.changes):
+        if followed.drift is not None and index == 0:
+            warning = f"{followed.drift.kind} from here on"
+        elif levels is not None and any(change.index == index for change in levels.changes):
             warning = "moved from here on"
         elif levels is not None and index in levels.outlying:
             warning = "away from its level"
@@ -191,12 +189,31 @@ def _interval(name: str, unit: str, value: float, error: float) -> dict[str, flo
     }
 
 
-def _levels(modes: Sequence[RecordedMode], significance: float) -> Levels | None:
-    if len(modes) < FEWEST:
-        return None
+def _course(
+    modes: Sequence[RecordedMode], places: Sequence[float], significance: float
+) -> tuple[Levels | None, Drift | None, bool]:
+    """Levels, drift and constancy; half of the significance is for either of the first two."""
     values = np.array([mode.frequency_hz for mode in modes])
     errors = np.array([mode.frequency_se_hz for mode in modes])
-    return find_levels(values, errors, significance)
+    constant = constant_probability(values, errors) >= significance
+    if len(modes) < FEWEST:
+        return None, None, constant
+    levels = find_levels(values, errors, 0.5 * significance)
+    drift = find_drift(values, errors, np.array(places), 0.5 * significance)
+    if drift is not None:
+        count = math.log(len(modes))
+        of_steps = _left(values, errors, levels.values) + 2 * len(levels.changes) * count
+        of_drift = _left(values, errors, drift.values) + (1 + 2 * (drift.kind != "trend")) * count
+        # A step is part of a trend and a trend of steps: the better description is told (BIC).
+        if levels.changes and of_steps < of_drift:
+            drift = None
+        else:
+            levels = Levels(drift.values, levels.scatter, (), ())
+    return levels, drift, constant
+
+
+def _left(values: Array, errors: Array, fitted: Sequence[float]) -> float:
+    return float(np.sum(((values - np.array(fitted)) / errors) ** 2))
 
 
 def _tracks(recordings: Sequence[Sequence[RecordedMode]]) -> list[_Track]:

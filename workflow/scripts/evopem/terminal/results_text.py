@@ -9,7 +9,7 @@ from pathlib import Path
 from evopem.files.json_form import load
 from evopem.report.numbers import number, plural
 from evopem.report.results_text import results_text
-from evopem.report.sentences.about_verdict import verdict
+from evopem.report.verdict import verdict
 from evopem.results.dataset import read_results
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.identity import IncompleteDataset

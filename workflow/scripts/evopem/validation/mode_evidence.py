@@ -87,6 +87,7 @@ class ModeEvidence:
     needed_by_noise: bool | None
     doubts: tuple[str, ...] = ()  # reasons not to trust it, see :func:`doubts`
     shape_doubt: str = ""  # reason not to trust its shape, see :func:`shape_doubt`
+    compared: int = 0  # number of orders that the recurrence is a share of
     # Of a shape that is doubted: the row of the table with the neighbour whose shape spans with
     # this one a plane that is known
     pair: int | None = None
@@ -305,6 +306,7 @@ def _judged(
         order=found.order,
         orders=tuple(sorted(group)),
         recurrence=float(np.mean([order in group for order in able])) if able else math.nan,
+        compared=len(able),
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
         noise_test=of_noise,
@@ -352,8 +354,12 @@ def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
     elif evidence.origin == "not judged":
         found.append("could not be tested on validation samples")
     if evidence.stable is False:
-        share = f"only {100 * evidence.recurrence:.0f} %" if evidence.recurrence else "none"
-        found.append(f"was found at {share} of the orders compared")
+        of_them = round(evidence.recurrence * evidence.compared)
+        others = len(evidence.orders) - 1 - of_them
+        found.append(
+            f"was found at only {of_them} of {evidence.compared} other orders with poles to spare"
+            + (f", though at {others} without" if others > 0 else "")
+        )
     half_width = 1.96 * mode.frequency_se_hz
     if not math.isfinite(half_width):
         found.append("has no known standard error")

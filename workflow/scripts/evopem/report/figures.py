@@ -1,0 +1,163 @@
+"""Figures in a page: the drawing, the table as a CSV file in a link, and the panels to zoom."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from urllib.parse import quote
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from evopem.figures import REPORT_FIGURES, style
+from evopem.figures.chart import Chart
+from evopem.figures.view import View
+
+SVG = "http://www.w3.org/2000/svg"
+XLINK = "http://www.w3.org/1999/xlink"
+# Each colour becomes a variable, so that the page can have a light and a dark theme.
+VARIABLES = {
+    colour: f"--figure-{role}"
+    for role, colour in {**style.COLOURS, "grid": style.GRID, "paper": style.PAPER}.items()
+}
+# Keep the report below 3 MB, however long the recording and however many its channels.
+MOST_ROWS, MOST_CELLS = 5000, 40_000
+
+
+@dataclass(frozen=True)
+class Download:
+    """A CSV file in a link."""
+
+    file: str  # name that it is saved under
+    address: str  # ``data:`` address with the table
+    rows: int  # number of rows
+    rows_of: int  # number of rows of the whole table; larger than `rows` where it was thinned
+
+
+@dataclass(frozen=True)
+class DrawnFigure:
+    """A figure in the page."""
+
+    id: str
+    title: str
+    caption: str
+    data: Sequence[str]  # files that hold the data of the figure
+    download: Download  # the data of the figure as CSV
+    svg: Markup | None  # None where the figure was not drawn
+    panels: str  # what the page draws for a reader to zoom, as JSON; empty where it does not
+    columns: int  # panels of a row
+
+    @classmethod
+    def of(
+        cls,
+        chart: Chart,
+        svg: str | None,
+        words: tuple[str, str, str],
+        dataset: str,
+        data: Sequence[str],
+        most_cells: int = MOST_CELLS,
+    ) -> DrawnFigure:
+        """A chart by its id, title and caption, with its data as a CSV file."""
+        name, title, caption = words
+        panels = chart.page_form() if svg else []
+        return cls(
+            *(name, title, caption, data, csv_download(chart.table, dataset, name, most_cells)),
+            svg=None if svg is None else inline_svg(svg, name, caption),
+            panels=json.dumps(panels, ensure_ascii=False) if panels else "",
+            columns=chart.columns,
+        )
+
+
+def drawn_figures(view: View, drawings: Mapping[str, str], part: str) -> dict[str, DrawnFigure]:
+    """The figures of a part of the report by name; `drawings` are SVG texts by name."""
+    return {
+        figure.name: DrawnFigure.of(
+            *(figure.chart(view), drawings.get(figure.name)),
+            (figure.name, figure.title_of(view), figure.caption_of(view)),
+            dataset=view.name,
+            data=figure.data,
+            most_cells=MOST_CELLS // (2 - view.is_single),
+        )
+        for figure in REPORT_FIGURES
+        if figure.part == part and figure.applies(view)
+    }
+
+
+def inline_svg(text: str, name: str, label: str) -> Markup:
+    """A figure as an ``svg`` element without fixed size, style sheet, metadata and scripts.
+
+    `name` makes its ids unique in the page; `label` describes it for screen readers.
+    """
+    ElementTree.register_namespace("", SVG)
+    ElementTree.register_namespace("xlink", XLINK)
+    root = ElementTree.fromstring(text)
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag in {f"{{{SVG}}}{tag}" for tag in ("metadata", "style", "script")}:
+                parent.remove(child)
+    for element in root.iter():
+        for attribute, value in list(element.attrib.items()):
+            if attribute.lower().startswith("on"):
+                del element.attrib[attribute]
+            elif attribute == "id":
+                element.set(attribute, f"{name}-{value}")
+            elif attribute in {"href", f"{{{XLINK}}}href"} and value.startswith("#"):
+                element.set(attribute, f"#{name}-{value[1:]}")
+            elif attribute in {"style", "clip-path", "fill", "stroke"}:
+                value = re.sub(r"url\(#", f"url(#{name}-", value)
+                for colour, variable in VARIABLES.items():
+                    value = value.replace(colour, f"var({variable})")
+                element.set(attribute, value)
+    for attribute in ("width", "height", "version"):
+        root.attrib.pop(attribute, None)
+    root.set("role", "img")
+    root.set("aria-label", label)
+    return Markup(ElementTree.tostring(root, encoding="unicode"))
+
+
+def csv_download(
+    table: pd.DataFrame, dataset: str, figure: str, most_cells: int = MOST_CELLS
+) -> Download:
+    """Put a figure's table into a link, thinned where it is longer than :data:`MOST_ROWS`."""
+    kept = thin_table(table, min(MOST_ROWS, most_cells // max(table.shape[1], 1)))
+    text = kept.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+    name = re.sub(r"[^\w.-]+", "_", f"{dataset}-{figure}.csv")
+    # Without escapes for commas and digits this is shorter than base64.
+    address = "data:text/csv;charset=utf-8," + quote(text, safe=",.+-()/")
+    return Download(name, address, len(kept), len(table))
+
+
+def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
+    """Leave out rows beyond about so many and keep the extremes of every column.
+
+    Columns of words divide the table into series; the first numeric column is their abscissa.
+    """
+    if len(table) <= rows:
+        return table
+    words = [
+        name
+        for name in table.columns[:4]
+        if not pd.api.types.is_numeric_dtype(table[name])
+        and table[name].nunique() < len(table) ** 0.5
+    ]
+    series = [table]
+    if words:
+        series = [part for _, part in table.groupby(words, sort=False, dropna=False)]
+    return pd.concat([_thin(part, max(rows * len(part) // len(table), 8)) for part in series])
+
+
+def _thin(part: pd.DataFrame, rows: int) -> pd.DataFrame:
+    if len(part) <= rows:
+        return part
+    numbers = part.select_dtypes("number").iloc[:, 1:]
+    drawn = [name for name in numbers if numbers[name].notna().any()]
+    bins = max(rows // (2 * max(len(drawn), 1)), 1)
+    # It keeps a series of at most 4 × bins points whole; here it must not.
+    kept = [style.extremes(part[name], max(min(bins, len(part) // 4 - 1), 1)) for name in drawn]
+    return (
+        part.iloc[np.unique(np.concatenate(kept))] if kept else part.iloc[:: len(part) // rows + 1]
+    )

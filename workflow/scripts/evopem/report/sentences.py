@@ -1,0 +1,147 @@
+"""What the sentences of the page tell in numbers; ``sentences.html.j2`` has their words."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from evopem.config.structures import plant_order, structure_name, varied_order
+from evopem.figures.chart import rows_of
+from evopem.figures.frequency_domain import model_source
+from evopem.figures.orders import tied_text
+from evopem.figures.view import View
+from evopem.models.mode_matching import PERSISTENT_ORDERS, persistent_frequencies
+from evopem.models.modes import Mode
+from evopem.results.dataset import DatasetResults
+from evopem.signals.prepared_data import Transforms
+from evopem.signals.spectral.peaks import line_spacing
+
+# The search counts as near its final objective from this ratio on.
+NEAR = 1.001
+NAMES = {
+    "nc": "Order of C, nc",
+    "nd": "Order of D, nd",
+    "na": "Order of A, na",
+    "nb": "Number of B coefficients, nb",
+}
+
+
+def difference_gain(transforms: Transforms, frequency: float) -> float:
+    """Factor |2 sin(πf/fs)|^d on the gain, d the output's differences beyond the input's."""
+    surplus = transforms.difference - transforms.difference_input
+    return float(abs(2 * math.sin(math.pi * frequency / transforms.sampling_rate)) ** surplus)
+
+
+def time_constants(view: View, mode: Mode) -> float:
+    """Length of the estimation samples in time constants of a mode."""
+    duration = view.results.model.transforms.estimation_samples / view.sampling_rate
+    return 2 * math.pi * mode.frequency_hz * mode.damping_ratio * duration
+
+
+def reason(results: DatasetResults, phase: str) -> str:
+    """Why a candidate was selected, with true minus signs."""
+    return re.sub(r"(?<![\w-])-(?=\d)", "−", results.phases[phase].reason)
+
+
+def selected_delay(results: DatasetResults) -> dict[str, Any]:
+    """The selected delay, and how much BIC varies over the orders for it and for the others."""
+    nk = results.phases["delay"].orders.single.nk
+    tried = results.candidates[results.candidates["phase"] == "delay"]
+    spread = tried.groupby("nk")["bic"].agg(np.ptp)
+    others = spread.drop(nk)
+    return {
+        "reason": reason(results, "delay"),
+        "nk": nk,
+        "orders": sorted(tried[plant_order(results.model.structure)]),
+        "spread": spread[nk],
+        "others": [others.min(), others.max()] if len(others) else [],
+    }
+
+
+def selected_orders(results: DatasetResults) -> Iterator[dict[str, Any]]:
+    """The selection of each phase of the orders, beside the smallest RSS."""
+    structure = results.model.structure
+    for name, phase in results.phases.items():
+        if name == "delay" or results.decisions is not None:
+            continue
+        order = varied_order(name, structure)
+        least = min(phase.candidates, key=lambda candidate: candidate.criteria.rss)
+        yield {
+            "name": NAMES.get(name) or f"Plant order {tied_text(structure)}",
+            "tried": sorted(getattr(each.orders.single, order) for each in phase.candidates),
+            "value": getattr(phase.selected.orders.single, order),
+            "rss": phase.selected.criteria.rss,
+            "of_smallest": getattr(least.orders.single, order),
+            "smallest": least.criteria.rss,
+            "reason": reason(results, name),
+        }
+
+
+def structures_tried(results: DatasetResults) -> list[str]:
+    """The structures that the automatic recipe compared."""
+    tried = results.phases["structures"].candidates
+    return list(dict.fromkeys(structure_name(each.orders.structure) for each in tried))
+
+
+def evaluations_to_near(history: Sequence[tuple[int, float]]) -> int:
+    """Evaluations after which a search was within 0.1 % of its final objective."""
+    return next(spent for spent, value in history if value <= NEAR * history[-1][1])
+
+
+def counted_roots(view: View) -> dict[str, Any]:
+    """Numbers of poles and zeros, and how far out the outermost ones are."""
+    record, kinds = view.results.model, view.roots["kind"]
+    slowest = float(np.abs(record.poles).max(initial=0.0))
+    zeros = np.concatenate([*record.zeros, np.empty(0)])
+    stable = 0 < slowest < 1
+    return {
+        "poles": record.poles.size,
+        "real": int(np.sum(record.poles.imag == 0)),
+        "slowest": slowest,
+        "decay_s": -1 / (view.sampling_rate * math.log(slowest)) if stable else math.nan,
+        "zeros": zeros.size,
+        "outside": int(np.sum(np.abs(zeros) > 1)),
+        "unknown": int(view.roots["variance_real"].isna().sum() - (kinds == "true pole").sum()),
+        "noise_zero": float(np.abs(record.noise_zeros).max()) if record.noise_zeros.size else None,
+    }
+
+
+def gains_in_words(view: View) -> Iterator[dict[str, Any]]:
+    """Where the gain of each pair is largest, and its medians at both ends of the band."""
+    kind, label = model_source(view)
+    table = view.frequency_response
+    table = table[(table["source"] == kind) & (table["frequency_hz"] > 0)]
+    for pair in view.pairs:
+        rows = rows_of(table, view.where(*pair))
+        gain, top = rows["gain"].to_numpy(), int(np.nanargmax(rows["gain"]))
+        tenth = max(len(gain) // 10, 1)
+        low, high = float(np.median(gain[:tenth])), float(np.median(gain[-tenth:]))
+        yield {
+            "name": view.pair_title(*pair) or label,
+            "at": float(rows["frequency_hz"].iloc[top]),
+            "largest": float(gain[top]),
+            "ratio": high / low if low > 0 and high > 0 else None,
+        }
+
+
+IN_TEMPLATES: dict[str, Any] = {
+    each.__name__: each
+    for each in (
+        difference_gain,
+        time_constants,
+        reason,
+        selected_delay,
+        selected_orders,
+        structures_tried,
+        evaluations_to_near,
+        counted_roots,
+        gains_in_words,
+        persistent_frequencies,
+        line_spacing,
+    )
+} | {"persistent_orders": PERSISTENT_ORDERS}
+"""What the templates call by its name."""

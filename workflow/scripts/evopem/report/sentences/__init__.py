@@ -1,4 +1,0 @@
-"""Sentences of the report, computed from the results.
-
-Each function returns paragraphs.
-"""

@@ -1,0 +1,376 @@
+"""The verdict: what a model is good for and what not, and which of its modes can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from evopem.figures.frequency_domain import model_source
+from evopem.figures.view import Channel, Results, View, view_of
+from evopem.models.modes import Mode
+from evopem.report.numbers import (
+    THIN,
+    count,
+    enumeration,
+    fixed,
+    is_number,
+    number,
+    percent,
+    plural,
+)
+from evopem.validation.checks import Check
+from evopem.validation.checks.inputs import RESTING
+from evopem.validation.mode_evidence import ModeEvidence
+
+Answer = Literal["good", "care", "no"]
+ANSWERS: tuple[Answer, ...] = ("good", "care", "no")
+_WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": "not for"}
+
+# Simulation errors, in percent of the output's standard deviation, up to which a simulation is good
+# and up to which it is of use at all. The error has no natural limit, so the report shows it beside
+# the word. From the error of the mean on, a model is of no use for what it is judged by.
+GOOD_SIMULATION, USABLE_SIMULATION, ERROR_OF_MEAN = 30.0, 60.0, 100.0
+
+# Modes that a sentence names at most.
+MOST_NAMED = 8
+# Share of an output's energy below which a mode is not seen there.
+NEGLIGIBLE = 1e-3
+# Outputs that a mode is seen at and inputs that it is driven by, named at most.
+NAMED = 3
+
+# The checks that a use rests on: without the first it is not given, without the second with care.
+# Notes are about the settings or the search and not about the model: no use rests on them.
+ESSENTIAL: dict[str, tuple[str, ...]] = {
+    "simulation": ("Stable", "Response to the input significant"),
+    "prediction": ("Invertible",),
+    "response": ("Stable", "Response to the input significant", "Excitation adequate"),
+    "intervals": ("Roots inside the stability bound",),
+    "spectrum": ("Stable",),
+}
+DESIRABLE: dict[str, tuple[str, ...]] = {
+    "simulation": (
+        "Validation input comparable",
+        "Simulation independent of its initial state",
+    ),
+    "prediction": ("White residuals",),
+    "response": ("Residuals independent of the input",),
+    "spectrum": ("White residuals", "Every spectral peak modelled"),
+    "intervals": (
+        "White residuals",
+        "Residuals independent of the input",
+        "Poles and zeros distinct",
+        "Few residual outliers",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Use:
+    """One thing that a model may be used for."""
+
+    name: str
+    answer: Answer
+    reason: str  # A clause with the number that decides
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a model is good for."""
+
+    sentence: str  # the whole in a sentence
+    uses: list[Use]  # the good ones first
+
+    def of(self, answer: Answer) -> list[Use]:
+        """The uses with an answer."""
+        return [use for use in self.uses if use.answer == answer]
+
+
+def verdict(results: Results | View) -> Verdict:
+    """Judge every use of a model by its errors on validation samples and by its checks.
+
+    A model without input cannot be simulated; it is judged by its prediction and its spectrum.
+    """
+    view = view_of(results)
+    outcome = {check.name: check for check in view.checks}
+    uses = [_prediction(view, outcome), _frequency_response(view, outcome)]
+    if view.has_input:
+        uses = [*_simulations(view, outcome), *uses]
+    uses += [_modes(view), _intervals(view, outcome)]
+    return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
+
+
+def sentence_of(uses: Sequence[Use]) -> str:
+    """All uses in a sentence, those of one answer together."""
+    named: dict[Answer, str] = {
+        answer: enumeration([use.name for use in uses if use.answer == answer])
+        for answer in ANSWERS
+    }
+    if not named["good"] and not named["care"]:
+        return "This model is good for nothing that was tested."
+    parts = [f"{_WORDS[answer]} {named[answer]}" for answer in ANSWERS if named[answer]]
+    text = "; ".join(parts)
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def _by_checks(use: str, outcome: Mapping[str, Check]) -> tuple[Answer, str]:
+    """What the checks say of a use, and which of them speak against it."""
+    essential, desirable = ESSENTIAL.get(use, ()), DESIRABLE.get(use, ())
+    both = (*essential, *desirable)
+    for names, word, answer in (
+        (essential, "Failed", "no"),
+        (desirable, "Failed", "care"),
+        (both, "Caution", "care"),
+        (both, "Not judged", "care"),
+    ):
+        found = [f"“{name}”" for name in names if name in outcome and outcome[name].word == word]
+        if found:
+            return ("no" if answer == "no" else "care"), f"{word.lower()}: {enumeration(found)}"
+    return "good", ""
+
+
+def worse(first: Answer, second: Answer) -> Answer:
+    """The less favourable one of two answers."""
+    return max(first, second, key=ANSWERS.index)
+
+
+def _by_mean(answer: Answer, error: float) -> Answer:
+    """An answer, unless the error that it rests on is no smaller than that of the mean."""
+    return "no" if is_number(error) and error >= ERROR_OF_MEAN else answer
+
+
+def answer_by_error(error: float) -> Answer:
+    """What a simulation error in percent says of a simulation."""
+    if not is_number(error) or error > USABLE_SIMULATION:
+        return "no"
+    return "good" if error <= GOOD_SIMULATION else "care"
+
+
+def plural_of(noun: str, things: Sequence[object]) -> str:
+    """A noun in the number of the things."""
+    return noun if len(things) == 1 else f"{noun}s"
+
+
+def _simulations(view: View, outcome: Mapping[str, Check]) -> list[Use]:
+    """The simulation; where transforms make it another quantity, also in recorded units."""
+    validation, recorded = view.results.validation, view.recorded
+    outputs, several = plural_of("output", view.outputs), len(view.outputs) > 1
+    owner, samples = "outputs’" if several else "output’s", count(validation.samples)
+    told = f" of the {owner} deviation on {samples} validation samples"
+    error = largest = validation.simulation_error_percent
+    if several:
+        worst = max(view.errors, key=lambda each: each.simulation)
+        largest = worst.simulation
+        told += f", by {percent(largest)} at {worst.name}"
+    if recorded is None:
+        name = f"simulation from the {plural_of('input', view.inputs)}"
+        return [_simulation(view, outcome, name, error, told, largest)]
+    summed = recorded.integrations and answer_by_error(recorded.simulation_error_percent) != "good"
+    undone = ", because undoing the differences sums up the error" if summed else ""
+    of = f"simulation of the {{}}{outputs}{{}}".format
+    return [
+        _simulation(view, outcome, of("transformed ", ""), error, told, largest),
+        _simulation(
+            view, outcome, of("", " as recorded"), recorded.simulation_error_percent, undone
+        ),
+    ]
+
+
+def _simulation(
+    view: View,
+    outcome: Mapping[str, Check],
+    name: str,
+    error: float,
+    told: str,
+    worst: float = 0.0,
+) -> Use:
+    if view.input_rests:
+        return Use(name, "no", f"not tested: {RESTING}")
+    answer, against = _by_checks("simulation", outcome)
+    if not is_number(error):
+        return Use(name, "no", joined("the error is not known", against))
+    if answer_by_error(worst) != "good":
+        answer = worse(answer, "care")
+    return Use(
+        name,
+        worse(answer, answer_by_error(error)),
+        joined(f"off by {percent(error)}{told}", against),
+    )
+
+
+def _prediction(view: View, outcome: Mapping[str, Check]) -> Use:
+    answer, against = _by_checks("prediction", outcome)
+    error = view.results.validation.prediction_error_percent
+    if not is_number(error):
+        return Use("one-step prediction", "no", "the error is not known")
+    where = "on average over the outputs" if len(view.outputs) > 1 else "on validation samples"
+    if not view.has_noise_model:
+        # It is a simulation, and is as good as one.
+        answer = worse(answer, answer_by_error(error))
+        if view.white is not True:
+            answer = worse(answer, "care")
+            against = joined(against, "the residuals are coloured, which no noise model uses")
+    reason = f"off by {percent(error)} {where}"
+    if len(view.outputs) > 1:
+        worst = max(view.errors, key=lambda each: each.prediction)
+        reason += f", by {percent(worst.prediction)} at {worst.name}"
+        answer = worse(answer, "care" if worst.prediction >= ERROR_OF_MEAN else "good")
+    return Use("one-step prediction", _by_mean(answer, error), joined(reason, against))
+
+
+def _frequency_response(view: View, outcome: Mapping[str, Check]) -> Use:
+    """The response of the plant; of a model without input, the spectrum that its noise has."""
+    table = view.frequency_response
+    table = table[table["source"] == model_source(view)[0]]
+    several = len(view.pairs) > 1
+    name, rests_on = f"the {plural_of('frequency response', view.pairs)}", "response"
+    if not view.has_input:
+        name, rests_on = f"the spectrum of the {plural_of('output', view.outputs)}", "spectrum"
+    answer, against = _by_checks(rests_on, outcome)
+    validation = view.results.validation
+    error = validation.simulation_error_percent
+    error = error if view.has_input else validation.prediction_error_percent
+    if _by_mean("good", error) == "no":
+        computed = "simulates" if view.has_input else "predicts"
+        worthless = f"it {computed} no better than the mean, off by {percent(error)}"
+        return Use(name, "no", joined(worthless, against))
+    inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
+    if not len(inside):
+        return Use(name, worse(answer, "care"), joined("its 95 % band is not known", against))
+    width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
+    half = 100 * float(np.median(width))
+    over = "all pairs and frequencies" if several else "frequency"
+    reason = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})"
+    if not np.isfinite(half):
+        reason = "its 95 % band has no upper limit at half of the frequencies or more"
+        answer = worse(answer, "care")
+    return Use(name, answer, joined(reason, against))
+
+
+def _modes(view: View) -> Use:
+    lines = mode_lines(view)
+    trusted = [line for line in lines if line.trusted]
+    others = len(view.modes) - len(trusted)
+    if not trusted:
+        reason = "none passes every test" if others else "the model has no oscillating mode"
+        return Use("modes", "no", reason)
+    shown = [number(each.mode.frequency_hz, 3) for each in trusted[:MOST_NAMED]]
+    places = f"{enumeration(shown)}{THIN}Hz"
+    if len(trusted) > MOST_NAMED:
+        places = enumeration([*shown, f"{len(trusted) - MOST_NAMED} more"])
+    reason = "seen in validation samples"
+    if all(each.stable for each in trusted):
+        reason += " and at most other orders"
+    against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
+    name = f"the {plural_of('mode', trusted)} at {places}"
+    if len(view.outputs) == 1:
+        return Use(name, "good", joined(reason, against))
+    mixed = sum(bool(each.shape_doubt) for each in trusted)
+    shapes = f"{plural(mixed, 'shape')} not to be trusted" if mixed else ""
+    answer: Answer = "care" if mixed else "good"
+    return Use(f"{name}, with shapes", answer, joined(reason, against, shapes))
+
+
+def _intervals(view: View, outcome: Mapping[str, Check]) -> Use:
+    answer, against = _by_checks("intervals", outcome)
+    reason = "white residuals" if answer == "good" else ""
+    if reason and not view.has_noise_model and view.white is not True:
+        reason = "the colour of the residuals is taken into account"
+    if view.is_chosen_by_scores:
+        # Intervals of models that the automatic recipe chose cover less (docs/report.md).
+        answer = worse(answer, "care")
+        reason = ""
+        against = joined("their intervals leave out the choice of structure and orders", against)
+    errors = view.standard_errors
+    known, total = int(np.isfinite(errors).sum()), len(errors)
+    if known == 0:
+        return Use("standard errors", "no", joined("no coefficient has one", against))
+    if known < total:
+        answer = worse(answer, "care")
+        reason = f"not known of {total - known} of {plural(total, 'coefficient')}"
+    return Use("standard errors", answer, joined(reason, against))
+
+
+def joined(*reasons: str) -> str:
+    """Reasons that are not empty, one after the other."""
+    return "; ".join(reason for reason in reasons if reason)
+
+
+@dataclass(frozen=True)
+class ModeLine:
+    """A mode on the first screen: whether it can be trusted, and why."""
+
+    mode: Mode
+    trusted: bool
+    why: str
+    stable: bool | None = None  # whether most models of other orders have it
+    shape_doubt: str = ""  # reason not to trust its shape; empty where there is none
+
+
+def mode_lines(view: View) -> list[ModeLine]:
+    """Every mode of the plant with what the data say about it, then the noise filter's own.
+
+    A pole of D is no part of the response to the inputs, and only modes of the plant are tested.
+    """
+    return [
+        *(_line(view, mode) for mode in view.modes),
+        *(
+            ModeLine(mode, False, "of the noise filter alone, and not tested on validation samples")
+            for mode in view.noise_modes
+        ),
+    ]
+
+
+def _line(view: View, mode: Mode) -> ModeLine:
+    evidence = view.evidence.get(mode.pole)
+    if evidence is None:
+        return ModeLine(mode, False, "could not be tested on validation samples")
+    reasons = list(evidence.doubts)
+    words = reasons or [_origin(view, evidence)]
+    if reasons and len(view.inputs) > 1 and evidence.origin == "input":
+        words.append(_origin(view, evidence))
+    if len(view.outputs) > 1:
+        words.append(_seen_at(view, mode))
+    if evidence.order != view.results.validation.modes.order:
+        words.append(f"of the model of order {evidence.order}")
+    if not reasons and is_number(evidence.recurrence):
+        share = fixed(100 * evidence.recurrence, 0)
+        words.append(f"{share}{THIN}% of the other orders with poles to spare have it")
+    shape = _shape_doubt(evidence)
+    return ModeLine(mode, not reasons, "; ".join(words), evidence.stable, shape)
+
+
+def _origin(view: View, evidence: ModeEvidence) -> str:
+    """What drives a mode, and where there are several inputs, which of them."""
+    if not view.has_input:
+        return "it improves the prediction of validation samples"
+    if evidence.origin != "input":
+        return f"disturbances drive it, not the {'input' if len(view.inputs) == 1 else 'inputs'}"
+    if len(view.inputs) == 1:
+        return "the input drives it"
+    driven = np.abs(evidence.mode.input_participation) * view.input_deviations
+    shares = driven / max(float(driven.sum()), 1e-300)
+    return f"driven by {_strongest(view.inputs, shares)}"
+
+
+def _seen_at(view: View, mode: Mode) -> str:
+    shares = mode.output_shares
+    if shares.max() < NEGLIGIBLE:
+        return f"below {percent(100.0 * NEGLIGIBLE, 1)} of the energy of every output"
+    return f"seen at {_strongest(view.outputs, shares)}"
+
+
+def _strongest(channels: Sequence[Channel], shares: np.ndarray) -> str:
+    """The channels with the largest shares, in percent."""
+    best = [k for k in np.argsort(-shares, kind="stable")[:NAMED] if shares[k] >= NEGLIGIBLE]
+    return ", ".join(f"{channels[k].name} {percent(100.0 * float(shares[k]), 2)}" for k in best)
+
+
+def _shape_doubt(judged: ModeEvidence) -> str:
+    if judged.pair is None:
+        return judged.shape_doubt
+    return (
+        f"{judged.shape_doubt}; the plane of its shape and that of mode {judged.pair + 1} is known"
+    )
