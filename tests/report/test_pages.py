@@ -141,9 +141,7 @@ def test_every_figure_offers_its_numbers_inside_the_page(results, page):
     assert set(tables["record"]["stage"]) == {"recorded", "estimation", "validation"}
     assert set(tables["frequency_response"]["source"]) == {"model", "noise filter", "measured"}
     assert len(tables["delay"]) + len(tables["phases"]) == len(results.candidates)
-    assert len(tables["stabilization"]) == sum(
-        len(candidate.model.modes()) for candidate in results.phases["joint"].candidates
-    )
+    assert len(tables["stabilization"]) == len(results.validation.modes.poles)
     history = results.selected.diagnostics.convergence
     assert tables["convergence"]["evaluations"].tolist() == [spent for spent, _ in history]
 

@@ -194,10 +194,11 @@ def test_phases_give_the_smallest_rss_beside_the_selection(results):
 def test_stabilization_lists_the_modes_that_persist(results):
     (text,) = told("stabilization", view_of(results))
     # 37 Hz is within 1 % and 10 % at the orders 6, 7 and 8; the broad mode at 17 Hz is not.
-    assert text.startswith(f"Over the orders 6 to 8, poles at 37{THIN}Hz are stable")
+    assert text.startswith(f"Over the orders 6 to 8, poles at 36.99{THIN}Hz are stable")
     assert "16." not in text
-    two = replace(results.phases["joint"], candidates=results.phases["joint"].candidates[:2])
-    fewer = replace(results, phases=results.phases | {"joint": two})
+    table = results.validation.modes
+    two = replace(table, poles=tuple(pole for pole in table.poles if pole.order < 8))
+    fewer = identified.with_outcome(results, modes=two)
     (text,) = told("stabilization", view_of(fewer))
     assert text == "Over the orders 6 to 7, no pole is stable over 3 successive orders."
 
