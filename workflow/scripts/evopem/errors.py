@@ -41,6 +41,10 @@ class InputError(ValueError):
         return (type(self), (self.source, self.problem, self.remedy, self.place))
 
 
+class NoModelError(ValueError):
+    """A recording, or a part of one, is too short for a model, or no estimate of it is finite."""
+
+
 def check_choice(source: str, value: object, choices: Sequence[str]) -> None:
     """Refuse what is none of the words that a setting can have.
 

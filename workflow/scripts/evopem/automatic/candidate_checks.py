@@ -97,7 +97,9 @@ def _of_one_input(
             correlation = found.largest_ratio
             if not are_independent(correlation, found.share_inside, int(found.lag[-1])):
                 failed.append(INDEPENDENT_OF_INPUT)
-    covariance = _covariance(errors, point)
+    covariance = covariance_of(
+        *(errors, point, residuals, errors.scored_outputs()), errors.residual_counts()
+    )
     if _cancels(model, covariance):
         failed.append(DISTINCT)
     if roots_at_bound(errors, model):
@@ -123,16 +125,6 @@ def _whiteness(errors: StretchErrors, point: Array) -> tuple[float, bool]:
     test = whiteness_test(residuals, [errors.jacobian(point)], lags, errors.objective)
     share = correlation.where(correlation.lag > 0).share_inside
     return test.p_value, are_white(test.p_value, share, largest) is not False
-
-
-def _covariance(errors: StretchErrors, point: Array) -> ParameterCovariance | None:
-    try:
-        return covariance_of(
-            *(errors, point, errors.residuals(point), errors.scored_outputs()),
-            errors.residual_counts(),
-        )
-    except (ValueError, np.linalg.LinAlgError):
-        return None
 
 
 def _cancels(model: PolynomialModel, covariance: ParameterCovariance | None) -> bool:

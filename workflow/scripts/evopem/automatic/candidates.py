@@ -11,10 +11,12 @@ from evopem.automatic.candidate_checks import CandidateChecks, check_model
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FOLD_STAGES, Fit, FitSettings, fit, log_loss
 from evopem.automatic.held_out.folds import FoldPlan, HeldOutScores, held_out_scores
-from evopem.automatic.held_out.simulation import Model, simulated
+from evopem.automatic.held_out.simulation import Model, errors_simulated_on
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.limits import OrderLimits
+from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import refit
+from evopem.errors import NoModelError
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.polynomial import PolynomialModel
@@ -36,8 +38,9 @@ class Candidate:
     """A model of some structure and orders with what it reaches.
 
     ``bic`` is that of the one-step residuals from a common sample on; ``simulation_bic`` the same
-    formula with the errors of a simulation of the estimation part, whose initial states and levels
-    are fitted, infinite without an input.  The model is fitted to the whole estimation part.
+    formula with the errors of a simulation of the estimation part, whose initial states the first
+    tenth of each stretch determines and which is scored after it, infinite without an input.  The
+    model is fitted to the whole estimation part.
     """
 
     structure: str
@@ -102,17 +105,17 @@ class StructureSearch:
         return tuple(dict.fromkeys(each.order for each in self.candidates))
 
 
-def order_models(search: StructureSearch, estimation: Recording) -> OrderModels:
-    """The plants of a search in state space, in the names and at the rate of a recording."""
+def order_models(
+    search: StructureSearch, record: PreparedRecord, estimation: Recording
+) -> OrderModels:
+    """The plants of a search in state space, in the names, units and at the rate of a recording."""
     models = []
     for each in search.candidates:
-        plant = each.state_space
-        if each.polynomials is not None:
-            plant = each.polynomials.plant().state_space()
-        assert plant is not None
+        plant = record.in_its_units(each.model)
+        if isinstance(plant, PolynomialModel):
+            plant = plant.plant().state_space()
         named = replace(
             plant,
-            sampling_rate=estimation.sampling_rate,
             input_names=estimation.input_names,
             output_names=estimation.output_names,
         )
@@ -160,6 +163,10 @@ class Scorer:
         self._known: dict[tuple[str, Orders | int], Candidate] = {}
         self._checked: dict[Candidate, CandidateChecks] = {}
 
+    def of_recording(self, recording: Recording) -> Scorer:
+        """The same scores of the samples of a recording."""
+        return Scorer(recording.segments, self.plan, self.settings, self.limits, self.delays)
+
     @property
     def most_parameters(self) -> int:
         """Most parameters of an output that the record carries."""
@@ -200,7 +207,7 @@ class Scorer:
                 return None
             try:
                 found = fit(self.stretches, orders, self.settings, models, own_starts, structure)
-            except (ValueError, np.linalg.LinAlgError):
+            except NoModelError:
                 return None
             described = self.described(structure, found)
             if self._within_reach(described):
@@ -222,7 +229,8 @@ class Scorer:
         simulation_loss = np.inf
         if self.has_input:
             errors = [
-                simulated(found.model, s, True, self.absolute) - s.outputs for s in self.stretches
+                errors_simulated_on(found.model, None, s, True, self.absolute)
+                for s in self.stretches
             ]
             simulation_loss = log_loss(np.concatenate(errors), objective)
         polynomials = found.model if isinstance(found.model, PolynomialModel) else None
@@ -277,7 +285,7 @@ class Scorer:
             return candidate
         try:
             model = self._refitted(candidate, self.whole)
-        except (ValueError, np.linalg.LinAlgError):
+        except NoModelError:
             return candidate
         if isinstance(model, PolynomialModel):
             return replace(candidate, polynomials=model)

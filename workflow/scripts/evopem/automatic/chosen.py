@@ -1,42 +1,264 @@
-"""The chosen model, estimated once more by the global search, and all others as candidates."""
+"""The chosen model, searched globally, and all others as candidates."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.candidates import Candidate as ScoredCandidate
-from evopem.automatic.fit import NOISE_RADIUS, fit_at
+from evopem.automatic.candidates import Scorer
+from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.fit import NOISE_RADIUS, FitSettings
+from evopem.automatic.held_out.simulation import Model
+from evopem.automatic.limits import OrderLimits
 from evopem.automatic.preparation.plan import PreparedRecord
-from evopem.automatic.remedies import Remedied
-from evopem.automatic.structures import Choice
+from evopem.automatic.state_space import (
+    polynomial_settings,
+    search_settings,
+    task_of,
+    weighting_of,
+)
+from evopem.automatic.structures import Choice, Kind, as_good, score_of
+from evopem.config.constraints import Constraints
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.config.structures import AUTOMATIC_PHASES
-from evopem.errors import InputError
+from evopem.errors import InputError, NoModelError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.criteria import criteria_of
+from evopem.estimation.estimate import estimate_polynomial
+from evopem.estimation.order_limits import OrderLimits as InputLimits
+from evopem.estimation.order_limits import joint_orders
+from evopem.estimation.order_scan import refitted_estimate
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.stretch_errors import StretchErrors
-from evopem.estimation.polynomial_estimate import describe
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.search.certificate import is_certified
-from evopem.estimation.search.global_search import global_search
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import (
-    SearchDiagnostics,
-    SearchResult,
-    descended,
-    pooled,
-)
+from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
+from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
+from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
+from evopem.models.constraint_checks import check_constraints
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
+Log = Callable[[str], None]
 
 STRUCTURES, CHOSEN = AUTOMATIC_PHASES
+SUBJECT = "global search of the chosen model"
+SEARCHED, COMPARED = "searched model", "compared model"
+# A minimum that is lower by this share is another one.
+LOWER = 1e-6
+# Standard errors by which held-out errors differ by more than chance.
+BY_MORE_THAN_CHANCE = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenModel:
+    """A chosen model."""
+
+    estimate: StateSpaceEstimate | PolynomialEstimate  # of the plant alone in output-error form
+    # With the noise model beside an output-error plant; of polynomials their innovations form.
+    model: StateSpaceModel
+    polynomials: PolynomialModel | None = None
+    at_upper_ends: tuple[str, ...] = ()  # its orders at the upper end of a range that is given
+
+
+def estimate_candidate(
+    candidate: ScoredCandidate,
+    estimation: Recording,
+    settings: FitSettings,
+    limits: OrderLimits,
+    constraints: Constraints | None = None,
+    evaluations: int | None = None,
+    log: Log | None = None,
+    search: SearchSettings | None = None,
+) -> ChosenModel:
+    """A candidate, in the units of a recording, with its covariance and noise model.
+
+    Its own model is among the starts; without evaluations and constraints it is the only one.
+    ``search``: settings of a polynomial model in place of the usual ones.
+
+    Raises InputError when no model of the order meets the constraints, and NoModelError when the
+    record is too short.
+    """
+    if candidate.polynomials is not None:
+        search = search or polynomial_settings(settings, evaluations)
+        if evaluations is not None:
+            search = replace(search, evaluations=evaluations)
+        return _polynomials(candidate, estimation, search, limits, constraints, log)
+    structure, model = candidate.structure, candidate.state_space
+    assert model is not None
+    names = estimation.input_names, estimation.output_names
+    start = replace(
+        model,
+        sampling_rate=estimation.sampling_rate,
+        input_names=names[0],
+        output_names=names[1],
+    )
+    own = search_settings(settings, evaluations)
+    if evaluations == 0 and constraints is None:
+        task = task_of(estimation, structure, candidate.delays, settings)
+        estimate = descend_from(start, estimation, task)
+    else:
+        estimate = estimate_state_space(
+            estimation,
+            candidate.order,
+            structure=structure,  # type: ignore[arg-type]
+            delays=candidate.delays,
+            weighting=weighting_of(structure, settings),
+            settings=own,
+            constraints=constraints,
+            starts=(start,),
+            log=log,
+        )
+    found = estimate.model
+    if found.structure == "ss_oe":
+        found = with_noise_model(found, estimation, own)
+    return ChosenModel(estimate, found)
+
+
+def _polynomials(
+    candidate: ScoredCandidate,
+    estimation: Recording,
+    search: SearchSettings,
+    limits: OrderLimits,
+    constraints: Constraints | None,
+    log: Log | None,
+) -> ChosenModel:
+    ends = InputLimits.of(limits.ranges, estimation.input_names)
+    orders, model = named_orders(candidate), candidate.polynomials
+    assert model is not None
+    if constraints is not None:
+        if not _allowed(constraints, orders, estimation):
+            orders = joint_orders(candidate.structure, candidate.order, candidate.delays, ends)
+        estimate = estimate_polynomial(
+            estimation, orders, settings=search, level=True, constraints=constraints, log=log
+        )
+    else:
+        model = replace(model, structure=candidate.structure)
+        estimate = refitted_estimate(model, estimation, search)
+        if search.evaluations:
+            estimate = _searched(estimate, estimation, orders, search, log)
+    named = replace(
+        estimate.model,
+        input_names=estimation.input_names,
+        output_name=estimation.output_names[0],
+    )
+    at_ends = ends.at_upper_ends(orders, estimation.input_names)
+    estimate = replace(estimate, model=named)
+    return ChosenModel(estimate, named.state_space(), named, at_ends)
+
+
+def _searched(
+    known: PolynomialEstimate,
+    estimation: Recording,
+    orders: Orders,
+    search: SearchSettings,
+    log: Log | None,
+) -> PolynomialEstimate:
+    """The lower one of a known optimum and of a search, of one input repeated while in doubt."""
+    window = window_of(orders)
+    estimate = partial(estimate_polynomial, estimation, orders, window=window, level=True, log=log)
+    if orders.inputs > 1:  # which begins with descents from estimates, where nothing is known
+        found = estimate(settings=search)
+        both = pooled(found.search, known.search)
+        return replace(known, search=both) if known.search.value < found.search.value else found
+    found = estimate(settings=search, earlier=known.search)
+    if not is_certified(found.search.diagnostics):
+        longer = replace(search, evaluations=REPEAT_FACTOR * search.evaluations)
+        found = estimate(settings=longer, earlier=found.search)
+    return found
+
+
+def estimate_choice(
+    choice: Choice,
+    scorer: Scorer,
+    record: PreparedRecord,
+    estimation: Recording,
+    constraints: Constraints | None = None,
+    evaluations: int | None = None,
+    log: Log | None = None,
+    search: SearchSettings | None = None,
+) -> tuple[ChosenModel, Decision]:
+    """The model of a choice, searched globally unless held-out samples speak against what is found.
+
+    A lower minimum of the errors of estimation samples may be one of their noise alone: it is left
+    where held-out samples are simulated, or predicted, worse with it by more than chance.
+
+    Raises InputError when no model of the order meets the constraints, and NoModelError when the
+    record is too short.
+    """
+    candidate = _with_model(choice.candidate, record.in_its_units(choice.candidate.model))
+    given = estimation, scorer.settings, scorer.limits, constraints
+    compared = None if constraints else estimate_candidate(candidate, *given, 0, None, search)
+    if compared is not None and evaluations == 0:
+        return compared, _about_search(choice, compared, compared)
+    found = estimate_candidate(candidate, *given, evaluations, log, search)
+    if compared is None:
+        return found, _about_search(choice, found, found)
+    value, known = (_value(each) for each in (found, compared))
+    if not value < known - LOWER * abs(known):
+        return found, _about_search(choice, found, compared)
+    judged = scorer.of_recording(estimation).scored(
+        _with_model(candidate, found.polynomials or found.estimate.model)
+    )
+    about = _about_search(choice, found, compared, judged)
+    return (compared if about.choice == COMPARED else found), about
+
+
+def _value(chosen: ChosenModel) -> float:
+    """What was minimised."""
+    if isinstance(chosen.estimate, PolynomialEstimate):
+        return float(chosen.estimate.search.value)
+    return float(chosen.estimate.objective)
+
+
+def _about_search(
+    choice: Choice,
+    found: ChosenModel,
+    compared: ChosenModel,
+    judged: ScoredCandidate | None = None,
+) -> Decision:
+    """What the search found, and whether it is taken."""
+    name, known = choice.candidate.name, choice.candidate.scores
+    criterion = "error on held-out samples, %"
+    if judged is None:
+        own = Alternative(SEARCHED, score_of(choice.kind)(choice.candidate))
+        sentence = f"The search found no lower minimum than that of {name}."
+        return Decision(SUBJECT, SEARCHED, (own,), criterion, sentence)
+    kinds: tuple[Kind, ...] = tuple(dict.fromkeys((choice.kind, "prediction")))
+    worse = [
+        kind
+        for kind in kinds
+        if np.isfinite(getattr(known, kind))
+        and not as_good(judged, choice.candidate, kind, BY_MORE_THAN_CHANCE)
+    ]
+    kind = worse[0] if worse else choice.kind
+    scores = [float(getattr(each, kind)) for each in (judged.scores, known)]
+    does = "predicted one step ahead" if kind == "prediction" else "simulated"
+    fell = _value(compared) - _value(found)
+    sentence = (
+        f"The objective of {name} fell by {fell:.2g} in the search; held-out samples are {does}"
+        f" with {scores[0]:.3g} % instead of {scores[1]:.3g} %"
+        + (": worse by more than chance, so that the compared model is kept." if worse else ".")
+    )
+    alternatives = (Alternative(SEARCHED, scores[0]), Alternative(COMPARED, scores[1]))
+    return Decision(SUBJECT, COMPARED if worse else SEARCHED, alternatives, criterion, sentence)
+
+
+def _with_model(candidate: ScoredCandidate, model: Model) -> ScoredCandidate:
+    if isinstance(model, PolynomialModel):
+        return replace(candidate, polynomials=model)
+    return replace(candidate, state_space=model)
+
+
+# One channel, whose results have the form of the phases of an order search.
 
 
 def window_of(orders: Orders) -> ScoringWindow:
@@ -54,102 +276,46 @@ def select_structure(
 ) -> PhaseSelection:
     """All candidates of all structures on the same samples, and the one that was chosen."""
     described = [_described(each, record, data, first_scored) for each in candidates]
-    orders = _named_orders(chosen)
-    return PhaseSelection(STRUCTURES, orders, reason, tuple(described))
+    return PhaseSelection(STRUCTURES, named_orders(chosen), reason, tuple(described))
 
 
 def estimate_chosen(
-    remedied: Remedied,
+    choice: Choice,
+    scorer: Scorer,
     record: PreparedRecord,
     data: Recording,
     search: SearchSettings,
-    log: Callable[[str], None] | None = None,
-) -> PhaseSelection:
-    """Search the chosen orders globally, from the chosen model and from independent starts.
-
-    Where the noise model was fitted to the errors of simulation of a plant, the plant is searched
-    by itself and the noise model stays.
-
-    Raises InputError when no start has finite prediction errors.
-    """
-    chosen = remedied.choice.candidate
-    orders = _named_orders(chosen)
-    searched, model = orders, _polynomials(chosen)
-    if remedied.plant_kept:
-        searched = Orders(
-            nb=orders.single.nb, nf=orders.single.nf, nk=orders.single.nk, structure="oe"
-        )
-        model = replace(model, C=np.ones(1), D=np.ones(1), structure="oe")
-    errors = _errors_of(record, searched, search)
-    known = _nearest_optimum(errors, model, search)
-    result = _searched(errors, known, search, 1, log)
-    if not is_certified(result.diagnostics):
-        longer = replace(search, evaluations=REPEAT_FACTOR * search.evaluations)
-        result = _searched(errors, result, longer, 2, log)
-    best = _model_at(errors, result.point, searched.structure)
-    if remedied.plant_kept:
-        noise = _polynomials(chosen)
-        best = replace(best, C=noise.C, D=noise.D, structure=orders.structure)
-    candidate = _described_by_search(record.in_its_units(best), orders, result, search, data)
-    lower = known.value - result.value
-    reason = f"{orders} was chosen among all structures, and searched globally: " + (
-        f"its objective fell by {lower:.2g} percentage points."
-        if lower > 1e-6 * abs(known.value)
-        else "no lower minimum than that of the chosen model was found."
-    )
-    return PhaseSelection(CHOSEN, orders, reason, (candidate,))
-
-
-def estimate_choice(
-    choice: Choice, record: PreparedRecord, data: Recording, search: SearchSettings
-) -> Candidate:
-    """The model of a choice on the prepared samples, at the optimum that the comparison found.
+    plant_kept: bool = False,
+    log: Log | None = None,
+) -> tuple[PhaseSelection, Decision]:
+    """The model of a choice of one channel; with ``plant_kept`` its noise model stays as it was.
 
     Raises InputError when the model has roots beyond the largest radius.
     """
-    orders = _named_orders(choice.candidate)
-    errors = _errors_of(record, orders, search)
-    known = _nearest_optimum(errors, _polynomials(choice.candidate), search)
-    model = record.in_its_units(_model_at(errors, known.point, orders.structure))
-    return _described_by_search(model, orders, known, search, data)
-
-
-def _errors_of(record: PreparedRecord, orders: Orders, search: SearchSettings) -> StretchErrors:
-    return StretchErrors(
-        *(record.stretches, orders, search.objective, search.max_root_radius),
-        *(min(search.max_root_radius, NOISE_RADIUS), True),
-    )
-
-
-def _nearest_optimum(
-    errors: StretchErrors, model: PolynomialModel, search: SearchSettings
-) -> SearchResult:
-    """The optimum that a descent from a model reaches."""
-    starts = PolynomialProblem(errors, [model], own_starts=False).starts()
-    if len(starts) == 0:
+    candidate = choice.candidate
+    orders, known = named_orders(candidate), candidate.polynomials
+    assert known is not None
+    if plant_kept:
+        plant = replace(known, C=np.ones(1), D=np.ones(1), structure="oe")
+        choice = replace(choice, candidate=replace(candidate, structure="oe", polynomials=plant))
+    try:
+        found, about = estimate_choice(
+            *(choice, scorer, record, data, None, search.evaluations, log, search)
+        )
+    except NoModelError:
         raise InputError(
             "search.max_root_radius",
             f"the chosen model has a root of a radius above {search.max_root_radius:g}",
             "raise it",
-        )
-    return descended(PolynomialProblem(errors), starts[0])
-
-
-def _searched(
-    errors: StretchErrors,
-    earlier: SearchResult,
-    search: SearchSettings,
-    number: int,
-    log: Callable[[str], None] | None,
-) -> SearchResult:
-    """A global search, combined with an earlier one; its draws are keyed by orders and number."""
-    problem, o = PolynomialProblem(errors), errors.orders
-    key = (o.na, o.single.nb, o.nc, o.nd, o.single.nf, o.single.nk, number)
-    generator = np.random.default_rng(np.random.SeedSequence(search.seed, spawn_key=key))
-    found = global_search(
-        problem, search, generator, log, earlier.value, recombine=problem.recombine
-    )
-    return pooled(earlier, found)
+        ) from None
+    model = found.polynomials
+    assert model is not None
+    assert isinstance(found.estimate, PolynomialEstimate)
+    if plant_kept:
+        model = replace(model, C=known.C, D=known.D, structure=orders.structure)
+    described = _described_by_search(model, orders, found.estimate.search, search, data)
+    reason = f"{orders} was chosen among all structures. {about.sentence}"
+    return PhaseSelection(CHOSEN, orders, reason, (described,)), about
 
 
 def _described_by_search(
@@ -173,7 +339,7 @@ def _described(
     scored: ScoredCandidate, record: PreparedRecord, data: Recording, first_scored: int
 ) -> Candidate:
     """A candidate of a structure's search with its criteria on the prepared samples."""
-    model = record.in_its_units(_polynomials(scored))
+    model = record.in_its_units(scored.model)
     objective = record.plan.objective
     start = max(first_scored, scored.orders.first_residual)
     errors = StretchErrors(
@@ -186,7 +352,7 @@ def _described(
     criteria = criteria_of(residuals, outputs, objective, scored.parameters)
     return Candidate(
         phase=STRUCTURES,
-        orders=_named_orders(scored),
+        orders=named_orders(scored),
         model=replace(model, level=level),
         criteria=criteria,
         with_level=True,
@@ -199,16 +365,15 @@ def _described(
     )
 
 
-def _model_at(errors: StretchErrors, point: Array, structure: str) -> PolynomialModel:
-    model = fit_at(errors, point, structure).model
-    assert isinstance(model, PolynomialModel)
-    return model
-
-
-def _polynomials(scored: ScoredCandidate) -> PolynomialModel:
-    assert scored.polynomials is not None
-    return scored.polynomials
-
-
-def _named_orders(scored: ScoredCandidate) -> Orders:
+def named_orders(scored: ScoredCandidate) -> Orders:
+    """Orders of polynomials with the name of their structure."""
     return replace(scored.orders, structure=scored.structure)
+
+
+def _allowed(constraints: Constraints, orders: Orders, estimation: Recording) -> bool:
+    """Whether a model of some orders may meet constraints."""
+    try:
+        check_constraints(constraints, orders, estimation.sampling_rate, estimation.input_names)
+    except InputError:
+        return False
+    return True

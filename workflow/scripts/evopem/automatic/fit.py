@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import OutputWeighting
+from evopem.errors import NoModelError
 from evopem.estimation.pem.stretch_errors import StretchErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
@@ -107,7 +108,7 @@ def fit(
 
     Raises
     ------
-    ValueError
+    NoModelError
         When no stretch is long enough, or no start has finite prediction errors.
     """
     errors = StretchErrors(
@@ -117,7 +118,7 @@ def fit(
     problem = PolynomialProblem(errors, models, own_starts)
     starts = problem.starts()
     if len(starts) == 0:
-        raise ValueError(f"no start of {orders} has finite prediction errors")
+        raise NoModelError(f"no start of {orders} has finite prediction errors")
     descents = problem.sweep_descent(starts, stages)
     point = descents.points[int(np.argmin(descents.values))]
     return fit_at(errors, point, structure or orders.structure)

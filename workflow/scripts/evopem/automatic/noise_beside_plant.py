@@ -10,6 +10,7 @@ import numpy as np
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.fit import FitSettings, fit, log_loss
 from evopem.automatic.held_out.simulation import simulated
+from evopem.errors import NoModelError
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
@@ -35,7 +36,7 @@ def with_noise_models(scorer: Scorer, candidate: Candidate) -> Iterator[tuple[in
             return
         try:
             noise = fit(errors, orders, FitSettings(objective, level=False))
-        except (ValueError, np.linalg.LinAlgError):
+        except NoModelError:
             continue
         assert isinstance(noise.model, PolynomialModel)
         parameters = candidate.orders.single.nb + candidate.orders.single.nf + orders.parameters + 1

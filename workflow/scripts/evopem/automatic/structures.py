@@ -15,6 +15,7 @@ from evopem.automatic.held_out.level_decision import Level, decide_level
 from evopem.automatic.noise_properties import feedback_probability, heaviness
 from evopem.automatic.orders import refine_orders
 from evopem.automatic.subspace_comparison import with_subspace_estimate
+from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
@@ -95,11 +96,11 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     Prediction: the same with one-step errors on held-out samples.  Modes: the lowest BIC of models
     with poles.  Without an input there is no simulation.
 
-    Raises ValueError when no structure has a candidate.
+    Raises NoModelError when no structure has a candidate.
     """
     candidates = [each for search in searches for each in search.candidates]
     if not candidates:
-        raise ValueError("the record is too short for a model of any structure")
+        raise NoModelError("the record is too short for a model of any structure")
     scorer.remember(candidates)
     if not scorer.has_input:
         prediction, about_prediction = _for_prediction(scorer, candidates)
@@ -320,10 +321,12 @@ def _likeliest_as_good(
     )
 
 
-def as_good(candidate: Candidate, best: Candidate, kind: Kind) -> bool:
+def as_good(
+    candidate: Candidate, best: Candidate, kind: Kind, standard_errors: float = 1.0
+) -> bool:
     """Whether a model does as well on held-out samples as another.
 
-    Within one standard error of the mean difference of the folds, and within 10 %.
+    Within some standard errors of the mean difference of the folds, and within 10 %.
     """
 
     def folds(scores: HeldOutScores) -> tuple[float, ...]:
@@ -335,7 +338,7 @@ def as_good(candidate: Candidate, best: Candidate, kind: Kind) -> bool:
     largest = AS_GOOD
     if len(both[0]) > 1:
         deviation = float(np.std(np.subtract(*both), ddof=1))
-        largest = min(deviation / np.sqrt(INDEPENDENT_FOLDS), AS_GOOD)
+        largest = min(standard_errors * deviation / np.sqrt(INDEPENDENT_FOLDS), AS_GOOD)
     return float(np.log(score(candidate) / score(best))) <= largest
 
 

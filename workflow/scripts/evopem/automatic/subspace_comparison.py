@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.held_out.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.errors import NoModelError
 from evopem.estimation.search.starting_polynomials import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
@@ -65,7 +66,7 @@ def _order(stretches: Sequence[Segment]) -> int:
     for n in orders:
         try:
             values.append(_subspace(stretches, n)[1])
-        except (ValueError, np.linalg.LinAlgError):
+        except NoModelError:
             values.append(np.inf)
     return orders[int(np.argmin(values))]
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.config.structures import STRUCTURES
+from evopem.errors import NoModelError
 from evopem.estimation.order_limits import OrderLimits
 from evopem.estimation.pem.polynomial_points import PolynomialPoints
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
@@ -95,25 +96,43 @@ def refitted(
 ) -> PolynomialModel:
     """The optimum of another recording that a descent from a model ends at.
 
-    ValueError when the recording is too short, or no errors are finite.
+    NoModelError when the recording is too short, or no errors are finite.
     """
     with one_blas_thread():
-        errors = _errors_of(recording, model.orders, settings, model.orders.first_residual)
-        scaled, scales = scaled_errors(errors)
-        models = [in_scaled_units(model, scaled, scales)]
-        starts = PolynomialProblem(scaled, models, own_starts=False).starts()[:1]
-        if not len(starts):
-            raise ValueError("the descent found no finite errors")
-        point = PolynomialProblem(scaled).descend(starts).points[0] * scales
-        residuals = errors.residuals(point)[errors.loss_start :]
-        level = point[errors.parts()["level"]]
+        errors, found = _refitted(model, recording, settings)
+        residuals = errors.residuals(found.point)[errors.loss_start :]
+        level = found.point[errors.parts()["level"]]
         return model_of(
             model.orders,
-            point,
+            found.point,
             sampling_rate=model.sampling_rate,
             level=float(level[0]),
             noise_variance=float(np.mean(residuals**2)),
         )
+
+
+def refitted_estimate(
+    model: PolynomialModel, recording: Recording, settings: SearchSettings
+) -> PolynomialEstimate:
+    """The same with criteria, residuals and covariance."""
+    with one_blas_thread():
+        errors, found = _refitted(model, recording, settings)
+        return describe(errors, found, recording.sampling_rate, shortest=True)
+
+
+def _refitted(
+    model: PolynomialModel, recording: Recording, settings: SearchSettings
+) -> tuple[Errors, SearchResult]:
+    errors = _errors_of(recording, model.orders, settings, model.orders.first_residual)
+    scaled, scales = scaled_errors(errors)
+    models = [in_scaled_units(model, scaled, scales)]
+    starts = PolynomialProblem(scaled, models, own_starts=False).starts()[:1]
+    if not len(starts):
+        raise NoModelError("the descent found no finite errors")
+    descents = PolynomialProblem(scaled).descend(starts)
+    value = float(descents.values[0])
+    diagnostics = SearchDiagnostics.of_descents(value, descents.evaluations, 1)
+    return errors, SearchResult(descents.points[0] * scales, value, diagnostics)
 
 
 def reduced_orders(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import OBJECTIVES, ScoringWindow, SearchSettings
+from evopem.errors import NoModelError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import Errors, StretchErrors
@@ -116,12 +117,12 @@ def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states
     counted = sum(each.samples - first for each in kept)
     estimated = orders.parameters + states * len(kept)
     if counted <= estimated and kept:
-        raise ValueError(
+        raise NoModelError(
             f"{orders} needs more than {estimated} residuals for its coefficients and initial "
             f"states; {data.samples} samples less the first {first} leave {counted}"
         )
     if not any(np.any(each.output[first:]) for each in kept) and kept:
-        raise ValueError("the output is zero throughout")
+        raise NoModelError("the output is zero throughout")
 
 
 def check_search_settings(settings: SearchSettings) -> None:

@@ -8,14 +8,13 @@ from typing import Any, cast
 
 import numpy as np
 
+from evopem.automatic.chosen import estimate_choice, select_structure, window_of
 from evopem.automatic.chosen import estimate_chosen as search_chosen
-from evopem.automatic.chosen import select_structure, window_of
+from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FitSettings as CommonSettings
-from evopem.automatic.limits import OrderLimits
 from evopem.automatic.preparation.plan import PreparationPlan
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.state_space import weighting_of
-from evopem.automatic.state_space_chosen import ChosenModel, estimate_candidate
 from evopem.automatic.structures import Choice, Comparison
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
@@ -38,7 +37,7 @@ from evopem.models.response_tables import (
 )
 from evopem.pipeline.structures import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import PreparedData, load_prepared
+from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import Recording
 from evopem.signals.spectral.frequency_response import frequency_response
 
@@ -60,15 +59,18 @@ def estimate_chosen(
     remedied = load(Remedied, files.decision("remedies"))
     chosen = comparison.choice(settings.purpose).candidate
     about = next(each for each in comparison.decisions if each.choice == chosen.name)
-    window = load_scorer(files, settings, fits).window
+    scorer = load_scorer(files, settings, fits)
     own = replace(search, objective=cast("Objective", record.plan.objective))
     with one_blas_thread():
         structures = select_structure(
-            comparison.candidates, chosen, about.sentence, record, data, window
+            comparison.candidates, chosen, about.sentence, record, data, scorer.window
         )
-        selection = search_chosen(remedied, record, data, own, log)
+        selection, about_search = search_chosen(
+            *(remedied.choice, scorer, record, data, own, remedied.plant_kept, log)
+        )
     save(structures, files.phase(structures.phase))
     save(selection, files.phase(selection.phase))
+    save(about_search, files.decision("search"))
 
 
 def estimate_channels(
@@ -83,50 +85,40 @@ def estimate_channels(
 
     Raises InputError when the record is too short, or no model of the order meets the constraints.
     """
-    data = load_prepared(files.prepared, files.transforms)
     choice = load(Remedied, files.decision("remedies")).choice
-    with errors_name_dataset(files):
-        found = estimated(data, choice, search, settings, fits, constraints, log)
-    return record_of(found, data, choice, search, fits, constraints)
+    record, about = record_of_channels(files, choice, search, settings, fits, constraints, log)
+    save(about, files.decision("search"))
+    return record
 
 
-def estimated(
-    data: PreparedData,
+def record_of_channels(
+    files: DatasetFiles,
     choice: Choice,
     search: SearchSettings,
     settings: AutomaticSettings,
     fits: CommonSettings,
     constraints: Constraints | None,
-    log: Log | None,
-) -> ChosenModel:
-    """The model of a choice for several channels."""
-    limits = OrderLimits(None, settings.orders, data.estimation.input_names)
-    own = replace(fits, objective=search.objective)
-    return estimate_candidate(
-        *(choice.candidate, data.estimation, own, limits, constraints, settings.evaluations, log)
-    )
-
-
-def record_of(
-    found: ChosenModel,
-    data: PreparedData,
-    choice: Choice,
-    search: SearchSettings,
-    fits: CommonSettings,
-    constraints: Constraints | None,
-) -> ModelRecord:
-    """Everything that is known of a model of several channels."""
+    log: Log | None = None,
+) -> tuple[ModelRecord, Decision]:
+    """Everything that is known of the model of a choice for several channels."""
+    data, evaluations = load_prepared(files.prepared, files.transforms), settings.evaluations
+    with errors_name_dataset(files), one_blas_thread():
+        scorer = load_scorer(files, settings, fits)
+        found, about = estimate_choice(
+            *(choice, scorer, load_record(files), data.estimation, constraints, evaluations, log)
+        )
     structure = choice.candidate.structure
     weighting = "determinant"
     if choice.candidate.polynomials is None:
-        weighting = weighting_of(structure, replace(fits, objective=search.objective))
-    return ModelRecord.of(
+        weighting = weighting_of(structure, scorer.settings)
+    record = ModelRecord.of(
         *(found.estimate, data.estimation, search, data.transforms, choice.level),
         model=None if found.polynomials else found.model,
         variant=(structure, weighting),
         constraints=constraints,
         at_upper_ends=found.at_upper_ends,
     )
+    return record, about
 
 
 def complete_model(

@@ -153,6 +153,7 @@ def collect_decisions(
         load(DelayChoice, files.decision("delay")).decision,
         *(load(StructureSearch, files.search(each)).decision for each in structures),
         *comparison.decisions,
+        load(Decision, files.decision("search")),
     )
     choice = remedied.choice
     remarks = *_remarks(files, choice.level), *_worse_than_estimate(comparison)

@@ -102,7 +102,7 @@ def search_structure(
     save(without_covariances(found), files.search(structure))
     if with_models:
         estimation = load_prepared(files.prepared, files.transforms).estimation
-        save(order_models(found, estimation), files.models_of_orders(structure))
+        save(order_models(found, load_record(files), estimation), files.models_of_orders(structure))
 
 
 def choose(

@@ -6,8 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
-from evopem.automatic.chosen import estimate_choice, window_of
+from evopem.automatic.candidates import Scorer
+from evopem.automatic.chosen import estimate_chosen, window_of
 from evopem.automatic.fit import FitSettings
+from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.record import OtherModel
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice, Comparison, Purpose
@@ -21,8 +23,8 @@ from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.mode_matching import OrderModel, OrderModels
-from evopem.pipeline.chosen import estimated, record_of
-from evopem.pipeline.structures import errors_name_dataset, load_record
+from evopem.pipeline.chosen import record_of_channels
+from evopem.pipeline.structures import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.validation.mode_evidence import with_noise_modes
@@ -101,11 +103,11 @@ def complete_other(
     polynomials = choice.candidate.polynomials
     with errors_name_dataset(files), one_blas_thread():
         if polynomials is not None and polynomials.inputs == 1:
-            record = _of_one_channel(files, prepared, choice, search)
+            scorer = load_scorer(files, settings, fits)
+            record = _of_one_channel(scorer, load_record(files), prepared, choice, search)
         else:
             quick, none = replace(search, evaluations=0), replace(settings, evaluations=0)
-            found = estimated(prepared, choice, quick, none, fits, constraints, None)
-            record = record_of(found, prepared, choice, quick, fits, constraints)
+            record, _ = record_of_channels(files, choice, quick, none, fits, constraints)
         fitted_level = choice.level == "state"
         held_out = held_out_stretches(record.model, prepared, fitted_level)
         errors = validation_errors(held_out, fitted_level)
@@ -114,11 +116,16 @@ def complete_other(
 
 
 def _of_one_channel(
-    files: DatasetFiles, prepared: PreparedData, choice: Choice, search: SearchSettings
+    scorer: Scorer,
+    record: PreparedRecord,
+    prepared: PreparedData,
+    choice: Choice,
+    search: SearchSettings,
 ) -> ModelRecord:
-    """The model of one channel."""
-    record, data = load_record(files), prepared.estimation
-    own = replace(search, objective=cast("Objective", record.plan.objective))
-    selected = estimate_choice(choice, record, data, own)
-    estimate = complete_estimate(selected, data, own, window_of(selected.orders))
+    """The model of one channel, at the optimum that the comparison found."""
+    data, objective = prepared.estimation, cast("Objective", record.plan.objective)
+    own = replace(search, objective=objective, evaluations=0)
+    selection, _ = estimate_chosen(choice, scorer, record, data, own)
+    window = window_of(selection.orders)
+    estimate = complete_estimate(selection.selected, data, own, window)
     return ModelRecord.of(estimate, data, own, prepared.transforms, choice.level)

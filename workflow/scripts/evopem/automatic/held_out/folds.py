@@ -17,6 +17,7 @@ from evopem.automatic.held_out.simulation import (
     prediction_errors,
 )
 from evopem.automatic.held_out.stretches import Fold, folds_of
+from evopem.errors import NoModelError
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment, total_samples
@@ -163,7 +164,7 @@ def held_out_scores(
 ) -> HeldOutScores:
     """Score what a method estimates from the training part of each fold on the rest.
 
-    ``estimate`` may raise ValueError or LinAlgError; errors are absolute instead of squared with
+    ``estimate`` may raise NoModelError; errors are absolute instead of squared with
     ``absolute``.
     """
     outputs = np.concatenate([each.outputs for each in stretches])
@@ -178,7 +179,7 @@ def held_out_scores(
         for fold in folds_of(stretches, folds, blocks, shortest, edges):
             try:
                 model = estimate(fold.training)
-            except (ValueError, np.linalg.LinAlgError):
+            except NoModelError:
                 return HeldOutScores.none()
             parts = list(zip(fold.before, fold.held_out, strict=True))
             # The beginning of a recording alone determines state and level poorly.

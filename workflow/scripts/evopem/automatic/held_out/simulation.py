@@ -16,19 +16,19 @@ Array = NDArray[np.float64]
 STABLE = 1.0 + 1e-9
 
 
-def errors_simulated_on(
+def simulated_on(
     model: Model,
     before: Segment,
     held_out: Segment,
     fitted_level: bool = False,
     robust: bool = False,
 ) -> Array:
-    """Errors of a simulation of held-out samples whose outputs determine no state, (M, l).
+    """Simulation of held-out samples whose outputs determine no state, (M, l), of the last M.
 
     It runs on from the samples before, which determine its initial state; without any, the first
     tenth of the held-out samples do, and are not scored.  A state that were fitted to what is
     scored would draw slow waves through drifts with poles near the unit circle.  With
-    ``fitted_level`` a constant is fitted to the scored errors; ``robust`` takes its median.
+    ``fitted_level`` a constant is fitted to the scored samples; ``robust`` takes its median.
     """
     known = before.samples or first_samples(held_out.samples)
     inputs = np.concatenate([before.inputs, held_out.inputs])
@@ -38,11 +38,25 @@ def errors_simulated_on(
         computed = np.full(outputs.shape, np.inf)
         if np.abs(states.poles()).max(initial=0.0) < STABLE:
             computed = states.simulate_from_first(inputs, outputs, known, fitted_level, robust)
-        errors = (computed - outputs)[known:]
+        computed, measured = computed[known:], outputs[known:]
         if fitted_level:
             centre = np.median if robust else np.mean
-            errors = errors - centre(errors, axis=0)
-    return np.asarray(errors)
+            computed = computed + centre(measured - computed, axis=0)
+    return np.asarray(computed)
+
+
+def errors_simulated_on(
+    model: Model,
+    before: Segment | None,
+    held_out: Segment,
+    fitted_level: bool = False,
+    robust: bool = False,
+) -> Array:
+    """Errors of :func:`simulated_on`, (M, l); ``before`` is None where nothing is known."""
+    past = held_out.between(0, 0) if before is None else before
+    computed = simulated_on(model, past, held_out, fitted_level, robust)
+    with np.errstate(all="ignore"):
+        return np.asarray(computed - held_out.outputs[held_out.samples - len(computed) :])
 
 
 def simulated(

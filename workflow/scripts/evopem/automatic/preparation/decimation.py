@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +12,10 @@ from numpy.typing import NDArray
 from evopem.automatic.decision import Alternative, Decision, lowest
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
 from evopem.automatic.held_out.folds import SHORTEST_BLOCK
-from evopem.automatic.held_out.simulation import simulated
+from evopem.automatic.held_out.simulation import Model, errors_simulated_on
 from evopem.automatic.held_out.stretches import SHORTEST_STRETCH, folds_of
-from evopem.errors import InputError
-from evopem.estimation.state_space.local_estimates import StateSpaceTask, two_fold_simulation_errors
+from evopem.automatic.state_space import fits_in_state_space
+from evopem.errors import InputError, NoModelError
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 from evopem.signals.spectral.frequency_response import frequency_response
@@ -123,38 +125,36 @@ def _decimated_error(stretches: Sequence[Segment], factor: int) -> float:
     total = sum(
         np.sum((each.outputs - each.outputs.mean(axis=0)) ** 2, axis=0) for each in stretches
     )
-    has_one_of_each = lower[0].inputs.shape[1] == lower[0].outputs.shape[1] == 1
-    best = _polynomial_error(lower) if has_one_of_each else _state_space_error(lower)
-    return float(100.0 * np.sqrt(best + np.mean(lost / total)))
+    return float(100.0 * np.sqrt(np.mean(_least_error(lower) + lost / total)))
 
 
-def _state_space_error(stretches: Sequence[Segment]) -> float:
-    """Least mean square error of output-error models, as a share of that of the outputs."""
-    first = stretches[0]
-    recording = Recording(first.inputs, first.outputs, 1.0).with_segments(stretches)
-    task = StateSpaceTask("ss_oe", delays=0, weighting="power")
-    errors = two_fold_simulation_errors(recording, PROBES, task)
-    return float(np.min(errors) / 100.0) ** 2
+def _least_error(stretches: Sequence[Segment]) -> Array:
+    """Mean square errors of the best of a few models on held-out halves, relative, (l,)."""
+    folds = folds_of(stretches, 2, 1, SHORTEST_BLOCK)
+    held_out = [each for fold in folds for each in fold.held_out]
+    power = np.mean(np.concatenate([y.outputs - y.outputs.mean(axis=0) for y in held_out]) ** 2, 0)
+    errors: dict[str, list[Array]] = defaultdict(list)
+    for fold in folds:
+        for name, model in _probes(fold.training):
+            parts = zip(fold.before, fold.held_out, strict=True)
+            left = [errors_simulated_on(model, *each) for each in parts]
+            errors[name].append(np.mean(np.concatenate(left) ** 2, axis=0) / power)
+    found = [np.mean(each, axis=0) for each in errors.values() if len(each) == len(folds)]
+    return min(found, key=np.mean, default=np.full(len(power), np.inf))
 
 
-def _polynomial_error(stretches: Sequence[Segment]) -> float:
-    """Least mean square error of output-error and ARX models, as a share of the output's."""
-    best = np.inf
+def _probes(training: Sequence[Segment]) -> Iterator[tuple[str, Model]]:
+    """Output-error models, and of one channel ARX models, as far as the samples carry them."""
+    inputs, outputs = training[0].inputs.shape[1], training[0].outputs.shape[1]
+    if (inputs, outputs) != (1, 1):
+        delays = (0,) * inputs
+        fits = fits_in_state_space(training, "ss_oe", PROBES, delays, FitSettings())
+        yield from ((str(n), found.model) for n, found in fits)
+        return
     for n in PROBES:
         for orders in (Orders(nb=n, nf=n, nk=0), Orders(na=n, nb=n, nk=0)):
-            squares, reference = 0.0, 0.0
-            for fold in folds_of(stretches, 2, 1, SHORTEST_BLOCK):
-                try:
-                    model = fit(fold.training, orders, FitSettings(), stages=FOLD_STAGES).model
-                except (ValueError, np.linalg.LinAlgError):
-                    squares = np.inf
-                    break
-                for held in fold.held_out:
-                    squares += float(np.sum((simulated(model, held) - held.outputs) ** 2))
-                    reference += float(np.sum((held.output - held.output.mean()) ** 2))
-            if np.isfinite(squares) and reference > 0.0:
-                best = min(best, squares / reference)
-    return best
+            with suppress(NoModelError):
+                yield str(orders), fit(training, orders, FitSettings(), stages=FOLD_STAGES).model
 
 
 def decimated_stretch(stretch: Segment, factor: int) -> Segment:

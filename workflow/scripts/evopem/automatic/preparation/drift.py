@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.held_out.simulation import simulated
+from evopem.automatic.held_out.simulation import errors_simulated_on
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment, total_samples
 
@@ -132,6 +132,6 @@ def _least_squares(
 def _left_over(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
     """Share of the output's mean square that the simulation of a model leaves over."""
     with np.errstate(all="ignore"):
-        errors = np.concatenate([simulated(model, s, True) - s.outputs for s in stretches])
+        errors = [errors_simulated_on(model, None, s, True) for s in stretches]
         output = np.concatenate([s.output - s.output.mean() for s in stretches])
-        return float(np.mean(errors**2) / np.mean(output**2))
+        return float(np.mean(np.concatenate(errors) ** 2) / np.mean(output**2))

@@ -8,6 +8,7 @@ import numpy as np
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FitSettings, fit, log_loss
+from evopem.errors import NoModelError
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
 
@@ -51,7 +52,7 @@ def _arx_likelihood(stretches: Sequence[Segment], objective: str) -> float:
     for n in orders:
         try:
             found = fit(stretches, Orders(na=n, nb=n + 1), settings)
-        except (ValueError, np.linalg.LinAlgError):
+        except NoModelError:
             continue
         residuals = np.concatenate(found.residuals)
         count = len(residuals)

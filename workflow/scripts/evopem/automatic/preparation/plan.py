@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from evopem.automatic.preparation.objective import decide_objective
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording, Segment
 
@@ -129,15 +130,28 @@ class PreparedRecord:
         """What all fits have in common."""
         return FitSettings(self.plan.objective)
 
-    def in_its_units(self, model: PolynomialModel) -> PolynomialModel:
+    def in_its_units(self, model: PolynomialModel | StateSpaceModel) -> Any:
         """A model of the scaled stretches in the units of the recording, less the offsets."""
-        scale = float(self.scales[1][0])
-        ratios = scale / self.scales[0]
+        of_input, of_output = self.scales
+        if isinstance(model, StateSpaceModel):
+            return replace(
+                model,
+                B=model.B / of_input,
+                C=model.C * of_output[:, None],
+                D=model.D * of_output[:, None] / of_input,
+                K=model.K / of_output,
+                level=model.level * of_output,
+                noise_covariance=model.noise_covariance * np.outer(of_output, of_output),
+                covariance=None,
+                sampling_rate=self.sampling_rate,
+            )
+        scale = float(of_output[0])
         return replace(
             model,
-            B=tuple(b * ratio for b, ratio in zip(model.B, ratios, strict=True)),
+            B=tuple(b * scale / each for b, each in zip(model.B, of_input, strict=False)),
             level=model.level * scale,
             noise_variance=model.noise_variance * scale**2,
+            covariance=None,
             sampling_rate=self.sampling_rate,
         )
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
-from evopem.automatic.held_out.simulation import simulated
-from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples, folds_of
-from evopem.errors import InputError
+from evopem.automatic.held_out.simulation import simulated_on
+from evopem.automatic.held_out.stretches import MOST_SAMPLES, Fold, first_samples, folds_of
+from evopem.errors import InputError, NoModelError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
@@ -28,7 +28,6 @@ from evopem.signals.transforms import (
 )
 
 Array = NDArray[np.float64]
-Fold = tuple[tuple[Segment, ...], tuple[Segment, ...]]
 
 # Models whose simulations are scored.
 PROBES = (
@@ -227,7 +226,7 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     ]
     try:
         found = fit(scaled, Orders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1), FitSettings())
-    except (ValueError, np.linalg.LinAlgError):
+    except NoModelError:
         return float("nan")
     sizes, predicted = [], []
     longer = [each for each in scaled if each.samples > found.first + 1]
@@ -240,7 +239,7 @@ def spread_test(stretches: Sequence[Segment]) -> float:
 def _folds(stretches: Sequence[Segment]) -> list[Fold]:
     samples = total_samples(stretches)
     return [
-        (fold.training, fold.held_out)
+        fold
         for count, blocks in DESIGNS
         if samples >= count * blocks * SHORTEST
         for fold in folds_of(stretches, count, blocks, SHORTEST)
@@ -302,22 +301,23 @@ def _box_cox(parameter: float, shift: float) -> Transform:
 def _errors(folds: Sequence[Fold], transform: Transform) -> Array:
     """Error of each probe in each fold, (probes, folds), as a share of the output's deviation."""
     errors = np.full((len(PROBES), len(folds)), LARGEST_ERROR)
-    for column, (training, held_out) in enumerate(folds):
-        total = sum(float(np.sum((s.output - s.output.mean()) ** 2)) for s in held_out)
+    for column, fold in enumerate(folds):
+        outputs = [each.output - each.output.mean() for each in fold.held_out]
+        power = float(np.mean(np.concatenate(outputs) ** 2))
         for row, orders in enumerate(PROBES):
             try:
-                forward, back = transform(training)
-                fitted = [forward(each) for each in training]
+                forward, back = transform(fold.training)
+                fitted = [forward(each) for each in fold.training]
                 model = fit(fitted, orders, FitSettings(), stages=FOLD_STAGES).model
-                left = [
-                    back(each, simulated(model, forward(each), fitted_level=True)[:, 0])
-                    - each.output
-                    for each in held_out
-                ]
-            except (ValueError, InputError, np.linalg.LinAlgError):
+                left = []
+                for before, held_out in zip(fold.before, fold.held_out, strict=True):
+                    found = simulated_on(model, forward(before), forward(held_out), True)[:, 0]
+                    scored = held_out.between(held_out.samples - len(found), held_out.samples)
+                    left.append(back(scored, found) - scored.output)
+            except (NoModelError, InputError):
                 continue
             with np.errstate(all="ignore"):
-                error = float(np.sqrt(np.sum(np.concatenate(left) ** 2) / total))
+                error = float(np.sqrt(np.mean(np.concatenate(left) ** 2) / power))
             if np.isfinite(error):
                 errors[row, column] = min(error, LARGEST_ERROR)
     return np.maximum(errors, np.finfo(float).tiny)

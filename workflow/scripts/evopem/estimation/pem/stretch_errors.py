@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow
+from evopem.errors import NoModelError
 from evopem.estimation.pem.losses import mean_residuals, total_loss
 from evopem.estimation.pem.polynomial_objective import PolynomialErrors
 from evopem.estimation.pem.polynomial_points import Places, PolynomialPoints
@@ -47,7 +48,7 @@ class StretchErrors(PolynomialPoints):
         needed = first + sum(orders.nf) + orders.noise_states
         self.stretches = tuple(each for each in stretches if each.samples > needed)
         if not self.stretches:
-            raise ValueError(f"no stretch has the {needed + 1} samples that {orders} needs")
+            raise NoModelError(f"no stretch has the {needed + 1} samples that {orders} needs")
         self.orders, self.objective = orders, objective
         self.plant_radius, self.noise_radius = plant_radius, noise_radius
         # Numbers of the recordings, in the order of their levels.

@@ -24,6 +24,7 @@ from scipy.linalg import block_diag, qr
 from scipy.linalg.blas import dgemm
 
 from evopem.config.settings import OutputWeighting
+from evopem.errors import NoModelError
 from evopem.estimation.state_space.sections import (
     Layout,
     Sections,
@@ -136,12 +137,12 @@ def scaled_recording(
     segments = recording.segments
     shortest = min(each.samples for each in segments)
     if shortest <= max(nk, default=0) + 10:
-        raise ValueError(f"a segment of {shortest} samples is too short")
+        raise NoModelError(f"a segment of {shortest} samples is too short")
     for name, values in recording.signals.items():
         if not np.isfinite(values).all():
             raise ValueError(f"{name} must be finite")
     if not recording.outputs.any(axis=0).all():
-        raise ValueError("an output is zero throughout")
+        raise NoModelError("an output is zero throughout")
     shifts = [max(delay - 1, 0) for delay in nk]
     lost = max(shifts, default=0)
     u = np.concatenate([_shifted(each.inputs, shifts, lost) for each in segments])

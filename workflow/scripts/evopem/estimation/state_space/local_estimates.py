@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import OBJECTIVES, OutputWeighting, SearchSettings
+from evopem.errors import NoModelError
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
@@ -111,7 +112,7 @@ class StateSpaceTask:
         needed = errors.estimated
         available = data.outputs.size
         if available <= needed or data.samples <= 2 * (order + data.inputs.shape[1]) + 2:
-            raise ValueError(
+            raise NoModelError(
                 f"order {order} needs more than {needed} output values for its parameters and"
                 f" initial states; the recording has {available}"
             )
@@ -236,7 +237,7 @@ def _descended_from(
     descent = problem.descents(start[None, :], steps, tolerance)
     value = float(descent.values[0])
     if not np.isfinite(value):
-        raise ValueError("the descent found no stable model")
+        raise NoModelError("the descent found no stable model")
     diagnostics = SearchDiagnostics.of_descents(value, descent.evaluations, 1)
     return problem, SearchResult(descent.points[0], value, diagnostics)
 

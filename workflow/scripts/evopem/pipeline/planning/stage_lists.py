@@ -179,7 +179,11 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "validation_info": _where(_of(is_validated), "validation_recording_info"),
     "plan": _where(_of(is_automatic), "decision:preparation"),
     "truth": _where(_of(is_synthetic), "truth"),
-    "decided": _where(_of(is_automatic), "decision:preparation", "decision:remedies"),
+    "decided": _where(
+        *(_of(is_automatic), "decision:preparation", "decision:remedies"),
+        *("decision:folds", "decision:delay"),
+    ),
+    "about_search": _where(_of(has_several), "decision:search"),
     "time_response": _where(_of(is_single), "time_response"),
     "decisions": _where(_of(is_automatic), "decisions"),
     "models": _where(_of(has_several), "models_of_orders:{structure}"),

@@ -157,7 +157,7 @@ STAGES = (
         "searching the chosen model globally",
         of.is_single_automatic,
         inputs=("decision:comparison", "decision:remedies", *_SCORED),
-        outputs=("phase:structures", "phase:chosen"),
+        outputs=("phase:structures", "phase:chosen", "decision:search"),
         settings={
             "search": "search",
             "settings": of.choices("purpose", "structure", "orders"),
@@ -206,7 +206,7 @@ STAGES = (
         "model and its uncertainty",
         of.is_any,
         inputs=("{decided}", "phase:{last}", *_PREPARED),
-        outputs=("model", "model_mat", "frequency_response", "{time_response}"),
+        outputs=("model", "model_mat", "frequency_response", "{time_response}", "{about_search}"),
         settings={
             "search": "search",
             "window": of.window,
@@ -222,7 +222,7 @@ STAGES = (
         "validation:complete_other",
         "model for the other purpose",
         of.is_automatic,
-        inputs=("decision:comparison", *_DECIDED),
+        inputs=("decision:comparison", *_SCORED),
         outputs=("other_model:{purpose}", "other_errors:{purpose}"),
         settings={
             "search": "search",
@@ -259,7 +259,7 @@ STAGES = (
         of.is_automatic,
         inputs=(
             *("search:{structures}", "recording_info", *_SCORED, "decision:comparison"),
-            *("decision:remedies", "other_errors:{purposes}"),
+            *("decision:remedies", "decision:search", "other_errors:{purposes}"),
         ),
         outputs=("decisions",),
         settings={"structures": of.structures, "others": of.purposes},

@@ -1,0 +1,85 @@
+"""The global search of the chosen model, and what held-out samples say of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from records import output_error_record
+from scipy.signal import lfilter
+
+from evopem.automatic import chosen
+from evopem.automatic.candidates import Scorer
+from evopem.automatic.fit import Fit, FitSettings
+from evopem.automatic.held_out.folds import decide_folds
+from evopem.automatic.held_out.simulation import simulated
+from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
+from evopem.automatic.structures import Choice
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import Orders
+from evopem.signals.recording import Recording, Segment
+
+
+@pytest.fixture(scope="module")
+def candidate():
+    u, y, _ = output_error_record(400)
+    recording = Recording(u, 5.0 * y, 10.0)
+    record = PreparedRecord.scaled(recording.segments, 10.0, PreparationPlan((0,)), centred=True)
+    scorer = Scorer(record.stretches, decide_folds(record.stretches), FitSettings())
+    found = scorer.candidate("oe", Orders(nb=2, nf=2, nk=1))
+    return recording, record, scorer, Choice("simulation", found, "constant")
+
+
+@pytest.mark.parametrize(("worse", "taken"), [(1.0, True), (1.3, False)])
+def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, worse, taken):
+    recording, record, scorer, choice = candidate
+    compared = chosen.estimate_candidate(
+        replace(choice.candidate, polynomials=record.in_its_units(choice.candidate.model)),
+        *(recording, scorer.settings, scorer.limits, None, 0),
+    )
+    estimate = compared.estimate
+    lower = replace(estimate, search=replace(estimate.search, value=0.9 * estimate.search.value))
+    searched = replace(compared, estimate=lower)
+    monkeypatch.setattr(
+        *(chosen, "estimate_candidate"),
+        lambda *given: compared if given[5] == 0 else searched,
+    )
+
+    def scored(self, candidate):
+        known = choice.candidate.scores
+        folds = tuple(each + np.log(worse) for each in known.simulation_folds)
+        scores = replace(known, simulation=worse * known.simulation, simulation_folds=folds)
+        return replace(candidate, scores=scores)
+
+    monkeypatch.setattr(Scorer, "scored", scored)
+    found, about = chosen.estimate_choice(choice, scorer, record, recording, None, 100)
+    assert (found is searched) == taken
+    assert about.choice == (chosen.SEARCHED if taken else chosen.COMPARED)
+    assert ("worse by more than chance" in about.sentence) != taken
+
+
+def test_the_search_begins_with_the_candidate_in_the_units_of_the_recording(candidate):
+    recording, record, scorer, choice = candidate
+    found, about = chosen.estimate_choice(choice, scorer, record, recording, None, 200)
+    assert about.choice == chosen.SEARCHED
+    assert found.polynomials.f == pytest.approx([1.0, -1.5, 0.8], abs=0.05)
+    assert found.polynomials.b == pytest.approx([5.0, 2.5], rel=0.2)
+
+
+def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():
+    """A pole that a zero cancels, and whose state draws the slow wave of a drift."""
+    generator = np.random.default_rng(1)
+    u, e = generator.standard_normal((2, 600))
+    one = np.ones(1)
+    truth = PolynomialModel(one, np.array([1.0, 0.5]), one, one, np.array([1.0, -1.5, 0.8]), 1)
+    y = truth.simulate(u) + 2.0 * np.sin(2.0 * np.pi * np.arange(600) / 500.0 + 0.5) + 0.1 * e
+    wave = np.array([1.0, -2.0 * np.cos(2.0 * np.pi / 500.0), 1.0])
+    larger = replace(truth, B=(np.convolve(truth.b, wave),), F=(np.convolve(truth.f, wave),))
+    stretches = [Segment(u, y)]
+    errors = [np.std(y - simulated(m, stretches[0], True)[:, 0]) for m in (truth, larger)]
+    assert errors[1] < 0.2 * errors[0]
+    scorer = Scorer(stretches, decide_folds(stretches), FitSettings())
+    bics = [
+        scorer.described("oe", Fit(m, 5, (lfilter([1.0], [1.0], e)[:, None],), 0)).simulation_bic
+        for m in (truth, larger)
+    ]
+    assert bics[1] > bics[0] - 0.1
