@@ -287,7 +287,8 @@ def _box_cox(parameter: float, shift: float) -> Transform:
         )
 
         def forward(stretch: Segment) -> Segment:
-            y = box_cox(stretch.output, parameter, shift) - mean
+            y = stretch.output
+            y = box_cox(y, parameter, shift) - mean if len(y) else y
             return replace(_without_time(stretch), outputs=y)
 
         def back(_: Segment, simulation: Array) -> Array:
