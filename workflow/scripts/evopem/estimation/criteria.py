@@ -16,12 +16,9 @@ BOUND_WIDTH = 0.05
 
 @dataclass(frozen=True)
 class Criteria:
-    """Criteria of an estimate over the samples of its loss.
+    """Criteria of an estimate over the samples of its loss (chapter eq. 20 to 23).
 
-    ``objective``: percent (chapter eq. 20 or 22).  ``fit_percent``: one-step NRMSE fit
-    ``100 (1 - ||e|| / ||y - mean(y)||)``, as MATLAB's ``compare`` has it. The chapter's fit (eq.
-    21) is 100 minus the absolute objective.  ``rss``: ``100 ||e||^2 / ||y||^2`` in percent (chapter
-    eq. 22).  ``bic``: ``ln(||e||^2 / N) + n ln(N) / N`` (chapter eq. 23).
+    The chapter's fit (eq. 21) is 100 minus the absolute objective.
     """
 
     objective: float
@@ -31,11 +28,7 @@ class Criteria:
 
 
 def criteria_of(residuals: Array, output: Array, objective: str, parameters: int) -> Criteria:
-    """Criteria of residuals, (N,), and of the output of the same samples.
-
-    ``residuals``, ``output`` (N,): the samples of the loss.  ``parameters``: number of estimated
-    parameters n.
-    """
+    """Criteria of residuals, (N,), the outputs of the same samples, and estimated parameters."""
     square_sum, count = float(residuals @ residuals), len(residuals)
     rss = 100.0 * square_sum / float(output @ output)
     absolute = 100.0 * float(np.sum(np.abs(residuals)) / np.sum(np.abs(output)))
@@ -49,10 +42,7 @@ def criteria_of(residuals: Array, output: Array, objective: str, parameters: int
 
 
 def power_of_two_scale(signal: Array) -> float:
-    """The power of two next below a signal's largest magnitude; 1 for a signal of zeros.
-
-    Dividing by it leaves every bit of a signal's mantissa unchanged.
-    """
+    """The power of two next below a signal's largest magnitude, which changes no mantissa; or 1."""
     largest = float(np.max(np.abs(signal)))
     return 2.0 ** np.floor(np.log2(largest)) if largest > 0.0 else 1.0
 

@@ -107,8 +107,7 @@ class AbsoluteErrors(Protocol):
 def descend(problem: Squares[Errors], start: Array, steps: int, tolerance: float) -> Optimum:
     """Minimise a criterion from a point by at most some accepted steps.
 
-    The descent has converged when a step promises less than a tenth of the tolerance, or twice in
-    a row gains less than it.
+    Converged when a step promises less than a tenth of the tolerance, or twice gains less than it.
     """
     point = problem.begun(start)
     if not np.isfinite(point).all():

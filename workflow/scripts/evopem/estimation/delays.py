@@ -116,11 +116,9 @@ def delays_by_criterion(
 
 
 class _Regression:
-    """All columns of the ARX models, reduced to a triangle.
+    """All columns of the ARX models, reduced to a triangle of ``count`` rows.
 
-    ``triangle`` (P, P): R of past outputs by lag, lags of each input, constants of the recordings,
-    and outputs.  ``count``: number of rows.  ``fewest``: coefficients of each output in a model of
-    order 1.
+    Past outputs by lag, lags of each input, constants of the recordings, and outputs.
     """
 
     def __init__(self, segments: Sequence[Segment], lags: int) -> None:

@@ -147,12 +147,10 @@ class ModelRecord:
         constraints: Constraints | None = None,
         at_upper_ends: tuple[str, ...] = (),
     ) -> ModelRecord:
-        """The record of an estimate.
+        """The record of an estimate from the ``estimation`` samples; ``level`` of other samples.
 
-        ``estimation``: samples that it was made from.  ``level`` {"constant", "state", "none"}: of
-        other samples.  ``model``: the plant that was estimated, with a noise model beside it.
-        ``variant``: of a state-space model.  ``focus``, ``constraints``, ``at_upper_ends``: as of
-        the record.
+        ``model``: the plant with a noise model beside it; ``variant``: form and weighting in state
+        space.
         """
         return cls(
             **derived_from(model or estimate.model, estimate.plant_states),
@@ -181,10 +179,7 @@ class ModelRecord:
 
     @property
     def polynomials(self) -> PolynomialModel:
-        """The model, of a structure of polynomials.
-
-        Raises ValueError for a state-space model.
-        """
+        """The model, of a structure of polynomials; ValueError in state space."""
         if not isinstance(self.model, PolynomialModel):
             raise ValueError(f"{self.text} has no polynomials")
         return self.model
@@ -317,10 +312,7 @@ def _check_polynomials(model: PolynomialModel, orders: Orders | None, record: Mo
 
 
 def load_record(path: str | Path) -> ModelRecord:
-    """Read a ``model.json``, and verify that its numbers are a model of its orders.
-
-    Raises InputError.
-    """
+    """Read a ``model.json`` and verify that its numbers are a model; or InputError."""
     record = load(ModelRecord, path)
     try:
         _check(record)

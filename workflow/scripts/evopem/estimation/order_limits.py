@@ -21,10 +21,7 @@ SHARED_POLES = 1
 
 @dataclass(frozen=True)
 class OrderLimits:
-    """Smallest and largest orders; None where an order is free.
-
-    ``nb``, ``nf``, ``nk``: one for each input.
-    """
+    """Smallest and largest orders, None where free; nb, nf and nk one for each input."""
 
     na: Range | None
     nc: Range | None
@@ -35,10 +32,7 @@ class OrderLimits:
 
     @classmethod
     def of(cls, ranges: OrderRanges, names: Sequence[str]) -> OrderLimits:
-        """The limits that a configuration gives.
-
-        InputError when it names other inputs.
-        """
+        """The limits that a configuration gives; InputError when it names other inputs."""
         groups = {"nb": "orders", "nf": "orders", "nk": "delay"}
         return cls(
             *(getattr(ranges, name) for name in SHARED),

@@ -1,7 +1,6 @@
 """Estimates of ascending orders, smaller orders of lower BIC, and fits of a model to other records.
 
-All have a level for each recording, and descend from estimates and from models of other orders,
-without the generations of a search.
+All have a level for each recording, and descend without the generations of a search.
 """
 
 from __future__ import annotations
@@ -71,8 +70,7 @@ def scanned_orders(
 ) -> Iterator[tuple[int, PolynomialEstimate]]:
     """Estimates of ascending orders, each from linear estimates and from smaller models.
 
-    All are scored on the same samples, by BIC of Laplace's distribution where the objective is
-    absolute.  ``coloured_bic`` is that of the innovations of an autoregression of the errors.
+    Scored on the same samples, by the BIC of Laplace's distribution for absolute errors.
     """
     start = orders[max(orders)].first_residual
     smaller: list[PolynomialModel] = []
@@ -94,10 +92,7 @@ def scanned_orders(
 def refitted(
     model: PolynomialModel, recording: Recording, settings: SearchSettings
 ) -> PolynomialModel:
-    """The optimum of another recording that a descent from a model ends at.
-
-    NoModelError when the recording is too short, or no errors are finite.
-    """
+    """The optimum of another recording that a descent from a model ends at, or NoModelError."""
     with one_blas_thread():
         errors, found = _refitted(model, recording, settings)
         residuals = errors.residuals(found.point)[errors.loss_start :]
@@ -145,8 +140,7 @@ def reduced_orders(
     """Smaller orders of lower BIC within limits, each input its own, and its delay.
 
     One coefficient of B_i at either end, one of another polynomial, a pole with a zero, or a factor
-    of A and all B_i is left out at a time, as long as BIC falls.  All are scored on the same
-    samples.
+    of A and all B_i is left out at a time, as long as BIC falls.
     """
     tried: list[TriedOrders] = []
     with one_blas_thread():
@@ -202,10 +196,7 @@ def _bic(errors: Errors, point: Array) -> float:
 
 
 def _log_loss(residuals: Array, objective: str) -> float:
-    """Minus twice the log-likelihood of a residual, but for a constant.
-
-    Of normal residuals, or of Laplace's distribution for the absolute objective.
-    """
+    """Minus twice the log-likelihood of a residual, normal or Laplace's, but for a constant."""
     absolute = objective == "absolute"
     size = float(np.mean(np.abs(residuals)) ** 2 if absolute else np.mean(residuals**2))
     return float(np.log(size)) if size > 0.0 else -np.inf
@@ -234,10 +225,7 @@ def _with_bic(estimate: PolynomialEstimate, errors: Errors) -> PolynomialEstimat
 
 
 def _nearest_optimum(errors: Errors, point: Array, orders: Orders) -> Array | None:
-    """The optimum next to a point of neighbouring orders.
-
-    A polynomial that is shorter by one loses its last coefficient, or one of its real roots.
-    """
+    """The optimum next to a point of neighbouring orders, less a coefficient or a real root."""
     o, base = errors.orders, np.zeros(errors.dimension)
     shorter = []
     for letter, place in [("a", 0), ("c", 0), ("d", 0), *(("f", i) for i in range(o.inputs))]:

@@ -130,14 +130,7 @@ def describe(
 ) -> PolynomialEstimate:
     """The model at a search's best point, with its criteria, residuals and covariance.
 
-    Parameters
-    ----------
-    errors : PolynomialErrors or StretchErrors
-    result : SearchResult
-    sampling_rate : float
-        Hz.
-    shortest : bool
-        Whether B is the shortest of those with equal residuals.
+    ``shortest``: whether B is the shortest of those with equal residuals.
     """
     point, parts = result.point, errors.parts()
     triangle = triangle_of(errors.jacobian_blocks(point))
@@ -178,23 +171,10 @@ def describe(
 
 
 def minimum_norm_point(errors: Errors, point: Array, triangle: Array) -> Array:
-    """The point with the smallest ||b|| among those of equal residuals with the same A, C, D and F.
+    """The point of smallest ||b|| among those of equal residuals with the same A, C, D and F.
 
-    The residuals are linear in B, levels and states, given the others.  Along the null space of
-    that part of the Jacobian they do not change, so an input that excites fewer directions than
-    B has coefficients leaves B undetermined; the search may end anywhere there.
-
-    Parameters
-    ----------
-    errors : PolynomialErrors or StretchErrors
-    point : (n,) array
-    triangle : (m, n) array
-        R of the QR decomposition of the Jacobian at the point.
-
-    Returns
-    -------
-    (n,) array
-        A new array; equal to the point where the data determine B.
+    Residuals are linear in B, levels and states; an input that excites fewer directions than B has
+    coefficients leaves B undetermined.  ``triangle``: R of the QR decomposition of the Jacobian.
     """
     parts = errors.parts()
     of_b = parts["b"]
@@ -229,16 +209,8 @@ def covariance_of(
 ) -> ParameterCovariance | None:
     """Covariance of the coefficients, for residuals of any colour where nothing whitens them.
 
-    Parameters
-    ----------
-    errors : PolynomialErrors or StretchErrors
-    point : (n,) array
-    residuals, output : (N,) arrays
-        Those that count.
-    counts : sequence of int
-        Residuals of each of several stretches.
-    triangle : (n, n) array, optional
-        R of the QR decomposition of the Jacobian, where it is known.
+    ``counts``: residuals of each of several stretches; ``triangle``: R of the Jacobian, where
+    known.
     """
     orders = errors.orders
     if orders.structure in WITHOUT_NOISE_MODEL and is_coloured(residuals):

@@ -27,14 +27,8 @@ SomeErrors = TypeVar("SomeErrors", bound=Errors)
 def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
     """The window of an estimate that is not compared with models of other orders.
 
-    The first residual is the first that has all its measured past.  All residuals count, but those
-    of ARMAX models, which have at least nc before them, without the first
-    ``settings.n_initial_discard``.
-
-    Examples
-    --------
-    >>> default_window(Orders(na=7, nb=6, nc=7, nk=3), SearchSettings(n_initial_discard=50))
-    ScoringWindow(residual_start=8, loss_start=58)
+    From the first residual that has all its measured past; for ARMAX models ``n_initial_discard``
+    later.
     """
     if orders.structure != "armax":
         return ScoringWindow(orders.first_residual, orders.first_residual)
@@ -50,10 +44,7 @@ def is_chapters(orders: Orders, level: bool, data: Recording) -> bool:
 def prediction_errors(
     data: Recording, orders: Orders, settings: SearchSettings, window: ScoringWindow, level: bool
 ) -> Errors:
-    """The prediction-error problem of a recording, orders and settings.
-
-    ValueError when none of several segments is long enough for the orders.
-    """
+    """The problem of a recording and orders; ValueError when no segment is long enough."""
     radius = settings.max_root_radius
     if data.is_joined:
         return StretchErrors(
@@ -72,10 +63,7 @@ def checked_errors(
     window: ScoringWindow | None,
     level: bool,
 ) -> Errors:
-    """The prediction-error problem of a recording as a user gives it.
-
-    ValueError when the record is too short for the orders, or a setting is outside its range.
-    """
+    """The same of a recording as a user gives it; ValueError when it or a setting is of no use."""
     check_search_settings(settings)
     if orders.inputs and data.inputs.shape[1] != orders.inputs:
         raise ValueError(
@@ -142,10 +130,7 @@ def check_search_settings(settings: SearchSettings) -> None:
 
 
 def scaled_errors(errors: SomeErrors) -> tuple[SomeErrors, Array]:
-    """The problem with signals scaled to moderate size, and the scales of its parameters.
-
-    Powers of two leave every bit of signals and points unchanged.
-    """
+    """The problem with signals scaled by powers of two, and the scales of its parameters."""
     inputs, outputs = errors.signals
     output_scale = power_of_two_scale(outputs)
     input_scales = np.array([power_of_two_scale(each) for each in inputs.T])

@@ -1,8 +1,7 @@
 """Estimates for predictions one or more samples ahead, under constraints.
 
-The optimum without constraints is searched first.  Where it meets them it is the result;
-elsewhere descents start from it, from the linear estimates of the search and from random points,
-each moved into the region, in coordinates that cannot leave the region.
+The optimum without constraints is the result where it meets them; else descents in coordinates that
+cannot leave the region start from it, from linear estimates and from random points.
 """
 
 from __future__ import annotations
@@ -57,10 +56,7 @@ MEETS = 1e-9
 
 @dataclass(frozen=True)
 class EstimationTask:
-    """A record, orders and settings, checked.
-
-    ``optimum`` is that of one-step prediction without constraints, where it is known already.
-    """
+    """A record, orders and settings, checked."""
 
     errors: Errors
     sampling_rate: float
@@ -90,10 +86,7 @@ def search_key(errors: Errors) -> tuple[int, ...]:
 
 
 def from_estimates(problem: PolynomialProblem) -> SearchResult | None:
-    """The lowest optimum that descents from estimates of the record lead to.
-
-    Searches of several inputs begin with it: random points hardly ever lead to their optimum.
-    """
+    """The lowest optimum next to estimates, with which searches of several inputs begin."""
     starts = problem.starts()[:ESTIMATES]
     if not len(starts):
         return None
@@ -202,10 +195,7 @@ def _constrained_optimum(
     priors: Priors,
     weight: float,
 ) -> tuple[SearchResult, tuple[str, ...], Array]:
-    """The optimum under constraints and priors, what is active there, and its free directions.
-
-    The unconstrained optimum itself where it meets all constraints and there are no priors.
-    """
+    """The optimum under constraints and priors, what is active there, and its free directions."""
     bounded = parameters.coordinates(free.point)
     nearest = parameters.point(bounded)[0]
     if not priors.terms and _meets(parameters, bounded, free.point, nearest):

@@ -1,7 +1,6 @@
 """Estimates for errors of simulation: the plant first, then the noise model given the plant.
 
-The plant ``B_i / (A F_i)`` has the smallest errors of simulation.  C and D follow by
-one-step errors, the plant held, for each way to divide its poles between A and F.
+C and D follow by one-step errors, for each way to divide the plant's poles between A and F.
 """
 
 from __future__ import annotations
@@ -276,10 +275,7 @@ def _simulation_covariance(
 
 
 def _to_held(orders: Orders, division: Plant, levels: Array, size: int) -> Array:
-    """Derivatives of [a, b, f, levels] by the point of the plant.
-
-    That is [a, b, c, f, levels, states] of shared poles, else [b, A F, levels, states].
-    """
+    """Derivatives of [a, b, f, levels] by [a, b, c, f, ...], or by [b, A F, levels, ...]."""
     if _has_shared_poles(orders):
         places = np.arange(orders.na * 2 + sum(orders.nb) + sum(orders.nf) + len(levels))
         of_c = orders.na + sum(orders.nb) + np.arange(orders.na)

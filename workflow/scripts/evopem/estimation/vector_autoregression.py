@@ -21,10 +21,9 @@ LIMIT, DEVIATIONS = 3.0, 1.4826
 
 
 def log_loss(errors: Array, objective: str) -> float:
-    """Minus twice the largest log-likelihood of a sample of errors, but for a constant.
+    """Minus twice the largest log-likelihood of errors, (N, l), but for a constant.
 
-    Of normal errors, (N, l), correlated between the outputs, for the quadratic objective, and of
-    independent ones with Laplace's distribution for the absolute one.
+    Correlated normal ones; for the absolute objective independent ones with Laplace's distribution.
     """
     if objective == "absolute":
         with np.errstate(divide="ignore"):
@@ -60,10 +59,9 @@ class Autoregression:
 
 
 def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregression:
-    """The vector autoregression of the order that BIC prefers; order 0 is among them.
+    """The vector autoregression of the order of lowest BIC, by multivariate Yule-Walker equations.
 
-    By multivariate Yule-Walker equations, whose estimates are stable, of (N, l) errors; ``bounds``
-    are the first samples of the segments, and N.
+    Of (N, l) errors; ``bounds`` are the first samples of the segments, and N.
     """
     samples, ny = errors.shape
     most = int(min(MOST_LAGS, SHARE * samples / ny))
@@ -95,8 +93,7 @@ def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
 def _recursion(gamma: Array, most: int) -> Iterator[tuple[Array, Array]]:
     """Coefficients and noise covariance of the orders 0 ... ``most``.
 
-    The recursion of Levinson for several channels (Whittle 1963, Wiggins & Robinson 1965): forward
-    and backward predictions of one order give those of the next.
+    By the recursion of Levinson for several channels (Whittle 1963, Wiggins & Robinson 1965).
     """
     ny = gamma.shape[1]
     forward, backward = np.empty((0, ny, ny)), np.empty((0, ny, ny))

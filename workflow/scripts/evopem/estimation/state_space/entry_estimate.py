@@ -1,7 +1,6 @@
 """State-space models for errors of several steps, and those that meet hard constraints.
 
-They are descended to from the optimum of one step without constraints, and under constraints also
-from models of allowed poles whose inputs fit the recording, those of the optimum and random ones.
+From the optimum of one step without constraints, and models of allowed poles whose inputs fit.
 """
 
 from __future__ import annotations
@@ -54,10 +53,7 @@ SAME = 1e-9
 
 
 def check_state_space_constraints(constraints: Constraints, errors: StateSpaceErrors) -> None:
-    """Refuse constraints that no state-space model can meet, or whose meaning is not clear.
-
-    Raises InputError that names the key of the constraints.
-    """
+    """InputError for constraints that no state-space model can meet, or of unclear meaning."""
     recording = errors.data.recording
     coefficients = [f"fixed_coefficients.{name}" for name in constraints.fixed_coefficients]
     if coefficients or constraints.priors:
@@ -101,9 +97,8 @@ def meeting(
 ) -> StateSpaceEstimate:
     """The estimate for errors so many samples ahead that meets constraints, which are checked.
 
-    ``free`` is the estimate for errors of one step without constraints, of the problem ``errors``.
-
-    Raises ValueError when no model that meets the constraints has finite errors.
+    ``free``: that of one step without constraints.  ValueError when no allowed model has finite
+    errors.
     """
 
     def problem_at(start: Start) -> tuple[EntryProblem, Array]:
@@ -206,8 +201,8 @@ def _covariance(
 ) -> ParameterCovariance | None:
     """Covariance of the entries of the model, zero across active constraints.
 
-    ``H^-1 S H^-1`` as of :func:`.parameter_covariance`.  Errors of several steps are coloured: S
-    takes their autocovariances.  None for these under the absolute objective.
+    As of :func:`.parameter_covariance`; errors of several steps are coloured.  None for these under
+    the absolute objective.
     """
     plain, data = problem.plain, problem.plain.data
     J, scores, weights = found.derivatives[:, :, unheld], found.errors, None

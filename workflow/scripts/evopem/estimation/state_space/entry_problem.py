@@ -1,9 +1,7 @@
 """Models whose entries are all part of a point: errors of k steps, and hard constraints.
 
-Where errors other than those of one step count, or the poles of A or a static gain are restricted,
-C, D and levels cannot be eliminated as in :mod:`.errors`.  A point holds the coordinates of the
-poles (:mod:`.pole_coordinates`), then B, K, initial states, C, D and the coefficients of levels and
-drift, and those of static gains.  Descents are those of the other problems.
+C, D and levels cannot be eliminated there.  A point holds the coordinates of the poles
+(:mod:`.pole_coordinates`), then B, K, initial states, C, D, levels and drift, and static gains.
 """
 
 from __future__ import annotations
@@ -51,10 +49,7 @@ class EntryErrors:
 
 
 class EntryProblem:
-    """Errors of models of one order on a recording, so many samples ahead, under constraints.
-
-    Recording, order, structure, weighting and radius are those of ``plain``.
-    """
+    """Errors of models of one order on a recording, so many samples ahead, under constraints."""
 
     def __init__(
         self,
@@ -297,7 +292,7 @@ class EntryProblem:
     # To and from models.
 
     def point_of(self, model: StateSpaceModel, initial: Array, levels: Array) -> Array:
-        """The point nearest to a model, with the states (segments, n) and levels (segments, l).
+        """The point nearest to a model with states (segments, n) and levels (segments, l).
 
         It fixes s of each section: points of one problem all stem from one model.
         """

@@ -1,15 +1,11 @@
 """The prediction-error problem of state-space models, with the output matrices eliminated.
 
-The one-step predictor of innovations form, ``x+ = (A - K C) x + (B - K D) u + K y``,
-``y = C x + D u + constant + e``, is an output-error model whose inputs are u and y; the
-output-error form has u alone.  So one set of coordinates serves both: the sections of the
-predictor and their inputs (:mod:`.sections`).  C, D and the constants are linear, the same
-regressors serve all outputs, and least squares is therefore optimal whatever the weights of the
-outputs are (Zellner 1962).  They are eliminated (variable projection: Golub & Pereyra 1973), and
-the Jacobian is that of Kaufman (1975).
-
-A derivative of the errors is a signal of one section times a row of C.  One Gram matrix of all
-those signals, whose size does not depend on the number of outputs, gives the normal equations.
+The one-step predictor of innovations form, ``x+ = (A - K C) x + (B - K D) u + K y``, ``y = C x + D
+u + constant + e``, is an output-error model with the inputs u and y: one set of coordinates, the
+sections of the predictor (:mod:`.sections`), serves both forms.  C, D and constants are linear, of
+the same regressors for all outputs (Zellner 1962), and eliminated by variable projection (Golub &
+Pereyra 1973) with the Jacobian of Kaufman (1975).  A derivative is a signal of one section times a
+row of C: one Gram matrix of those signals gives the normal equations.
 """
 
 from __future__ import annotations
@@ -55,10 +51,7 @@ EDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ScaledRecording:
-    """Scaled signals of a recording with m inputs and l outputs, in segments.
-
-    Each segment has an initial state of its own.
-    """
+    """Scaled signals of a recording with m inputs and l outputs, in segments."""
 
     recording: Recording  # that they are made from, for its rate and names
     delays: tuple[int, ...]  # nk of each input: with 0 it has a column of D
@@ -123,12 +116,10 @@ def scaled_recording(
     level: bool = True,
     drift_period: float | None = None,
 ) -> ScaledRecording:
-    """Shift and scale the signals of a recording.
+    """Shift and scale the signals of a recording; ValueError when they or the delays do not fit.
 
     Inputs with nk > 1 are not known at the first samples of a segment, which are left out.
-    ``level``: whether each recording has one; ``drift_period``: shortest one of the drift, samples.
-
-    Raises ValueError when the delays do not fit the recording, or its signals cannot be used.
+    ``drift_period``: the shortest period of the drift, samples.
     """
     count = recording.inputs.shape[1]
     nk = (delays,) * count if isinstance(delays, int) else tuple(delays)
@@ -204,9 +195,8 @@ class StateSpaceErrors:
     """Criterion, normal equations and feasibility of models of one order on a recording.
 
     The criterion is the logarithm of the determinant of the errors' covariance (``determinant``),
-    the sum of the logarithms of their variances (``noise``), or the sum of the variances relative
-    to the power of the outputs (``power``).
-    ``radius`` is the largest one allowed of the eigenvalues of A and of ``A - K C``.
+    the sum of the logarithms of their variances (``noise``), or of the relative variances
+    (``power``).
     """
 
     data: ScaledRecording
@@ -316,11 +306,9 @@ class StateSpaceErrors:
         return float(np.trace(covariance))
 
     def percent(self, criterion: float) -> float:
-        """A criterion as a percentage of the power of the outputs.
+        """A criterion as a percentage of the power of the outputs, y less its mean with a level.
 
-        The geometric mean over outputs (``determinant``: over principal directions), or for
-        ``power`` the arithmetic mean.  For one output each is ``100 sum e**2 / sum y**2``, y less
-        its mean where a constant is estimated.
+        The geometric mean over outputs or principal directions; for ``power`` the arithmetic one.
         """
         mean = criterion / self.data.outputs.shape[1]
         return 100.0 * (mean if self.weighting == "power" else float(np.exp(mean)))

@@ -57,67 +57,16 @@ def estimate_state_space(
     starts: Sequence[StateSpaceModel] = (),
     log: Log | None = None,
 ) -> StateSpaceEstimate:
-    """The state-space model of an order with the smallest prediction errors.
+    """The state-space model of an order with the smallest prediction errors; see :func:`.estimate`.
 
-    Parameters
-    ----------
-    recording : Recording
-        Without an input: output-only identification.
-    order : int
-        Number of states n.
-    structure : {"ss", "ss_oe", "ss_oe_drift", "ss_bj"}
-        ``ss``: innovations form, with K.  ``ss_oe``: output error, K = 0.  ``ss_oe_drift``: the
-        same beside slow changes of the level, which the model does not have to explain.
-        ``ss_bj``: the optimum of innovations form next to an output-error plant of this order with
-        a noise model of its own; the lower one of those next to the plant and to ``starts``.
-    delays : int or sequence of int
-        nk of all inputs or of each: 0 for an input with a column of D, 1 for one without, k > 1
-        for one that acts k samples later.
-    level : bool
-        Whether a constant output is estimated, for each recording.
-    focus : {"prediction", "simulation"} or int
-        The errors to be small: of one step, of simulation, or of predictions that many samples
-        ahead.  Those of ``ss_oe`` and ``ss_oe_drift`` are all the same.
-    constraints : Constraints, optional
-        What poles and static gain must meet.
-    weighting : {"determinant", "noise", "power"}
-        ``determinant`` of the errors' covariance (maximum likelihood for white errors), each
-        output by its own ``noise`` (the product of the variances), or by its ``power`` (the sum
-        of the relative variances).  Of absolute errors by their ``power``, and with any other
-        weighting by their noise.
-    settings : SearchSettings, optional
-        Objective, by default ``quadratic``, seed, evaluations and largest radius of the
-        eigenvalues of A and of ``A - K C``.  The number of evaluations follows from the size of
-        the problem: fewer are a limit, 0 for descents from estimates alone, and more than those of
-        the default settings raise it in proportion.
-        The draws come from ``SeedSequence(seed, spawn_key=(order, structure, level, *delays))``.
-    starts : sequence of StateSpaceModel
-        Models of this order, structure and delays that are among the points to descend from, such
-        as those of a search over orders.  A very large problem has no others then.
-    log : callable, optional
-        Receives one line for each step of the search.
-
-    Raises
-    ------
-    InputError
-        When focus, constraints and structure contradict each other.
-    ValueError
-        When the recording is too short for the order, or a setting is outside its range.
-
-    Examples
-    --------
-    >>> generator = np.random.default_rng(1)
-    >>> u = generator.standard_normal((500, 1))
-    >>> truth = StateSpaceModel(
-    ...     A=np.array([[0.9, 0.3], [-0.3, 0.9]]), B=np.array([[1.0], [0.5]]), C=np.eye(2),
-    ...     D=np.zeros((2, 1)), K=np.zeros((2, 2)), sampling_rate=10.0, level=np.zeros(2),
-    ...     noise_covariance=np.eye(2), structure="ss_oe",
-    ... )
-    >>> y = truth.simulate(u) + 0.1 * generator.standard_normal((500, 2))
-    >>> estimated = estimate_state_space(Recording(u, y, 10.0), 2, structure="ss_oe")
-    >>> (mode,) = estimated.model.modes()
-    >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 2)
-    (0.52, 0.16)
+    ``order``: states n; of structure ``ss_bj``, an optimum of innovations form next to an
+    output-error plant of n states with a noise model of its own, those of the plant.  ``starts``:
+    models of this order, structure and delays to descend from as well; a very large problem has no
+    others then.  The settings limit the evaluations, whose number follows from the size of the
+    problem, or raise it above their default; 0 is descents from estimates alone.  Draws come from
+    ``SeedSequence(seed, spawn_key=(order, structure, level, *delays))``.  InputError when focus,
+    constraints and structure contradict each other; ValueError when the recording is too short, or
+    a setting outside its range.
     """
     task = StateSpaceTask.of(recording, structure, delays, level, weighting, settings)
     horizon = _horizon(focus, structure, constraints)
@@ -249,10 +198,7 @@ def noise_model(
     settings: SearchSettings,
     orders: Sequence[int] | None = None,
 ) -> StateSpaceModel | None:
-    """The noise model of lowest BIC for the residuals of a plant; None where they are white.
-
-    The orders ascend in steps of one or two; by default those of :func:`noise_orders`.
-    """
+    """The noise model of lowest BIC for the residuals of a plant; None where they are white."""
     lost = max(plant.input_delays, default=0)
     residuals = []
     for segment in recording.segments:
@@ -288,7 +234,7 @@ def estimate_beside(
 ) -> StateSpaceEstimate:
     """The optimum of innovations form next to an output-error plant with its noise model.
 
-    Raises ValueError when the recording is too short, or the descent ends at no stable model.
+    ValueError when the recording is too short, or the descent ends at no stable model.
     """
     start = with_noise_model(plant, recording, task.settings)
     start = replace(start, structure="ss", covariance=None)

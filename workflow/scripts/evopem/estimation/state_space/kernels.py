@@ -44,8 +44,8 @@ def _advance(p, r, sigma, coupling, back, z):
 def section_states(sigma, coupling, back, ratio, pulses, drives, bounds, order):
     """States, (N, order), of S sections that are driven at their first and second state.
 
-    ``pulses``, (segments, 2 S), drive the first states, then the second ones, before the first
-    sample of each segment, ``drives``, (N, 2 S), at each sample.
+    ``pulses``, (segments, 2 S), drive both before the first sample of a segment, ``drives``, (N, 2
+    S), at each sample.
     """
     count, pairs = len(sigma), order // 2
     out = np.empty((len(drives), order))

@@ -44,11 +44,7 @@ DRIFT_PERIODS = 5
 
 @dataclass(frozen=True)
 class StateSpaceTask:
-    """Form, delays, level, weighting of the outputs, and settings of a search.
-
-    ``drift_period`` is the shortest period, in samples, of slow changes of the outputs that are
-    estimated along with the level, and that the model does not have to explain.
-    """
+    """Form, delays, level, weighting of the outputs, and settings of a search."""
 
     structure: PlainStructure = "ss"
     delays: int | tuple[int, ...] = 1
@@ -81,8 +77,8 @@ class StateSpaceTask:
     ) -> StateSpaceTask:
         """The task of a structure.
 
-        The drift of ``ss_oe_drift`` is what scores on held-out samples do not count either, which
-        fit a level of its own to each held-out part.
+        The drift of ``ss_oe_drift`` is what scores on held-out samples, with a level each, do not
+        count.
         """
         if structure not in STRUCTURES:
             raise ValueError(f"structure must be one of {STRUCTURES}, not {structure!r}")
@@ -96,10 +92,7 @@ class StateSpaceTask:
         )
 
     def errors(self, recording: Recording, order: int) -> StateSpaceErrors:
-        """The prediction-error problem of an order.
-
-        Raises ValueError when the recording is too short or cannot be used.
-        """
+        """The problem of an order; ValueError when the recording is too short or unusable."""
         data = scaled_recording(recording, self.delays, self.level, self.drift_period)
         if order < 1:
             raise ValueError(f"order must be at least 1, not {order}")
@@ -213,7 +206,7 @@ def descend_from(
 ) -> StateSpaceEstimate:
     """The optimum of a model's order and form that a descent from it ends at.
 
-    Raises ValueError when the recording is too short, or the descent ends at no stable model.
+    ValueError when the recording is too short, or the descent ends at no stable model.
     """
     with one_blas_thread():
         return described(*_descended_from(model, recording, task, POLISH_STEPS, POLISH_TOLERANCE))
@@ -285,10 +278,9 @@ def criteria_of(
 def two_fold_simulation_errors(
     recording: Recording, orders: Sequence[int], task: StateSpaceTask, width: int = FINAL_WIDTH
 ) -> Array:
-    """Errors of models of each half on the other half, percent, (orders,).
+    """Errors of simulation of models of each half on the other half, percent, (orders,).
 
-    ``100 ||y - yhat|| / ||y - mean(y)||``, mean over outputs, of simulations from the initial state
-    that fits; halves of the segments, where there are several.  Infinite where there is no model.
+    From the initial state that fits, mean over outputs; infinite where there is no model.
     """
     span, segments = span_of(orders), recording.segments
     middle = len(segments) // 2

@@ -78,10 +78,7 @@ class PointModel:
         return np.asarray(data.output_offsets + data.output_scales * levels)[data.level_of]
 
     def initial_states(self) -> Array:
-        """Initial state of each segment, (segments, n), of a model whose level is the segment's.
-
-        A constant of the predictor's states belongs to the level: ``y - level`` drives the model.
-        """
+        """Initial state of each segment, (segments, n), of a model whose level is the segment's."""
         data, (predictor, drives, K, *_) = self._errors.data, self._matrices
         offsets = (self.levels() - data.output_offsets) / data.output_scales
         at_rest = np.linalg.solve(np.eye(len(predictor)) - predictor, K)
@@ -90,7 +87,7 @@ class PointModel:
     def jacobian(self) -> Array:
         """Derivatives of ``[A, B, C, D, K, level]`` by coordinates and linear coefficients.
 
-        Linear coefficients stand output by output.  By complex steps, s of each section held.
+        The latter output by output.  By complex steps, s of each section held.
         """
         point, linear = self._projection.point, self._projection.linear
         columns = []
@@ -134,11 +131,10 @@ class PointModel:
 
 
 def _basis_of(predictor: Array, C: Array) -> Array:
-    """The states of the model from those of the sections, (n, n).
+    """The states of the model from those of the sections, (n, n): the same, unless ill-conditioned.
 
-    The same ones, unless sections with nearly equal poles cancel each other: entries of A and C
-    would be so large that rounding spoils simulations.  The model then has states whose responses
-    at the outputs are orthonormal (output-normal form).
+    Where sections with nearly equal poles cancel, rounding would spoil simulations: the states then
+    have orthonormal responses at the outputs (output-normal form).
     """
     with np.errstate(all="ignore"):
         # Of C, C P, C P^2, ..., twice as many in each step.
@@ -165,12 +161,10 @@ def parameter_covariance(
 ) -> ParameterCovariance:
     """Covariance of the entries of ``[A, B, C, D, K, level]``, initial states estimated along.
 
-    ``H^-1 S H^-1``, where H is the Gauss-Newton Hessian and S the covariance of the gradient.  In
-    innovations form the errors are white.  Those of an output-error form need not be: S then
-    takes their autocovariances, independent of the inputs (Ljung 1999, eq. 9.42).  The free
-    choice of the states, n directions of H, is left out.
-    The errors of ``projection`` are those of the gradient: of another objective than squares its
-    scores; ``weights``, (ny, ny), are those of the outputs.
+    ``H^-1 S H^-1``, H the Gauss-Newton Hessian and S the covariance of the gradient, in
+    output-error form with the autocovariances of the errors (Ljung 1999, eq. 9.42).  The free
+    choice of the states is left out.  The errors of ``projection`` are those of the gradient, or
+    their scores.
     """
     data, products = errors.data, partial(_products, errors, projection)
     derivatives = errors.signals.derivatives(projection.sections, projection.states)
@@ -189,10 +183,7 @@ def parameter_covariance(
 
 
 def sandwich(hessian: Array, score: Array, mapping: Array, redundant: int) -> ParameterCovariance:
-    """``M H^-1 S H^-1 M'`` in factored form, of (n, n) H and S and (entries, n) M.
-
-    ``redundant`` directions of H change no model.
-    """
+    """``M H^-1 S H^-1 M'`` in factored form; ``redundant`` directions of H change no model."""
     scale = np.sqrt(np.diag(hessian))
     unseen = scale == 0.0
     scale[unseen] = 1.0
@@ -255,10 +246,7 @@ def filtered(signals: Array, of_lags: Array, bounds: NDArray[np.int64]) -> Array
 def _products(
     errors: StateSpaceErrors, projection: Projection, gram: Array, between: Array
 ) -> Array:
-    """``J' between J`` over coordinates and, output by output, linear coefficients.
-
-    ``gram`` is that of the signals that derivatives consist of, and of the regressors behind them.
-    """
+    """``J' between J`` over coordinates and, output by output, linear coefficients."""
     c, sections = projection.linear[: errors.order].T, projection.sections
     count = len(gram) - len(projection.linear)
     of_signals, rest = slice(0, count), slice(count, None)

@@ -1,8 +1,7 @@
 """Coordinates of the poles of A, free or restricted to what constraints allow.
 
-A section of two states is ``[[a, s], [d / s, a]]`` with poles ``a +- sqrt(d)`` and a fixed s.  Free
-ones have the coordinates a and d.  Restricted ones follow from shares of the allowed region, which
-is that of polynomial models (:mod:`evopem.estimation.pem.pole_region`).
+A section of two states is ``[[a, s], [d / s, a]]`` with a fixed s.  Free ones have the coordinates
+a and d; restricted ones shares of the allowed region (:mod:`evopem.estimation.pem.pole_region`).
 """
 
 from __future__ import annotations
@@ -156,10 +155,7 @@ def blocks_of(
 
 
 def modal_basis(A: Array, blocks: Sequence[Block]) -> tuple[Array, list[Complex]]:
-    """Real basis in which A has sections as blocks do, (n, n), and the poles of each section.
-
-    Pairs go to the blocks whose given poles are nearest.
-    """
+    """Real basis in which A has sections as blocks do, and the poles of each of them."""
     poles, vectors = np.linalg.eig(A)
     upper = [int(k) for k in np.flatnonzero(poles.imag > 0.0)]
     of_real = [int(k) for k in np.flatnonzero(poles.imag == 0.0)]

@@ -114,10 +114,7 @@ class StateSpaceProblem:
     def recombine(
         self, parents: Array, count: int, generator: np.random.Generator
     ) -> tuple[Array, int]:
-        """Offspring with each section, poles and inputs, from one of two parents; no evaluations.
-
-        Sections are ordered by the angle of their poles: those of one place are much alike.
-        """
+        """Offspring with each section, ordered by angle, from one of two parents."""
         layout = self.plain.layout
         pairs = generator.integers(len(parents), size=(2, count))
         from_first = generator.random((count, layout.sections)) < 0.5
@@ -137,10 +134,9 @@ class StateSpaceProblem:
 
 
 class AbsoluteStateSpaceProblem(StateSpaceProblem):
-    """As :class:`.StateSpaceProblem`, of absolute errors; C, D and levels are part of a point.
+    """The same of absolute errors: a point holds coordinates, then C, D and constants by output.
 
-    Absolute errors of several outputs have no common least-squares solution, so that nothing is
-    eliminated.  A point holds the coordinates, then C, D and the constants of each output.
+    Absolute errors of several outputs have no common linear solution, so nothing is eliminated.
     ``power`` weighs the outputs by their power, any other weighting by their noise.
     """
 
@@ -185,10 +181,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
             yield columns, np.concatenate([shared, plain.dimension + k * len(own) + own])
 
     def moved(self, point: Array, step: Array) -> Array:
-        """A point after a step, with poles beyond the radius drawn in to it.
-
-        The second state of a section follows its scale, and C follows that state.
-        """
+        """A point after a step within the radius; C follows the scale of its second states."""
         layout, count = self.plain.layout, self.plain.dimension
         after = point + step
         after[:count] = self.plain.moved(point[:count], step[:count])
@@ -300,8 +293,7 @@ def absolute_scores(
 ) -> tuple[Array, Array] | None:
     """What takes the place of the errors, (N, l), and of their weights, (l, l), in a covariance.
 
-    Of least absolute deviations (Bassett & Koenker 1978): signs over twice the density at zero;
-    None where that is not known.
+    Signs over twice the density at zero (Bassett & Koenker 1978); None where that is not known.
     """
     vanishing = -(-errors.estimated // one_step.shape[1])
     density = np.array([density_at_zero(each, vanishing) for each in one_step.T])

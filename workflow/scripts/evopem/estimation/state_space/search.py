@@ -71,8 +71,7 @@ def lowest(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Ar
 def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Optimum]:
     """Optima from starts, the lowest first, which alone is descended to the last digits.
 
-    The others end where no choice depends on what is left, and where each step takes long as soon
-    as they fall behind.
+    The others end where no choice depends on what is left, or where each step is costly, behind.
     """
     tolerance = rough_tolerance(errors)
     optima = []
@@ -115,10 +114,7 @@ def continued(errors: StateSpaceErrors, optimum: Optimum, steps: int, tolerance:
 
 
 def converted(errors: StateSpaceErrors, other: StateSpaceErrors, point: Array) -> Array:
-    """The point of a problem of the other form as one of this form.
-
-    An innovations model loses its K, an output-error model gets K = 0.
-    """
+    """A point of the other form: innovations lose their K, an output-error model gets K = 0."""
     model = model_of(other, other.projection(point))
     return point_of_model(replace(model, K=np.zeros_like(model.K)), errors)
 
@@ -180,8 +176,7 @@ def rungs(
 ) -> Iterator[Rung]:
     """Optima of ascending orders, in steps of one or two, from estimates and their neighbours.
 
-    Of each order at most ``width`` estimates are descended from.  An order follows the one that has
-    two states more, whose optimum is a start for it as well.
+    At most ``width`` estimates of each are descended from, and the optimum of two states more.
     """
     reached: list[Rung] = []
     yielded = 0
@@ -255,10 +250,7 @@ def searched(
     settings: SearchSettings,
     log: Log | None,
 ) -> tuple[StateSpaceProblem, SearchResult]:
-    """Descents from estimates and smaller orders, then the memetic search among the optima.
-
-    ``starts``, (n,) each, are coordinates that are descended from as well.
-    """
+    """Descents from estimates, points and smaller orders, then the search among the optima."""
     problem, generator = problem_for(errors, settings), generator_of(settings, errors, errors.order)
     budget = _evaluations(problem, settings)
     if starts and errors.cost > HEAVY and budget == 0:
@@ -364,10 +356,10 @@ def swept(
 
 
 def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
-    """The quadratic problem that is descended from: of the outputs without what stands out.
+    """The quadratic problem that is descended from.
 
-    What stands out of the errors of a first optimum is subtracted from the outputs, so that
-    estimates by linear algebra bear outliers as well.  Of the quadratic objective itself nothing.
+    For absolute errors that of outputs less what stands out of the errors of a first optimum, so
+    that estimates by linear algebra bear outliers as well.
     """
     errors = problem.plain
     if problem.objective == "quadratic":

@@ -1,19 +1,12 @@
-"""Block-diagonal coordinates of state space: pairs of poles, their inputs and initial states.
+"""Coordinates of state-space models: sections of two poles each, and how strongly they are driven.
 
-A section is a pair of poles ``sigma +- sqrt(delta)``, complex for a negative delta, with the state
-matrix ``[[sigma, s], [delta / s, sigma]]``.  Its entries depend smoothly on (sigma, delta), where
-a pair of complex poles becomes one of real poles as well.  An odd order has one real pole more.
-
-The redundancy of state space is the freedom to choose a basis of the states.  Away from repeated
-poles, changes of basis move the state matrix in all directions but the block-diagonal ones.
-Sections are therefore local coordinates of A, and what is left of the freedom is two directions a
-section, which Levenberg-Marquardt steps never take: the errors do not depend on them.  The output
-matrices are no coordinates: given the states, they follow by linear least squares.
-
-With a signal z sections follow ``p+ = sigma p + back r + z, r+ = coupling p + sigma r``.  The
-derivative by a coordinate moves at most two states, each by one of a few signals times a factor.
-Products of derivatives follow from those of the signals, whose number does not depend on that of
-the outputs.
+A section has the poles ``sigma +- sqrt(delta)`` and the state matrix ``[[sigma, s], [delta / s,
+sigma]]``, which depends smoothly on both where complex poles become real ones; an odd order has one
+real pole more.  Sections are local coordinates of A up to two directions each, along which errors
+do not change and Levenberg-Marquardt steps never go.  Output matrices are no coordinates: they
+follow by linear least squares.  With a signal z sections follow ``p+ = sigma p + back r + z, r+ =
+coupling p + sigma r``; a derivative moves at most two states, each by one of a few signals times a
+factor.
 """
 
 from __future__ import annotations
@@ -36,9 +29,9 @@ SMALLEST_DELTA = 1e-6
 class Layout:
     """Where the coordinates of a model of some order stand in a point.
 
-    A point holds ``[sigma, delta, b1 (drives), b2 (drives)]`` for each pair, then
-    ``[sigma, b (drives)]`` of the real pole of an odd order.  Drives are inputs, for innovations
-    form outputs, and a pulse for the initial state of each segment.
+    ``[sigma, delta, b1 (drives), b2 (drives)]`` for each pair, then ``[sigma, b (drives)]`` of the
+    real pole of an odd order.  Drives are inputs, for innovations form outputs, and a pulse for the
+    initial state of each segment.
     """
 
     order: int
@@ -114,10 +107,7 @@ def sections_of(layout: Layout, point: Array, coupling: Array | None = None) -> 
 
 
 def moved(layout: Layout, point: Array, step: Array) -> Array:
-    """A point after a step in which the scale s of each section was held.
-
-    The second state is rescaled to the new s.
-    """
+    """A point after a step with the scale s of each section held; its second state is rescaled."""
     after = point + step
     if layout.pairs:
         old = scale_of(layout.pair_rows(point)[:, 1])
@@ -220,8 +210,8 @@ def with_drives(layout: Layout, point: Array, drives: slice, B: Array) -> Array:
 class SectionSignals:
     """What the drives of a recording give when they pass through sections.
 
-    The drives of a layout are the signals ``driving``, (N, signals), then a pulse at the beginning
-    of each segment; ``bounds``, (segments + 1,), are the first samples of the segments, and N.
+    Drives are the signals ``driving``, (N, signals), then a pulse at the begin of each of
+    ``bounds``.
     """
 
     def __init__(self, layout: Layout, driving: Array, bounds: NDArray[np.int64]) -> None:
@@ -280,10 +270,7 @@ class SectionSignals:
 
 
 class StateDerivatives:
-    """Sums and products of derivatives over the n coordinates of a layout.
-
-    Each derivative is a sum of two terms: a signal that moves a state, times a factor.
-    """
+    """Sums and products of derivatives: each two signals that move a state, times factors."""
 
     def __init__(self, layout: Layout) -> None:
         self.dimension = layout.dimension
@@ -344,8 +331,8 @@ class StateDerivatives:
     def by_linear(self, sections: Sections, cross: Array, by_state: Array) -> Array:
         """Matrix over coordinates and linear coefficients output by output, (n, ny q).
 
-        Of the products of signals and regressors, (signals, q), and a matrix over states and
-        outputs, (order, ny).
+        Of the products of signals and regressors, (signals, q), and of states and outputs, (order,
+        ny).
         """
         signals, states, factors = self._terms(sections)
         products = by_state[states][:, :, None] * cross[signals][:, None, :]

@@ -1,10 +1,8 @@
 """Estimates of state-space models by linear algebra, for all orders and both forms at once.
 
-All start from a long vector ARX model ``y = sum_k (G_k u_(t-k) + F_k y_(t-k)) + D u + constant``:
-
-- canonical variates of its predictor (Jansson 2003, SSARX; Chiuso 2007), which gives A, B, C, K;
-- its impulse response from the inputs, realised (Kung 1978), which gives the poles of a plant;
-- instruments from the past (MOESP, Verhaegen 1994), which need no ARX model, give poles as well.
+From a long vector ARX model: canonical variates of its predictor (Jansson 2003; Chiuso 2007), and
+its impulse response, realised (Kung 1978), for the poles of a plant; poles also by instruments from
+the past (MOESP, Verhaegen 1994).
 """
 
 from __future__ import annotations
@@ -38,10 +36,7 @@ _Estimates = tuple[list[list["PredictorModel"]], list[list[Complex]]]
 
 
 class StartingModels:
-    """Estimates by linear algebra of one recording, for all orders and both forms.
-
-    Thorough ones take several lags and horizons instead of one.
-    """
+    """Estimates of one recording; thorough ones take several lags and horizons instead of one."""
 
     def __init__(self, errors: StateSpaceErrors, largest_order: int, thorough: bool) -> None:
         self._data, self._thorough = errors.data, thorough
@@ -67,10 +62,7 @@ class StartingModels:
                 yield from_poles(errors, poles[at])
 
     def _estimates(self, order: int) -> _Estimates:
-        """Predictors and poles of all orders, made for the larger ones only where they are needed.
-
-        Those take longer lags, which the smaller ones do not need.
-        """
+        """Predictors and poles of all orders; the longer lags of large orders only where needed."""
         largest = self._largest if order > USUAL_ORDER else min(self._largest, USUAL_ORDER)
         if largest not in self._made:
             self._made[largest] = self._made_for(largest)
@@ -156,10 +148,7 @@ def long_arx(data: ScaledRecording, lags: int) -> LongArx:
 def canonical_variates(
     data: ScaledRecording, arx: LongArx, future: int, largest_order: int
 ) -> list[PredictorModel]:
-    """Predictors of all orders 1 ... largest_order from states that predict the future best.
-
-    ``future`` are the samples ahead whose predictions the states are chosen for.
-    """
+    """Predictors of orders 1 ... largest_order from states that predict ``future`` samples best."""
     u, y = data.inputs, data.outputs
     joint = np.column_stack([u, y])
     lags, outputs, width = arx.markov.shape
@@ -191,10 +180,7 @@ def canonical_variates(
 
 
 def realised_poles(data: ScaledRecording, arx: LongArx, largest_order: int) -> list[Complex]:
-    """Poles of plants of orders 1 ... largest_order that realise a long model's impulse response.
-
-    Empty for a recording without input.
-    """
+    """Poles of plants of orders 1 ... largest_order that realise its impulse response."""
     m, outputs = data.inputs.shape[1], data.outputs.shape[1]
     if m == 0:
         return []
@@ -217,11 +203,7 @@ def realised_poles(data: ScaledRecording, arx: LongArx, largest_order: int) -> l
 
 
 def instrumental_poles(data: ScaledRecording, horizon: int, largest_order: int) -> list[Complex]:
-    """Poles of orders 1 ... largest_order by MOESP with past inputs and outputs as instruments.
-
-    The observability matrix is the part of the future outputs that past signals explain beyond
-    the future inputs.
-    """
+    """Poles of orders 1 ... largest_order by MOESP with past inputs and outputs as instruments."""
     u, y = data.inputs, data.outputs
     m, outputs = u.shape[1], y.shape[1]
     rows = _rows(data, horizon, horizon)

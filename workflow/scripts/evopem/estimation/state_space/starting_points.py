@@ -85,10 +85,7 @@ def poles_only(layout: Layout, poles: Complex) -> Array:
 
 
 def point_of(layout: Layout, A: Array, B: Array) -> Array:
-    """The point of a state matrix, (n, n), and the columns of its drives, (n, drives).
-
-    Poles that coincide are moved apart a little, so that the conversion exists.
-    """
+    """The point of a state matrix, (n, n), and its drives; equal poles are separated."""
     poles, vectors = np.linalg.eig(A)
     driven = np.linalg.lstsq(vectors, B.astype(complex), rcond=1e-12)[0]
     upper = np.flatnonzero(poles.imag > 0.0)
@@ -114,11 +111,10 @@ def point_of(layout: Layout, A: Array, B: Array) -> Array:
 
 
 def from_poles(errors: StateSpaceErrors, poles: Complex) -> Array:
-    """Point with given poles of the predictor whose inputs come from full residues.
+    """Point with given poles of the predictor, (order,), whose inputs come from full residues.
 
-    Least squares gives a full matrix of residues at each pole.  Its best approximation by one
-    column times one row gives the row by which the signals drive that pole.  ``poles``, (order,),
-    are conjugate pairs or real; those beyond the radius are moved inside.
+    Least squares gives a matrix of residues at each pole; its best approximation of rank one gives
+    the row by which the signals drive that pole.  Poles beyond the radius are moved inside.
     """
     layout = errors.layout
     point = inside(layout, poles_only(layout, poles), errors.radius * (1.0 - 1e-6))
@@ -146,9 +142,8 @@ def _residues(errors: StateSpaceErrors, point: Array, outputs: Array) -> tuple[A
 def _with_inputs(errors: StateSpaceErrors, point: Array, outputs: Array) -> Array:
     """The point with the inputs of its sections from the leading vectors of their residues.
 
-    With alpha and beta of the responses p and r the residues of a pair of complex poles, with
-    ``ratio = -1``, are ``alpha + i beta``, with ``ratio = 1`` those of the two real ones
-    ``alpha + beta`` and ``alpha - beta``.
+    With alpha and beta of the responses p and r, residues of a complex pair are ``alpha + i beta``,
+    and those of two real poles ``alpha + beta`` and ``alpha - beta``.
     """
     layout = errors.layout
     alpha, beta = _residues(errors, point, outputs)
@@ -223,10 +218,7 @@ def extended(
     remainder: Array,
     poles: Complex,
 ) -> Array:
-    """The point of a smaller order with more poles, whose inputs fit its errors, (N, ny).
-
-    As many as the orders differ: two, or one where the smaller order is even.
-    """
+    """The point of a smaller order with one or two more poles that fit its errors, (N, ny)."""
     added = replace(larger, order=len(poles))
     bare = poles_only(added.layout, poles)
     extra = _with_inputs(added, bare, remainder)
