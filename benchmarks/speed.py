@@ -31,7 +31,7 @@ sys.path.insert(0, str(SCRIPTS))
 
 from filtered_residuals import FilteredResiduals  # noqa: E402
 
-from evopem.config.channels import SyntheticSource  # noqa: E402
+from evopem.config.defaults import complete  # noqa: E402
 from evopem.config.order_grid import (  # noqa: E402
     DELAY_REFINED_IN,
     candidate_orders,
@@ -39,11 +39,7 @@ from evopem.config.order_grid import (  # noqa: E402
     scoring_window,
 )
 from evopem.config.settings import (  # noqa: E402
-    DatasetSettings,
-    OrderGrid,
-    PreparationSettings,
     SearchSettings,
-    SpectrumSettings,
 )
 from evopem.estimation.candidate import Candidate, first_pass  # noqa: E402
 from evopem.estimation.estimate import estimate  # noqa: E402
@@ -297,10 +293,8 @@ def order_search(prune: bool) -> tuple[str, int, float]:
     """Orders, evaluations and seconds of all phases with the built-in grids."""
     data = armax(1, SAMPLES)[0]
     search = SearchSettings(objective="quadratic", prune=prune)
-    settings = DatasetSettings(
-        *("record", SyntheticSource("armax"), PreparationSettings(), SpectrumSettings()),
-        *(OrderGrid(), search),
-    )
+    keys = {"synthesis": "armax", "recipe": "chapter"}
+    settings = complete({"datasets": {"record": keys}}).datasets["record"]
     window, grid = scoring_window(settings), settings.order_grid
     first = first_pass(search) if prune else search
     known: dict[Orders, Candidate] = {}

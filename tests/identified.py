@@ -15,17 +15,8 @@ from pathlib import Path
 from shutil import copytree
 from typing import Any
 
-from evopem.config.channels import SyntheticSource
-from evopem.config.settings import (
-    DatasetSettings,
-    DelaySettings,
-    OrderGrid,
-    OrderSettings,
-    PreparationSettings,
-    SearchSettings,
-    SpectrumSettings,
-    SplitSettings,
-)
+from evopem.config.defaults import complete
+from evopem.config.settings import DatasetSettings
 from evopem.config.structures import phases_of
 from evopem.estimation.model_record import ModelRecord, derived_from
 from evopem.files.atomic import files_below
@@ -42,17 +33,17 @@ PHASES = phases_of("armax")
 
 # The true orders, ARMAX(7, 6, 7, 3), lie inside every range but that of the delay, which ends
 # at 3: the check of the search ranges therefore fails.
-SETTINGS = DatasetSettings(
-    name="bench",
-    source=SyntheticSource("armax", seed=1, samples=1500, noise=0.1),
-    preparation=PreparationSettings(split=SplitSettings(discard=100, estimation=1000)),
-    spectrum=SpectrumSettings(nfft=2048),
-    order_grid=OrderGrid(
-        DelaySettings(orders=(6, 7), nk=(2, 3)),
-        OrderSettings(joint=(6, 8), nc=(5, 8), nb=(5, 7)),
-    ),
-    search=SearchSettings(evaluations=4000),
-)
+WRITTEN = {
+    "synthesis": "armax",
+    "samples": 1500,
+    "recipe": "chapter",
+    "split": {"discard": 100, "estimation": 1000},
+    "spectrum": {"nfft": 2048},
+    "delay": {"orders": [6, 7], "nk": [2, 3]},
+    "orders": {"joint": [6, 8], "nc": [5, 8], "nb": [5, 7]},
+    "search": {"evaluations": 4000},
+}
+SETTINGS = complete({"datasets": {"bench": WRITTEN}}).datasets["bench"]
 LEFT = ("summarize", "draw_figures", "write_report")
 """Stages that are left to the tests."""
 

@@ -11,8 +11,7 @@ from evopem.automatic.decision import Decision
 from evopem.automatic.preparation.plan import GivenPreparation, PreparationPlan
 from evopem.automatic.preparation.transforms import decide_transforms, spread_test
 from evopem.config.channels import ChannelSettings
-from evopem.config.defaults import complete
-from evopem.config.yaml_form import yaml_text
+from evopem.config.defaults import complete, yaml_text
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.pipeline.preparation import prepare_samples

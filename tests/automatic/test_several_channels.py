@@ -19,6 +19,7 @@ from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.state_space import until_bic_rises
 from evopem.automatic.structures import Choice, as_good, compare_structures
 from evopem.config.constraints import Constraints
+from evopem.config.settings import FitSettings as FocusAndConstraints
 from evopem.config.settings import InputRanges, OrderRanges
 from evopem.errors import InputError
 from evopem.models.state_space import StateSpaceModel
@@ -285,10 +286,10 @@ def test_delays_of_the_configuration_stay():
 @pytest.mark.parametrize("evaluations", [0, 20])
 def test_a_chosen_model_meets_constraints(innovations, evaluations):
     scorer, candidates = innovations
-    limits = Constraints(static_gain={"u1": 4.0})
+    fit = FocusAndConstraints(constraints=Constraints(static_gain={"u1": 4.0}))
     found = estimate_candidate(
         *(choice_of(candidates, 4).candidate, recording(), scorer.settings, scorer.limits),
-        *(limits, evaluations),
+        *(fit, evaluations),
     )
     gains = found.model.frequency_response(0.0)[0].real
     assert gains[0] == pytest.approx(4.0)

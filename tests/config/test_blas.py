@@ -2,7 +2,7 @@
 
 import pytest
 
-from evopem.config.environment import blas_code
+from evopem.config.resources import blas_code
 
 
 @pytest.mark.parametrize(

@@ -45,6 +45,8 @@ def test_a_source_with_the_recipe_of_the_chapter_takes_the_built_in_values():
         datasets={
             "arm": DatasetSettings(
                 name="arm",
+                keys={},
+                is_single_channel=True,
                 source=SyntheticSource("flexible_arm", seed=1, samples=5000, sampling_rate=100.0),
                 preparation=PreparationSettings(),
                 spectrum=SpectrumSettings(),
@@ -212,7 +214,7 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         (ARM % "transforms: {box_cox: .nan}", "transforms.box_cox", "nan is not a finite"),
         (ARM % "transforms: {box_cox: aut}", "transforms.box_cox", "did you mean auto?"),
         (ARM % "transforms: {difference: 9}", "transforms.difference", "9 is above 4"),
-        (ARM % "split: {estimation: 1.5}", "datasets.arm.split.estimation", "1.5 is neither"),
+        (ARM % "split: {estimation: 1.5}", "datasets.arm.split.estimation", "1.5 is above 1"),
         (ARM % "split: {estimation: 1.0}", "datasets.arm.split.estimation", "takes all samples"),
         (ARM % "split: {discard: -1}", "datasets.arm.split.discard", "-1 is below 0"),
         (ARM % "spectrum: {nfft: 8}", "datasets.arm.spectrum.nfft", "8 is below 16"),
@@ -239,7 +241,7 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         ("{datasets: {a: {file: x}}, defaults: {file: x}}", "defaults.file", "no such key"),
         (
             "{datasets: {a: {file: x}}, defaults: {search: {lambda: 5}}}",
-            "defaults.search.lambda",
+            "defaults.search.mu",
             "lambda is 5",
         ),
         ("{datasets: {a: {file: x}}, candidates_per_job: 0}", "candidates_per_job", "below 1"),

@@ -1,11 +1,12 @@
 """The order grid: its candidates, their jobs, and the samples on which they are compared."""
 
+from dataclasses import replace
+
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evopem.config.channels import SyntheticSource
 from evopem.config.defaults import complete
 from evopem.config.order_grid import (
     candidate_orders,
@@ -20,15 +21,12 @@ from evopem.config.order_grid import (
     scoring_window,
 )
 from evopem.config.settings import (
-    DatasetSettings,
     DelaySettings,
     OrderGrid,
     OrderSettings,
-    PreparationSettings,
     SampleRequirements,
     ScoringWindow,
     SearchSettings,
-    SpectrumSettings,
 )
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
@@ -52,14 +50,8 @@ def grid(text=""):
 
 
 def settings_with(order_grid, n_initial_discard=0):
-    return DatasetSettings(
-        "arm",
-        SyntheticSource("armax"),
-        PreparationSettings(),
-        SpectrumSettings(),
-        order_grid,
-        SearchSettings(n_initial_discard=n_initial_discard),
-    )
+    search = SearchSettings(n_initial_discard=n_initial_discard)
+    return replace(dataset(), order_grid=order_grid, search=search)
 
 
 def test_the_built_in_grid_is_the_chapters():

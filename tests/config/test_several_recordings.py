@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from evopem.config.defaults import complete
-from evopem.config.yaml_form import yaml_text
+from evopem.config.defaults import complete, yaml_text
 from evopem.errors import InputError
 
 RUNS = ("run_a.csv", "run_b.csv", "run_c.csv")
@@ -90,10 +89,6 @@ def test_several_recordings_may_validate():
         (
             {"file": "run_*.csv", "split": {"estimation": 800}},
             "split.estimation: 800 is a number of samples, and whole recordings are held out;",
-        ),
-        (
-            {"file": "run_*.csv", "focus": "simulation"},
-            "focus: the key is for a data set of one recording, and this one has 3; remove",
         ),
     ],
 )

@@ -6,9 +6,8 @@ import pytest
 import yaml
 
 from evopem.config.channels import ChannelPlace, UnitSettings
-from evopem.config.defaults import complete
+from evopem.config.defaults import complete, keys_of, read_settings, yaml_text
 from evopem.config.structures import searched_forms
-from evopem.config.yaml_form import keys_of, read_settings, yaml_text
 from evopem.errors import InputError
 
 OE = "input: [a, b]\n    output: y\n    structure: oe\n    "
@@ -216,9 +215,17 @@ def test_complete_keys_come_back(tmp_path):
         ("output: [y, y]", "datasets.a.output", "y stands there twice"),
         ("output: [u, y]\n    input: [u]", "datasets.a.output", "u is both input and output"),
         ("output: [2, 3]\n    time: 3", "datasets.a.output", "3 is both time and output"),
-        ("output: [2, 3]\n    structure: oe", "datasets.a.output", "structure oe has one output"),
-        ("input: [1, 2]\n    output: 'y*'\n    structure: bj", "datasets.a.output", "one output"),
-        ("input: [1, 2]\n    output: 3\n    structure: arma", "datasets.a.structure", "no input"),
+        (
+            "output: [2, 3]\n    structure: oe",
+            "datasets.a.structure",
+            "structure oe has one output",
+        ),
+        (
+            "input: [1, 2]\n    output: 'y*'\n    structure: bj",
+            "datasets.a.structure",
+            "one output",
+        ),
+        ("input: [1, 2]\n    output: 3\n    structure: arma", "datasets.a.input", "no input"),
         (
             "input: none\n    output: [3]\n    structure: arx",
             "datasets.a.input",
@@ -232,7 +239,7 @@ def test_complete_keys_come_back(tmp_path):
         (
             "input: [1, 2]\n    output: 3\n    structure: oe\n    orders: {nx: 3}",
             "datasets.a.orders.nx",
-            "structure oe with several inputs has no such key",
+            "structure oe with several inputs has no such range",
         ),
         ("output: [2, 3]\n    recipe: chapter", "datasets.a.recipe", "the chapter's recipe"),
         ("output: []", "datasets.a.output", "holds 0 values"),
@@ -259,18 +266,23 @@ def test_complete_keys_come_back(tmp_path):
             "there is no input c",
         ),
         (
-            "input: [1, 2]\n    output: 3\n    structure: oe\n    constraints: {stability: free}",
+            "input: [1, 2]\n    output: 3\n    form: ss\n    constraints: {stability: free}",
             "datasets.a.constraints.stability",
-            "are stable",
+            "stable models",
+        ),
+        (
+            "input: [1, 2]\n    output: 3\n    form: ss\n"
+            "    constraints: {fixed_coefficients: {a1: 2}}",
+            "datasets.a.constraints.fixed_coefficients.a1",
+            "depend on the choice of its states",
         ),
         (
             "input: [1, 2]\n    output: 3\n    structure: oe\n"
-            "    constraints: {fixed_coefficients: {a1: 2}}",
-            "datasets.a.constraints.fixed_coefficients",
-            "what a coefficient stands for",
+            "    constraints: {fixed_coefficients: {b1: 2}}",
+            "datasets.a.constraints.fixed_coefficients.b1",
+            "each of several inputs has b1",
         ),
         ("constraints: {static_gain: {u: 2}}", "datasets.a.constraints.static_gain", "alone"),
-        ("output: [2, 3]\n    focus: 5", "datasets.a.focus", "one input and one output"),
         (
             "output: [2, 3]\n    form: ss\n    focus: simulation",
             "datasets.a.focus",
@@ -292,8 +304,8 @@ def test_complete_keys_come_back(tmp_path):
             "datasets.a.form",
             "a plant that inputs drive",
         ),
-        ("orders: {nf: 3}", "datasets.a.orders.nf", "no such range"),
-        ("delay: {nk: {u: 1}}", "datasets.a.delay.nk", "one input has one range"),
+        ("structure: arx\n    orders: {nf: 3}", "datasets.a.orders.nf", "no such range"),
+        ("delay: {nk: {u: 1}}", "datasets.a.delay.nk", "there is no input u"),
         (OE + "orders: {nb: [1, 2, 3]}", "datasets.a.orders.nb", "such as [[2, 2], [1, 1]]"),
         (OE + "orders: {nb: [[1, 2], 3]}", "datasets.a.orders.nb", "numbers beside ranges"),
         (OE + "orders: {nb: [[1, 2]]}", "datasets.a.orders.nb", "1 ranges and 2 inputs"),
@@ -338,7 +350,7 @@ def test_misuse_is_refused_in_one_sentence(keys, place, says):
 
 
 def test_a_structure_of_the_defaults_is_named():
-    assert "structure oe (from defaults)" in refusal("output: [2, 3]", "{structure: oe}")
+    assert "defaults.structure: there is a list" in refusal("output: [2, 3]", "{structure: oe}")
 
 
 def test_a_cell_of_a_table_may_hold_a_list(tmp_path, monkeypatch):

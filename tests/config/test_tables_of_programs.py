@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.config.defaults import complete
-from evopem.config.yaml_form import keys_of
+from evopem.config.defaults import complete, keys_of
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"

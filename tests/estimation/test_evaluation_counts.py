@@ -10,17 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from evopem.config.channels import SyntheticSource
+from evopem.config.defaults import complete
 from evopem.config.order_grid import candidate_orders, phases_of_dataset, scoring_window
-from evopem.config.settings import (
-    DatasetSettings,
-    DelaySettings,
-    OrderGrid,
-    OrderSettings,
-    PreparationSettings,
-    SearchSettings,
-    SpectrumSettings,
-)
+from evopem.config.settings import SearchSettings
 from evopem.estimation.candidate import first_pass
 from evopem.estimation.estimate import estimate
 from evopem.estimation.order_selection import estimate_candidates, select_candidate
@@ -50,14 +42,15 @@ def order_search_count(objective):
     """All phases of an order search about the true orders."""
     data = armax(seed=4, samples=2000)[0]
     search = SearchSettings(objective=objective)
-    grid = OrderGrid(
-        DelaySettings(orders=(6, 8), nk=(2, 4)),
-        OrderSettings(joint=(5, 10), nc=(5, 9), nb=(4, 8)),
-    )
-    source = SyntheticSource("armax")
-    settings = DatasetSettings(
-        "record", source, PreparationSettings(), SpectrumSettings(), grid, search
-    )
+    keys = {
+        "synthesis": "armax",
+        "recipe": "chapter",
+        "search": {"objective": objective},
+        "delay": {"orders": [6, 8], "nk": [2, 4]},
+        "orders": {"joint": [5, 10], "nc": [5, 9], "nb": [4, 8]},
+    }
+    settings = complete({"datasets": {"record": keys}}).datasets["record"]
+    grid = settings.order_grid
     window = scoring_window(settings)
     selection, spent = None, 0
     for phase in phases_of_dataset(settings):

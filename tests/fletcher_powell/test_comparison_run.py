@@ -261,7 +261,7 @@ def test_the_product_does_not_import_it_and_does_not_ship_it():
     sources = [*product.rglob("*.py"), *product.rglob("*.smk"), *product.rglob("*.j2")]
     named = [path.name for path in sources if "fletcher_powell" in path.read_text("utf-8")]
     # The name of its folder of results is reserved, and its target is offered where it is there.
-    assert sorted(named) == ["sample_sheet.py", "stages.smk"]
+    assert sorted(named) == ["source_checks.py", "stages.smk"]
     packages = find_packages(str(product / "scripts"))
     assert "evopem.estimation" in packages
     assert not [name for name in packages if "fletcher" in name]

@@ -10,10 +10,9 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evopem.config.defaults import complete
+from evopem.config.defaults import complete, keys_of, read_settings, yaml_text
 from evopem.config.order_grid import part_count, sample_requirements, scoring_window
 from evopem.config.structures import phases_of
-from evopem.config.yaml_form import keys_of
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
 
@@ -25,6 +24,9 @@ KNOWN = yaml.safe_load(SCHEMA.read_text())
 
 def ranges(lowest, highest):
     return st.tuples(*[st.integers(lowest, highest)] * 2).map(sorted)
+
+
+TEXT = st.text(st.characters(exclude_categories=["Cs", "Cc"]))
 
 
 def some(**keys):
@@ -55,12 +57,37 @@ ANALYSIS = {
         max_root_radius=st.floats(0.5, 0.99999),
         n_initial_discard=st.integers(0, 1000),
     ),
+    "focus": st.sampled_from(["prediction", "simulation"]) | st.integers(1, 1000),
+    "constraints": some(
+        max_pole_radius=st.floats(0.5, 2),
+        forbidden_bands=st.lists(st.tuples(st.floats(0, 10), st.floats(10, 100)), max_size=2),
+        static_gain_bounds=st.tuples(st.none(), st.floats(-9, 9)),
+        fixed_coefficients=st.dictionaries(st.sampled_from(["a1", "b0"]), st.floats(-9, 9)),
+        fixed_poles=st.lists(some(real=st.floats(-1, 1)), max_size=2),
+        priors=st.lists(
+            st.fixed_dictionaries(
+                {
+                    "quantity": TEXT,
+                    "mean": st.floats(-9, 9),
+                    "standard_deviation": st.floats(0.1, 9),
+                }
+            ),
+            max_size=2,
+        ),
+    ),
 }
 NAMES = st.from_regex(r"[a-z0-9][a-z0-9_-]{0,12}", fullmatch=True)
-TEXT = st.text(st.characters(exclude_categories=["Cs", "Cc"]))
 SOURCES = st.one_of(
     st.fixed_dictionaries({"synthesis": st.sampled_from(["armax", "flexible_arm"])}),
-    st.fixed_dictionaries({"file": st.just("bench.csv")}, optional={"input_unit": TEXT}),
+    st.fixed_dictionaries(
+        {"file": st.just("bench ü.csv")},
+        optional={
+            "input": st.integers(1, 99) | TEXT.filter(lambda name: name and "*" not in name),
+            "output": st.integers(100, 199),
+            "input_unit": TEXT,
+            "validation_file": st.just("independent.csv"),
+        },
+    ),
 )
 DATASETS = st.builds(lambda source, keys: source | keys, SOURCES, some(**ANALYSIS))
 # Every key of the analysis has a built-in value in the chapter's recipe alone.
@@ -80,12 +107,19 @@ RESERVED = {"logs", "benchmarks", "checksums"}
 
 @given(VALID.filter(lambda config: not RESERVED & set(config["datasets"])))
 @settings(max_examples=50, deadline=None)
-def test_a_valid_configuration_is_completed(config):
+def test_a_valid_configuration_is_completed(tmp_path_factory, config):
+    """What is written for each of its data sets gives the same settings again."""
+    written = tmp_path_factory.getbasetemp() / "config.yaml"
     completed = complete(copy.deepcopy(config))
     assert list(completed.datasets) == list(config["datasets"])
     for name, dataset in completed.datasets.items():
         assert dataset.name == name
-        assert set(ANALYSIS) <= set(keys_of(dataset))
+        assert {*ANALYSIS} - {"focus", "constraints"} <= set(keys_of(dataset))
+        written.write_text(yaml_text(dataset), encoding="utf-8")
+        assert read_settings(written) == dataset
+        assert complete(yaml.safe_load(written.read_text(encoding="utf-8"))).datasets == {
+            name: dataset
+        }
         assert sample_requirements(dataset).loss_start == scoring_window(dataset).loss_start
         per_job = completed.run.candidates_per_job
         assert min(part_count(phase, dataset.order_grid, per_job) for phase in PHASES) >= 1

@@ -7,19 +7,8 @@ import warnings
 import numpy as np
 from scipy.signal import lfilter
 
-from evopem.config.channels import SyntheticSource
+from evopem.config.defaults import complete
 from evopem.config.order_grid import check_samples, sample_requirements, scoring_window
-from evopem.config.settings import (
-    DatasetSettings,
-    DelaySettings,
-    OrderGrid,
-    OrderSettings,
-    PreparationSettings,
-    SearchSettings,
-    SpectrumSettings,
-    SplitSettings,
-    TransformSettings,
-)
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
@@ -34,7 +23,10 @@ from evopem.signals.spectral.peaks import summarize_spectrum
 from evopem.validation.validate import validate
 
 ORDERS = armax_orders(2, 2, 1, 1)
-GRID = OrderGrid(DelaySettings((2, 2), (0, 1)), OrderSettings((2, 2), (1, 2), (1, 2)))
+GRID = {
+    "delay": {"orders": [2, 2], "nk": [0, 1]},
+    "orders": {"joint": [2, 2], "nc": [1, 2], "nb": [1, 2]},
+}
 
 
 RECORDINGS = 250
@@ -77,28 +69,31 @@ def recording_of(generator):
 
 
 def settings_of(generator):
-    transforms = TransformSettings(
-        box_cox=one_of(generator, "none", "none", "auto", 1.1, 0, -2.5),
-        difference=int(generator.integers(5)),
-        difference_input=int(generator.integers(5)),
-    )
-    split = SplitSettings(
-        discard=one_of(generator, int(generator.integers(50)), generator.uniform(0.01, 0.9)),
-        estimation=one_of(generator, int(generator.integers(1, 400)), generator.uniform(0.1, 0.9)),
-    )
-    search = SearchSettings(
-        objective=one_of(generator, "absolute", "quadratic"),
-        initialization=one_of(generator, "arx", "incremental_order"),
-        mu=3,
-        lambda_=6,
-        nu=2,
-        evaluations=60,
-        n_initial_discard=5,
-    )
-    preparation = PreparationSettings(transforms, split)
-    return DatasetSettings(
-        "bench", SyntheticSource("armax"), preparation, SpectrumSettings(), GRID, search
-    )
+    keys = {
+        "synthesis": "armax",
+        "transforms": {
+            "box_cox": one_of(generator, "none", "none", "auto", 1.1, 0, -2.5),
+            "difference": int(generator.integers(5)),
+            "difference_input": int(generator.integers(5)),
+        },
+        "split": {
+            "discard": one_of(generator, int(generator.integers(50)), generator.uniform(0.01, 0.9)),
+            "estimation": one_of(
+                generator, int(generator.integers(1, 400)), generator.uniform(0.1, 0.9)
+            ),
+        },
+        "search": {
+            "objective": one_of(generator, "absolute", "quadratic"),
+            "initialization": one_of(generator, "arx", "incremental_order"),
+            "mu": 3,
+            "lambda": 6,
+            "nu": 2,
+            "evaluations": 60,
+            "n_initial_discard": 5,
+        },
+    }
+    written = {"datasets": {"bench": keys}, "defaults": {"recipe": "chapter"} | GRID}
+    return complete(written).datasets["bench"]
 
 
 def identified(recording, settings):

@@ -7,18 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.automatic.record import DecisionRecord
-from evopem.config.channels import ChannelSettings, RecordedSource
-from evopem.config.settings import (
-    AutomaticSettings,
-    DatasetSettings,
-    OrderGrid,
-    OrderRanges,
-    PreparationSettings,
-    SearchSettings,
-    SpectrumSettings,
-    SplitSettings,
-    TransformSettings,
-)
+from evopem.config.defaults import complete
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.pipeline.identification import identify_dataset, jobs
@@ -34,15 +23,15 @@ POLES = [1.0, -1.5, 0.7]
 
 
 def settings_of(file):
-    return DatasetSettings(
-        "pump",
-        RecordedSource((file,), ChannelSettings(sampling_rate=10.0)),
-        PreparationSettings(TransformSettings("none", 0, 0), SplitSettings(0, 0.8)),
-        SpectrumSettings(nfft=512),
-        OrderGrid(),
-        SearchSettings(evaluations=500, max_root_radius=0.9999999),
-        AutomaticSettings(structure="arx", orders=OrderRanges(joint=(1, 4))),
-    )
+    keys = {
+        "file": file,
+        "sampling_rate": 10,
+        "spectrum": {"nfft": 512},
+        "structure": "arx",
+        "orders": {"joint": [1, 4]},
+        "search": {"evaluations": 500},
+    }
+    return complete({"datasets": {"pump": keys}}).datasets["pump"]
 
 
 @pytest.fixture(scope="module")

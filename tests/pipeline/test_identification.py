@@ -6,17 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from evopem.config.channels import RecordedSource, SyntheticSource
-from evopem.config.settings import (
-    DatasetSettings,
-    DelaySettings,
-    OrderGrid,
-    OrderSettings,
-    PreparationSettings,
-    SearchSettings,
-    SpectrumSettings,
-    SplitSettings,
-)
+from evopem.config.defaults import complete
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.pipeline.identification import identify_dataset, jobs, run_stage
@@ -25,14 +15,16 @@ from evopem.results.layout import DatasetFiles
 
 PHASES = phases_of("armax")
 
-SETTINGS = DatasetSettings(
-    name="arm",
-    source=SyntheticSource("armax", samples=700, noise=0.1),
-    preparation=PreparationSettings(split=SplitSettings(discard=20)),
-    spectrum=SpectrumSettings(nfft=512),
-    order_grid=OrderGrid(DelaySettings((3, 3), (2, 3)), OrderSettings((3, 4), (2, 3), (3, 3))),
-    search=SearchSettings(mu=3, lambda_=6, nu=2, evaluations=50),
-)
+ANALYSIS = {
+    "recipe": "chapter",
+    "split": {"discard": 20},
+    "spectrum": {"nfft": 512},
+    "delay": {"orders": [3, 3], "nk": [2, 3]},
+    "orders": {"joint": [3, 4], "nc": [2, 3], "nb": [3, 3]},
+    "search": {"mu": 3, "lambda": 6, "nu": 2, "evaluations": 50},
+}
+WRITTEN = {"datasets": {"arm": {"synthesis": "armax", "samples": 700}}, "defaults": ANALYSIS}
+SETTINGS = complete(WRITTEN).datasets["arm"]
 STAGES = (
     *("write_settings", "synthesize", "prepare", "estimate_spectrum"),
     *("estimate_candidates", "select_candidate", "complete_model", "tabulate", "validate"),
@@ -113,7 +105,6 @@ def test_a_recorded_file_without_a_report(tmp_path, arm, monkeypatch):
     """From files instead of a simulation, an independent one for validation among them."""
     import numpy as np
 
-    from evopem.config.channels import ChannelSettings
     from evopem.files.json_form import load
     from evopem.signals.prepared_data import Transforms
     from evopem.signals.recording import load_recording
@@ -123,15 +114,8 @@ def test_a_recorded_file_without_a_report(tmp_path, arm, monkeypatch):
     table = np.column_stack([recording.input, recording.output])
     for name, rows in (("a.csv", table[:500]), ("b.csv", table[500:])):
         np.savetxt(name, rows, delimiter=",", fmt="%.17g")
-    source = RecordedSource(("a.csv",), ChannelSettings(sampling_rate=100.0), ("b.csv",))
-    settings = DatasetSettings(
-        "bench",
-        source,
-        PreparationSettings(split=SplitSettings(discard=20, estimation=1.0)),
-        SETTINGS.spectrum,
-        SETTINGS.order_grid,
-        SETTINGS.search,
-    )
+    keys = {"file": "a.csv", "validation_file": "b.csv", "sampling_rate": 100}
+    settings = complete({"datasets": {"bench": keys}, "defaults": ANALYSIS}).datasets["bench"]
     files = DatasetFiles.of_dataset("bench")
     identify_dataset(files, settings, with_report=False)
     made = set(map(str, (path for path in contents(files))))

@@ -7,8 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.config.channels import ChannelSettings
-from evopem.config.defaults import complete
-from evopem.config.yaml_form import yaml_text
+from evopem.config.defaults import complete, yaml_text
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording, read_validation_recording

@@ -12,8 +12,7 @@ from scipy.io import loadmat
 from scipy.signal import lfilter
 
 import evopem
-from evopem.config.defaults import complete
-from evopem.config.yaml_form import read_settings, yaml_text
+from evopem.config.defaults import complete, read_settings, yaml_text
 from evopem.report.numbers import with_error
 from evopem.terminal.command import main
 

@@ -24,6 +24,7 @@ from evopem.automatic.state_space import (
 )
 from evopem.automatic.structures import Choice, Kind, as_good, score_of
 from evopem.config.constraints import Constraints
+from evopem.config.settings import FitSettings as FocusAndConstraints
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.config.structures import AUTOMATIC_PHASES
 from evopem.errors import InputError, NoModelError
@@ -74,14 +75,14 @@ def estimate_candidate(
     estimation: Recording,
     settings: FitSettings,
     limits: OrderLimits,
-    constraints: Constraints | None = None,
+    fit: FocusAndConstraints | None = None,
     evaluations: int | None = None,
     log: Log | None = None,
     search: SearchSettings | None = None,
 ) -> ChosenModel:
     """A candidate, in the units of a recording, with its covariance and noise model.
 
-    Its own model is among the starts; without evaluations and constraints it is the only one.
+    Its own model is among the starts; without evaluations and anything to fit it for the only one.
     ``search``: settings of a polynomial model in place of the usual ones.
 
     Raises InputError when no model of the order meets the constraints, and NoModelError when the
@@ -91,7 +92,7 @@ def estimate_candidate(
         search = search or polynomial_settings(settings, evaluations)
         if evaluations is not None:
             search = replace(search, evaluations=evaluations)
-        return _polynomials(candidate, estimation, search, limits, constraints, log)
+        return _polynomials(candidate, estimation, search, limits, fit, log)
     structure, model = candidate.structure, candidate.state_space
     assert model is not None
     names = estimation.input_names, estimation.output_names
@@ -102,7 +103,7 @@ def estimate_candidate(
         output_names=names[1],
     )
     own = search_settings(settings, evaluations)
-    if evaluations == 0 and constraints is None:
+    if evaluations == 0 and fit is None:
         task = task_of(estimation, structure, candidate.delays, settings)
         estimate = descend_from(start, estimation, task)
     else:
@@ -113,7 +114,8 @@ def estimate_candidate(
             delays=candidate.delays,
             weighting=weighting_of(structure, settings),
             settings=own,
-            constraints=constraints,
+            focus=fit.focus if fit else "prediction",
+            constraints=fit.constraints if fit else None,
             starts=(start,),
             log=log,
         )
@@ -128,17 +130,23 @@ def _polynomials(
     estimation: Recording,
     search: SearchSettings,
     limits: OrderLimits,
-    constraints: Constraints | None,
+    fit: FocusAndConstraints | None,
     log: Log | None,
 ) -> ChosenModel:
     ends = InputLimits.of(limits.ranges, estimation.input_names)
     orders, model = named_orders(candidate), candidate.polynomials
     assert model is not None
-    if constraints is not None:
-        if not _allowed(constraints, orders, estimation):
+    if fit is not None:
+        constraints = fit.constraints
+        if constraints is not None and not _allowed(constraints, orders, estimation):
             orders = joint_orders(candidate.structure, candidate.order, candidate.delays, ends)
         estimate = estimate_polynomial(
-            estimation, orders, settings=search, level=True, constraints=constraints, log=log
+            *(estimation, orders),
+            settings=search,
+            level=True,
+            focus=fit.focus,
+            constraints=constraints,
+            log=log,
         )
     else:
         model = replace(model, structure=candidate.structure)
@@ -181,7 +189,7 @@ def estimate_choice(
     scorer: Scorer,
     record: PreparedRecord,
     estimation: Recording,
-    constraints: Constraints | None = None,
+    fit: FocusAndConstraints | None = None,
     evaluations: int | None = None,
     log: Log | None = None,
     search: SearchSettings | None = None,
@@ -195,8 +203,8 @@ def estimate_choice(
     record is too short.
     """
     candidate = _with_model(choice.candidate, record.in_its_units(choice.candidate.model))
-    given = estimation, scorer.settings, scorer.limits, constraints
-    compared = None if constraints else estimate_candidate(candidate, *given, 0, None, search)
+    given = estimation, scorer.settings, scorer.limits, fit
+    compared = None if fit else estimate_candidate(candidate, *given, 0, None, search)
     if compared is not None and evaluations == 0:
         return compared, _about_search(choice, compared, compared)
     found = estimate_candidate(candidate, *given, evaluations, log, search)

@@ -15,6 +15,9 @@ def key(description: str, built_in: str = "", **bounds: Any) -> Any:
     return Field(description=description, json_schema_extra=extra, **bounds)
 
 
+NONE = "none"
+"""No input, or no resampling."""
+
 Reference = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
 """A channel: its number from 1, or its name, in which a ``*`` stands for any text."""
 
@@ -99,6 +102,13 @@ class ChannelSettings:
     def has_one_input(self) -> bool:
         """Whether there is one input, which no pattern stands for."""
         return len(self.inputs) == 1 and not is_pattern(self.inputs[0])
+
+
+def listed(value: Any) -> tuple[Any, ...]:
+    """Channels or paths of a list, of one of them, or of none."""
+    if value is None or value == NONE:
+        return ()
+    return tuple(value) if isinstance(value, list | tuple) else (value,)
 
 
 def is_pattern(reference: object) -> bool:

@@ -1,20 +1,29 @@
-"""Complete a configuration: built-in values, then ``defaults:``, then a data set's own keys."""
+"""A configuration completed: built-in values, then ``defaults:``, then a data set's own keys."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
 
+import yaml
+
+from evopem.config.channels import (
+    NONE,
+    ChannelSettings,
+    RecordedSource,
+    Reference,
+    SyntheticSource,
+    listed,
+)
 from evopem.config.checks import (
-    check_analysis,
-    check_automatic,
-    check_chapter,
-    check_one_channel,
-    check_orders_of,
-    check_several_channels,
-    check_several_recordings,
-    check_something_left,
-    orders_of,
+    GROUPS,
+    OF_INPUTS,
+    STATE_SPACE_KEYS,
+    Kind,
+    check_settings,
+    check_values,
+    paths_of,
 )
 from evopem.config.configuration import (
     Configuration,
@@ -24,42 +33,51 @@ from evopem.config.configuration import (
     order_of,
     with_jobs,
 )
-from evopem.config.keys import CONFIGURATION, STATE_SPACE, input_ranges_of
-from evopem.config.sample_sheet import Origin, check_names, expand, shard_of, with_matching_files
-from evopem.config.schema import checked, normalized
-from evopem.config.settings import DatasetSettings
-from evopem.config.source_checks import Place, check_no_results, check_source
-from evopem.config.strict_yaml import Keys
-from evopem.config.structures import is_polynomial, phases_of
-from evopem.config.yaml_form import (
-    CHANNEL_SEARCH,
-    OF_INPUTS,
-    STATE_SPACE_KEYS,
-    has_several_channels,
-    recipe_of,
-    settings_of,
+from evopem.config.constraints import Constraints
+from evopem.config.keys import (
+    ANALYSIS,
+    COLUMNS,
+    CONFIGURATION,
+    SOURCE,
+    SYNTHESIS,
+    geometry_of,
+    input_ranges_of,
+    mapping,
+    units_of,
 )
+from evopem.config.schema import ALL_SAMPLES, checked, normalized
+from evopem.config.settings import (
+    AutomaticSettings,
+    DatasetSettings,
+    DelaySettings,
+    FitSettings,
+    OrderGrid,
+    OrderRanges,
+    OrderSettings,
+    PreparationSettings,
+    SearchSettings,
+    SpectrumSettings,
+    SplitSettings,
+    TransformSettings,
+)
+from evopem.config.source_checks import Place, check_names, check_no_results, check_source
+from evopem.config.strict_yaml import Keys
+from evopem.config.structures import phases_of
+from evopem.config.table import Origin, expand, shard_of, with_matching_files
 from evopem.errors import InputError
+from evopem.files.json_form import to_json
 
-_GROUPS = ("transforms", "split", "spectrum", "delay", "orders", "search", "constraints")
-# What ``defaults:`` says of these is for data sets with one input and one output.
-_OF_ONE_CHANNEL = ("transforms", "spectrum", "level", "focus", "constraints")
+Read = TypeVar("Read")
+
+# Poles this close to the unit circle act as integrators in any record.
+MAX_ROOT_RADIUS = 1.0 - 1e-7
+_ONE_FILE = mapping("Dataset", SOURCE | SYNTHESIS | ANALYSIS)
 
 
 def complete(config: Keys, source: str = "config.yaml") -> Configuration:
-    """Check a configuration and fill in every value the user left out.
+    """Check a configuration as a user wrote it, and fill in every value that was left out.
 
-    Parameters
-    ----------
-    config : mapping
-        The configuration as the user wrote it.
-    source : str
-        Name of the configuration in an error.
-
-    Raises
-    ------
-    InputError
-        In one sentence that names the key, its value, what is wrong and what to do.
+    Raises InputError in one sentence that names the key, its value, what is wrong and what to do.
     """
     config = dict(normalized(config, source))
     datasets, origin = expand(config.get("datasets"), source)
@@ -74,10 +92,8 @@ def complete(config: Keys, source: str = "config.yaml") -> Configuration:
 
 def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     """Fill in every value of a configuration whose keys are checked."""
-    written = config["datasets"]
+    written, defaults = config["datasets"], config.get("defaults", {})
     check_names(written, origin)
-    defaults = config.get("defaults", {})
-    _check_defaults(defaults, source)
     datasets = {name: _dataset(name, keys, defaults, source) for name, keys in written.items()}
     check_no_results(written, source)
     run = RunSettings(**{key: config[key] for key in config if key not in ("datasets", "defaults")})
@@ -95,82 +111,77 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     return Configuration(datasets, run, order, batches)
 
 
-def _check_defaults(defaults: Keys, source: str) -> None:
-    own, at = _of_one_channel(defaults), Place(source, "defaults")
-    if "structure" in own:
-        check_orders_of(own["structure"], own, at)
-    check_analysis(own, own, at)
-
-
 def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSettings:
-    """Fill in every value of one data set."""
-    at = Place(source, f"datasets.{name}")
+    """Lay the keys of a data set over those of ``defaults:`` that it has, and check them."""
     written = {key: each for key, each in entry.items() if key != "conditions"}
-    check_source(written, at)
-    structure = {key: defaults[key] for key in ("structure",) if key in defaults}
-    if has_several_channels(structure | written):
-        inherited = _of_several_channels(defaults, structure | written)
-        keys = _laid_over(inherited, written)
-        check_several_channels(written, keys, at)
-    else:
-        inherited = _of_one_channel(defaults)
-        check_one_channel(written, at)
-        keys = _laid_over(inherited, written)
-        if recipe_of(keys) == "chapter":
-            check_chapter(written, keys, at)
-            phases = phases_of(keys.get("structure", "armax"))
-            kept = {key: each for key, each in keys.get("orders", {}).items() if key in phases}
-            keys |= {"orders": kept}
-        else:
-            check_automatic(inherited, Place(source, "defaults"))
-            check_automatic(written, at)
-    check_analysis(written, keys, at)
-    check_something_left(keys, at)
+    decisive = {key: defaults[key] for key in ("structure", "recipe") if key in defaults}
+    kind, at = Kind.of(decisive | written), Place(source, f"datasets.{name}")
+    kinds = [key for key in ("file", "synthesis") if key in written]
+    if len(kinds) != 1:
+        found = "are both given" if kinds else "are both missing"
+        at.refuse("", f"file and synthesis {found}", "give exactly one of the two")
+    absent = kind.absent()
+    for path in paths_of(written):
+        if path in absent:
+            at.refuse(path, *absent[path])
+    check_source(written, kind.inputs, kind.outputs, at)
+    inherited = _inherited(defaults, kind, absent)
+    paths = frozenset(paths_of(inherited)).difference(paths_of(written))
+    at = Place(source, at.name, paths)
+    keys = _of_one_channel(_laid_over(inherited, written), kind)
+    check_values(keys, kind, at)
     settings = settings_of(name, keys)
-    check_several_recordings(settings, at)
+    check_settings(settings, written, at)
     return settings
 
 
-def _of_one_channel(defaults: Keys) -> dict[str, Any]:
-    """What ``defaults:`` says to data sets with one input and one output."""
-    own = {key: each for key, each in defaults.items() if key not in STATE_SPACE_KEYS}
-    if own.get("structure") == STATE_SPACE:
-        del own["structure"]
-    by_input = {
-        (group, key)
-        for group, key in OF_INPUTS
-        if key in own.get(group, {}) and not input_ranges_of(own[group][key]).all
+def _inherited(defaults: Keys, kind: Kind, absent: Mapping[str, object]) -> dict[str, Any]:
+    """What ``defaults:`` says to data sets of a kind."""
+    own = {
+        key: {name: each for name, each in value.items() if f"{key}.{name}" not in absent}
+        if key in GROUPS
+        else value
+        for key, value in defaults.items()
+        if key not in absent
     }
-    for group in ("delay", "orders"):
-        if group in own:
-            own[group] = {
-                key: each
-                for key, each in own[group].items()
-                if key not in ("nx", "nf") and (group, key) not in by_input
-            }
-    return own
-
-
-def _of_several_channels(defaults: Keys, written: Keys) -> dict[str, Any]:
-    """What ``defaults:`` says to data sets with several channels."""
-    structure = written.get("structure")
-    polynomial = structure is not None and is_polynomial(structure)
-    left_out = (*_OF_ONE_CHANNEL, *(("form", "weighting") if polynomial else ()))
-    own = {key: each for key, each in defaults.items() if key not in left_out}
-    known = {"delay": ("nk",), "orders": orders_of(structure), "search": CHANNEL_SEARCH}
-    for group, names in known.items():
-        if group in own:
-            own[group] = {key: each for key, each in own[group].items() if key in names}
+    if kind.several:
+        # Said of data sets with one input and one output.
+        left_out = ["focus", "constraints"] + ["recipe"] * (own.get("recipe") == "chapter")
+        return {key: each for key, each in own.items() if key not in left_out}
+    own = {key: each for key, each in own.items() if key not in STATE_SPACE_KEYS}
+    own.get("orders", {}).pop("nx", None)
+    for group, key in OF_INPUTS:
+        if key in own.get(group, {}) and not input_ranges_of(own[group][key]).all:
+            del own[group][key]
     return own
 
 
 def _laid_over(lower: Keys, upper: Keys) -> dict[str, Any]:
     """Lay keys over others, those of a mapping one by one."""
-    merged = {**lower, **upper}
-    for group in _GROUPS:
-        if group in lower and group in upper:
-            merged[group] = {**lower[group], **upper[group]}
-    return merged
+    both = [group for group in GROUPS if group in lower and group in upper]
+    return {**lower, **upper} | {group: {**lower[group], **upper[group]} for group in both}
+
+
+def _of_one_channel(keys: dict[str, Any], kind: Kind) -> dict[str, Any]:
+    """Keys with a list of one, or a mapping from the one input or output, as the value alone."""
+
+    def alone(value: Any, channels: Sequence[Reference]) -> Any:
+        if isinstance(value, Mapping) and list(value) == list(channels):
+            return value[channels[0]]
+        return value[0] if isinstance(value, tuple) and len(value) == 1 else value
+
+    for role, channels in (("input", kind.inputs), ("output", kind.outputs)):
+        if len(channels) == 1 and f"{role}_unit" in keys:
+            keys[f"{role}_unit"] = alone(keys[f"{role}_unit"], channels)
+    if len(kind.inputs) == 1:
+        gains = () if kind.several else ("static_gain", "static_gain_bounds")
+        for group, names in (("delay", ("nk",)), ("orders", ("nb", "nf")), ("constraints", gains)):
+            if group in keys:
+                keys[group] = {
+                    key: alone(each, kind.inputs) if key in names else each
+                    for key, each in keys[group].items()
+                }
+    return keys
 
 
 def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
@@ -183,3 +194,147 @@ def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
             here = origin.of_key(name, rest.removeprefix("."))
             return InputError(origin.source, error.problem, error.remedy, here)
     return error
+
+
+def settings_of(name: str, keys: Keys) -> DatasetSettings:
+    """Build the settings of a data set from its checked keys; what is missing is built in.
+
+    Of an automatic recipe, most of that is decided from the recording.
+    """
+    kind = Kind.of(keys)
+    groups = {group: dict(keys.get(group, {})) for group in GROUPS}
+    split, transforms, search = groups["split"], groups["transforms"], groups["search"]
+    if "validation_file" in keys:
+        split = {"estimation": ALL_SAMPLES} | split
+    grid, automatic = OrderGrid(), None
+    if kind.by_chapter:
+        own = {key: keys[key] for key in ("structure", "level") if key in keys}
+        phases = phases_of(kind.structure or "armax")
+        orders = {key: each for key, each in groups["orders"].items() if key in phases}
+        grid = OrderGrid(DelaySettings(**groups["delay"]), OrderSettings(**orders), **own)
+    else:
+        automatic = _automatic_of(keys, groups, kind)
+        split = {"discard": 0} | split
+        transforms = {"box_cox": NONE, "difference": 0, "difference_input": 0} | transforms
+        best = {"objective": "quadratic"} if kind.several else {"max_root_radius": MAX_ROOT_RADIUS}
+        search = best | search
+    resample = keys.get("resample", NONE)
+    constraints = Constraints(**groups["constraints"]) if "constraints" in keys else None
+    return DatasetSettings(
+        name=name,
+        keys=keys,
+        is_single_channel=not kind.several,
+        source=_source_of(keys, kind),
+        preparation=PreparationSettings(
+            TransformSettings(**transforms),
+            SplitSettings(**split),
+            None if resample == NONE else float(resample),
+        ),
+        spectrum=SpectrumSettings(**groups["spectrum"]),
+        order_grid=grid,
+        search=SearchSettings(**{"lambda_" if k == "lambda" else k: v for k, v in search.items()}),
+        automatic=automatic,
+        fit=FitSettings(keys.get("focus", "prediction"), constraints),
+        geometry=geometry_of(keys["geometry"]) if "geometry" in keys else None,
+    )
+
+
+def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:
+    if "file" not in keys:
+        lowest = {"noise": 0.1} if keys["synthesis"] == "armax" else {}
+        return SyntheticSource(**(lowest | {key: keys[key] for key in SYNTHESIS if key in keys}))
+    named = any(key in keys for key in ("input", "output", "sampling_rate", "time"))
+    own: dict[str, Any] = {name: keys[name] for name in COLUMNS if name in keys}
+    for role in ("input", "output"):
+        if f"{role}_unit" in keys:
+            own[f"{role}_units"] = units_of(keys[f"{role}_unit"])
+    return RecordedSource(
+        listed(keys["file"]),
+        ChannelSettings(kind.inputs, kind.outputs, **own),
+        listed(keys.get("validation_file")),
+        channels_from_file=bool(kind.inputs) and not kind.several and not named,
+    )
+
+
+def _automatic_of(keys: Keys, groups: Mapping[str, Keys], kind: Kind) -> AutomaticSettings:
+    orders, search, transforms = groups["orders"], groups["search"], groups["transforms"]
+    # Constraints are those of the model after the transforms, which must then be known.
+    known = "constraints" in keys and not kind.several
+    limits: dict[str, Any] = {
+        key: input_ranges_of(each) if key in ("nb", "nf", "nk") else each
+        for key, each in {**orders, **groups["delay"]}.items()
+        if each != "auto"
+    }
+    given = ("purpose", "structure", "form", "weighting", *(["focus"] if kind.several else []))
+    return AutomaticSettings(
+        **{name: keys[name] for name in given if name in keys},
+        orders=OrderRanges(**limits),
+        start_given="discard" in groups["split"],
+        rate_given="resample" in keys,
+        differences_given=known or any(key.startswith("difference") for key in transforms),
+        box_cox_given=known or "box_cox" in transforms,
+        objective=search.get("objective"),
+        evaluations=search.get("evaluations") if kind.several else None,
+    )
+
+
+def keys_of(settings: DatasetSettings) -> dict[str, Any]:
+    """List the keys that give these settings, those of built-in values too."""
+    prepared, automatic = settings.preparation, settings.automatic
+    split, search = to_json(prepared.split), to_json(settings.search)
+    kind = Kind.of(settings.keys)
+    built_in: dict[str, Any] = {
+        **({"noise": 0.1} if kind.synthesis == "armax" else {}),
+        "recipe": settings.recipe,
+        "split": split,
+        "search": search,
+    }
+    if automatic is None:
+        grid = settings.order_grid
+        orders = {key: each for key, each in to_json(grid.orders).items() if key in kind.orders}
+        built_in |= {"resample": NONE, "transforms": to_json(prepared.transforms), "orders": orders}
+        built_in |= {"structure": grid.structure, "level": grid.level}
+        built_in |= {"delay": to_json(grid.delay)} if "delay" in phases_of(grid.structure) else {}
+    else:
+        built_in["purpose"] = automatic.purpose
+        # What the recording decides.
+        del split["discard"], search["objective"]
+    if kind.several:
+        absent = kind.absent()
+        del search["evaluations"]
+        built_in["search"] = {k: v for k, v in search.items() if f"search.{k}" not in absent}
+    else:
+        built_in["spectrum"] = to_json(settings.spectrum)
+    plain: dict[str, Any] = to_json(_laid_over(built_in, settings.keys))
+    return plain
+
+
+def yaml_text(settings: DatasetSettings) -> str:
+    """Write a configuration with this one data set, ready to be run again."""
+    content = {"datasets": {settings.name: keys_of(settings)}}
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None)
+
+
+def read_settings(path: str | Path) -> DatasetSettings:
+    """Read the settings that :func:`yaml_text` wrote."""
+
+    def completed(name: str, keys: Keys) -> DatasetSettings:
+        if "recipe" not in keys:
+            raise KeyError("recipe")
+        return settings_of(name, checked(_ONE_FILE, keys, name))
+
+    return read_dataset(path, completed)
+
+
+def read_dataset(path: str | Path, of: Callable[[str, Keys], Read]) -> Read:
+    """Read the one data set that :func:`yaml_text` wrote, by a function of its name and keys."""
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        ((name, keys),) = content["datasets"].items()
+        return of(name, keys)
+    except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(
+            str(path),
+            f"does not hold the complete configuration of one data set ({error})",
+            "delete the file and run snakemake again, which writes it anew",
+        ) from None

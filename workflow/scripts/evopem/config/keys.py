@@ -8,12 +8,22 @@ Values come out in one form: ranges as tuples, paths, channels and units as they
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from types import NoneType
-from typing import Annotated, Any, Literal, Required, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    Required,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 from typing_extensions import TypedDict
 
 from evopem.config.channels import (
@@ -44,10 +54,8 @@ from evopem.config.settings import (
 )
 from evopem.config.strict_yaml import Keys
 
-NONE = "none"
-"""No input, or no resampling."""
-
 STATE_SPACE = "state_space"
+Value = TypeVar("Value")
 
 
 _STRICT = ConfigDict(extra="forbid", strict=True)
@@ -87,11 +95,18 @@ def _both_ends(value: Any) -> Any:
     return (value, value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
+def _ascending(ends: tuple[int, int]) -> tuple[int, int]:
+    if ends[0] > ends[1]:
+        raise ValueError(f"the lower end is above the upper one: write [{ends[1]}, {ends[0]}]")
+    return ends
+
+
 def _range(low: int, high: int) -> Any:
     order = _about(Annotated[int, Field(ge=low, le=high)], f"a whole number from {low} to {high}")
     return Annotated[
         tuple[order, order],
         BeforeValidator(_both_ends, json_schema_input_type=order | tuple[order, order]),
+        AfterValidator(_ascending),
     ]
 
 
@@ -126,11 +141,9 @@ def input_ranges_of(value: Any) -> InputRanges:
     return InputRanges(value)
 
 
-def listed(value: Any) -> tuple[Any, ...]:
-    """Channels or paths of a list, of one of them, or of none."""
-    if value is None or value == NONE:
-        return ()
-    return tuple(value) if isinstance(value, list | tuple) else (value,)
+def one_or_list(values: Sequence[Value]) -> Value | list[Value] | None:
+    """What stands under a key that has one value or a list of them."""
+    return list(values) if len(values) > 1 else next(iter(values), None)
 
 
 def units_of(value: Any) -> UnitSettings:

@@ -15,6 +15,7 @@ from pydantic import Field
 
 from evopem.config.channels import ChannelSettings, Geometry, RecordedSource, SyntheticSource, key
 from evopem.config.constraints import Constraints
+from evopem.config.strict_yaml import Keys
 from evopem.errors import InputError
 
 Range = tuple[int, int]
@@ -34,7 +35,7 @@ Recipe = Literal["auto", "chapter"]
 Purpose = Literal["auto", "simulation", "prediction", "modes"]
 Rate = Annotated[float, Field(ge=1e-9, le=1e12)]
 Differences = Annotated[int, Field(ge=0, le=4)]
-Share = Annotated[float, Field(gt=0)]
+Share = Annotated[float, Field(gt=0, le=1)]
 """A fraction of the samples."""
 
 
@@ -58,7 +59,7 @@ class SplitSettings:
     """How the samples are divided."""
 
     discard: Annotated[
-        Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0)],
+        Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0, le=1)],
         key(
             "the samples left out at the start, a whole number of at least 0 or a fraction"
             " between 0 and 1"
@@ -191,7 +192,8 @@ class SearchSettings:
         int,
         key(
             "the number of evaluations of the objective in a search, after which no new restart"
-            " begins",
+            " begins. m² times as many of polynomials with m inputs",
+            "20000, with several inputs 10000",
             ge=1,
             le=10**12,
         ),
@@ -318,7 +320,7 @@ class AutomaticSettings:
     form: StateSpaceForm | None = None
     weighting: OutputWeighting | None = None
     orders: OrderRanges = OrderRanges()
-    focus: Literal["prediction", "simulation"] | None = None  # of the forms that are searched
+    focus: Focus | None = None  # of several channels: errors that the searched forms are fitted to
     start_given: bool = False  # by split.discard
     rate_given: bool = False  # by resample
     differences_given: bool = False  # by transforms
@@ -337,6 +339,8 @@ class DatasetSettings:
     """All settings of one data set, of any number of channels."""
 
     name: str
+    keys: Keys = field(compare=False)  # those that are given, from which all else follows
+    is_single_channel: bool  # polynomial models of at most one input, and one output
     source: RecordedSource | SyntheticSource
     preparation: PreparationSettings
     spectrum: SpectrumSettings
@@ -356,13 +360,3 @@ class DatasetSettings:
         """The channels of the recorded files; of a synthetic recording the built-in ones."""
         source = self.source
         return ChannelSettings() if isinstance(source, SyntheticSource) else source.channels
-
-    @property
-    def is_single_channel(self) -> bool:
-        """Whether there are polynomial models of at most one input, and one output."""
-        if self.automatic is None:
-            return True
-        own, channels = self.automatic, self.channels
-        of_states = own.structure == "state_space" or own.form or own.weighting or own.orders.nx
-        one_of_each = channels.has_one_input and channels.has_one_output
-        return one_of_each and not of_states and self.geometry is None

@@ -1,69 +1,117 @@
-"""What is refused of the source of a data set: its files, its channels and their units."""
+"""What is refused of the names of data sets, and of their files, channels and units."""
 
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import NoReturn
 
-from evopem.config.channels import is_pattern
-from evopem.config.keys import ANALYSIS, SOURCE, SYNTHESIS, listed
-from evopem.config.sample_sheet import RESERVED_NAMES, RESULTS_FOLDER
+from evopem.config.channels import Reference, is_pattern, listed
 from evopem.config.strict_yaml import Keys
-from evopem.config.table import check_locale
-from evopem.config.yaml_form import channels_of
+from evopem.config.table import Origin, check_locale
 from evopem.errors import InputError
+
+RESULTS_FOLDER = "results"
+
+RESERVED_NAMES = (
+    "index.html",
+    "fleet.csv",
+    "fleet_modes.csv",
+    "fleet.parquet",
+    "logs",
+    "benchmarks",
+    "checksums",
+    "fletcher_powell",
+)
+"""Names of other files and folders of the results."""
+
+MAX_LENGTH = 100
+"""Most characters of a name: file systems take 255 bytes, and Snakemake's own names add to it."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
+# Snakemake takes a wildcard that ends like this for an endless recursion of rules.
+_PERIODIC = re.compile(r"(.+?)\1{19}$")
+
+
+def check_names(names: Iterable[str], origin: Origin) -> None:
+    """Refuse names that cannot be folders on every file system, or wildcards of Snakemake."""
+    folders: dict[str, str] = {}
+    for name in names:
+        problem, remedy = _problem(name, folders)
+        if problem:
+            raise InputError(origin.source, problem, remedy, origin.of_name(name))
+        folders[name.lower()] = name
+
+
+def is_valid(name: str) -> bool:
+    """Whether a text can be the name of a data set, beside no others."""
+    return not _problem(name, {})[0]
+
+
+def _problem(name: str, folders: dict[str, str]) -> tuple[str, str]:
+    """What is wrong with a name and what to do; two empty texts where nothing is."""
+    shown = name if len(name) <= 60 else f"{name[:57]}..."
+    if len(name) > MAX_LENGTH:
+        return (
+            f"the data set name {shown!r} has {len(name)} characters",
+            f"give it a name of at most {MAX_LENGTH}",
+        )
+    if name.lower() in RESERVED_NAMES:
+        return (
+            f"{name} is the name of something else among the results",
+            "give the data set another name",
+        )
+    if not _NAME.fullmatch(name) or ".." in name or name.endswith(".") or _DEVICE.fullmatch(name):
+        return (
+            f"the data set name {shown!r} cannot be the name of a folder everywhere",
+            "use letters, digits, _, - and single dots, a letter or digit first",
+        )
+    if _PERIODIC.search(name):
+        return (
+            f"the data set name {shown!r} ends in 20 equal parts, which Snakemake does not accept",
+            "shorten the repetition at its end",
+        )
+    twin = folders.get(name.lower(), name)
+    if twin != name:
+        return f"{twin} and {name} are one folder where letter case does not count", "rename one"
+    return "", ""
 
 
 @dataclass(frozen=True)
 class Place:
-    """The keys of a data set, or of ``defaults:``, in the configuration."""
+    """The keys of a data set in the configuration, and those that ``defaults:`` gave it."""
 
     source: str
     name: str
+    inherited: Collection[str] = ()
 
     def refuse(self, key: str, problem: str, remedy: str) -> NoReturn:
         """Say what is wrong with a key below the place; an empty one is the place itself."""
-        raise InputError(self.source, problem, remedy, f"{self.name}.{key}".rstrip("."))
+        above = [key, *(key.rsplit(".", count)[0] for count in range(1, key.count(".") + 1))]
+        name = "defaults" if key and any(each in self.inherited for each in above) else self.name
+        raise InputError(self.source, problem, remedy, f"{name}.{key}".rstrip("."))
 
 
-def check_source(keys: Keys, at: Place) -> None:
-    """Refuse no or two sources, keys of another kind of source, and channels in two roles."""
-    kinds = [key for key in ("file", "synthesis") if key in keys]
-    if len(kinds) != 1:
-        found = "are both given" if kinds else "are both missing"
-        at.refuse("", f"file and synthesis {found}", "give exactly one of the two")
-    known = {*SOURCE} if kinds == ["file"] else {*SYNTHESIS}
-    of_arm = keys.get("synthesis") == "flexible_arm"
-    for key in keys:
-        if key not in ANALYSIS and (key not in known or (of_arm and key == "noise")):
-            other = "a synthetic" if kinds == ["file"] else "a recorded"
-            other = "an armax" if of_arm and key == "noise" else other
-            kind = f"`{kinds[0]}: {keys[kinds[0]]}`"
-            at.refuse(
-                key, f"the key belongs to {other} data set, and this one has {kind}", "remove it"
-            )
-    if kinds == ["file"]:
-        if "time" in keys and "sampling_rate" in keys:
-            at.refuse("", "both sampling_rate and time are given", "give one of the two")
-        _check_paths_can_be(keys, at)
-        _check_channels(keys, at)
-
-
-def _check_channels(keys: Keys, at: Place) -> None:
-    """Refuse no output, a channel twice or in two roles, and units of other channels."""
-    inputs, outputs = channels_of(keys)
-    roles = {"input": inputs, "output": outputs, "time": listed(keys.get("time"))}
+def check_source(
+    keys: Keys, inputs: tuple[Reference, ...], outputs: tuple[Reference, ...], at: Place
+) -> None:
+    """Refuse channels in two roles, units of other channels, and paths that cannot be."""
+    roles = {"input": inputs, "time": listed(keys.get("time")), "output": outputs}
     if not outputs:
         at.refuse("output", "there is no output", "name a channel")
+    if "time" in keys and "sampling_rate" in keys:
+        at.refuse("", "both sampling_rate and time are given", "give one of the two")
     for role, channels in roles.items():
         for channel, count in Counter(channels).items():
             if count > 1:
                 at.refuse(role, f"{channel} stands there twice", "name each channel once")
-    for one, other in (("input", "output"), ("time", "input"), ("time", "output")):
+    for one, other in combinations(roles, 2):
         for channel in roles[other]:
             if channel in roles[one]:
                 problem = f"{channel} is both {one} and {other}"
@@ -77,13 +125,6 @@ def _check_channels(keys: Keys, at: Place) -> None:
                 f"there are {len(units)} units and {len(channels)} {role}s",
                 "give one unit for each, one for all, or a mapping by their names",
             )
-
-
-def _paths(keys: Keys) -> list[tuple[str, str]]:
-    return [(path, key) for key in ("file", "validation_file") for path in listed(keys.get(key))]
-
-
-def _check_paths_can_be(keys: Keys, at: Place) -> None:
     for path, key in _paths(keys):
         if {"{", "}"} & set(path):
             problem = f"the braces in {path} have a meaning of their own in a workflow"
@@ -91,6 +132,10 @@ def _check_paths_can_be(keys: Keys, at: Place) -> None:
         if "\n" in path or "\r" in path:
             at.refuse(key, f"there is a line break in {path!r}", "remove it")
         check_locale(path, at.source, f"{at.name}.{key}")
+
+
+def _paths(keys: Keys) -> list[tuple[str, str]]:
+    return [(path, key) for key in ("file", "validation_file") for path in listed(keys.get(key))]
 
 
 def check_no_results(datasets: Mapping[str, Keys], source: str) -> None:
@@ -115,13 +160,12 @@ def check_no_results(datasets: Mapping[str, Keys], source: str) -> None:
 
 def _check_each_once(paths: list[tuple[str, str]], real_path: _RealPaths, at: Place) -> None:
     """Refuse a file that is two recordings of a data set, under whatever names."""
-    known: dict[object, tuple[str, str]] = {}
-    for path, key in paths:
+    known: dict[object, int] = {}
+    for number, (path, key) in enumerate(paths):
         for identity in filter(None, (real_path(path), _identity(path))):
-            if identity not in known:
-                known[identity] = (path, key)
+            earlier, earlier_key = paths[known.setdefault(identity, number)]
+            if known[identity] == number:
                 continue
-            earlier, earlier_key = known[identity]
             alias = "" if earlier == path else f" ({earlier})"
             if earlier_key == key:
                 at.refuse(key, f"{path} stands there twice{alias}", "give every recording once")

@@ -126,9 +126,6 @@ def searched_forms(dataset: DatasetSettings) -> tuple[str, ...]:
     undecided = (own.structure, own.form, own.weighting) == (None, None, None)
     if undecided and channels.inputs and channels.has_one_output:
         forms += MULTI_INPUT_STRUCTURES
-    return tuple(form for form in forms if is_fitted_for(form, own.focus))
-
-
-def is_fitted_for(form: str, focus: str | None) -> bool:
-    """Whether a form is fitted to the errors in focus."""
-    return focus is None or (form in OF_SIMULATION) == (focus == "simulation")
+    if own.focus is None or own.form is not None:
+        return forms
+    return tuple(form for form in forms if (form in OF_SIMULATION) == (own.focus == "simulation"))

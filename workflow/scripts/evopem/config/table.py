@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import codecs
 import csv
+import glob
 import io
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from evopem.config.strict_yaml import MAX_DIGITS, read_value
 from evopem.errors import InputError
@@ -45,6 +46,8 @@ _BYTE_ORDER_MARKS = {
     codecs.BOM_UTF16_BE: "utf-16-be",
 }
 
+T = TypeVar("T")
+_PATHS = ("file", "validation_file")
 Row = tuple[int, list[str]]
 """Number of the line where a row ends, and its fields."""
 
@@ -289,3 +292,117 @@ def _put(entry: dict[str, Any], steps: list[str], value: Any) -> None:
     for step in steps[:-1]:
         entry = entry.setdefault(step, {})
     entry[steps[-1]] = value
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where the user wrote the data sets, for an error to name."""
+
+    source: str  # the configuration, or the table
+    templates: Mapping[str, str] = field(default_factory=dict)  # a data set's name with a *
+    lines: Mapping[str, int] = field(default_factory=dict)  # of a table
+    columns: tuple[str, ...] = ()  # of a table
+
+    def of_name(self, name: str) -> str:
+        """Where a data set got its name."""
+        return cell(self.lines[name], "name") if self.lines else "datasets"
+
+    def of_key(self, name: str, key: str) -> str:
+        """Where a key of a data set stands, or one that it lies below."""
+        if not self.lines:
+            place = f"datasets.{self.templates.get(name, name)}"
+            return f"{place}.{key}" if key else place
+        column = key.partition("[")[0]
+        while column and column not in self.columns:
+            column = column.rpartition(".")[0]
+        line = self.lines[name]
+        return cell(line, column) if column else f"line {line} ({name})"
+
+
+def expand(written: Any, source: str) -> tuple[Any, Origin]:
+    """Write out every data set of a configuration's ``datasets:``."""
+    if isinstance(written, str):
+        table = read_table(written)
+        return table.entries, Origin(written, lines=table.lines, columns=table.columns)
+    if not isinstance(written, Mapping):
+        return written, Origin(source)
+    datasets: dict[str, Any] = {}
+    templates: dict[str, str] = {}
+    for name, entry in written.items():
+        files = {name: entry}
+        if "*" in str(name):
+            files = _matching(name, entry, source)
+            templates |= dict.fromkeys(files, str(name))
+        twin = next((each for each in files if each in datasets), None)
+        if twin is not None:
+            raise InputError(
+                source,
+                f"{twin} is also the name of another data set",
+                "put a letter or digit before or after the *",
+                f"datasets.{name}",
+            )
+        datasets |= files
+    return datasets, Origin(source, templates)
+
+
+def with_matching_files(datasets: Any, source: str) -> Any:
+    """Write out the patterns under ``file`` and ``validation_file``: all files that match."""
+    if not isinstance(datasets, Mapping):
+        return datasets
+    return {
+        name: {
+            key: _files(value, source, f"datasets.{name}.{key}") if key in _PATHS else value
+            for key, value in entry.items()
+        }
+        if isinstance(entry, Mapping)
+        else entry
+        for name, entry in datasets.items()
+    }
+
+
+def _files(written: Any, source: str, place: str) -> Any:
+    """The files of a pattern in their order, or what was written where it is none."""
+    if not isinstance(written, str) or "*" not in written:
+        return written
+    literally = "*".join(map(glob.escape, written.split("*")))
+    found = sorted(glob.glob(literally))  # noqa: PTH207
+    if not found:
+        raise InputError(source, f"no file matches {written}", "correct the pattern", place)
+    return found
+
+
+def shard_of(datasets: Mapping[str, T], shard: str, source: str) -> dict[str, T]:
+    """Take every n-th data set: ``3/40`` is the third and every fortieth after it."""
+    number, count = map(int, shard.split("/"))
+    if number > count:
+        raise InputError(
+            source, f"there is no shard {shard}", f"give a number from 1 to {count}", "shard"
+        )
+    return dict(list(datasets.items())[number - 1 :: count])
+
+
+def _matching(name: str, entry: Any, source: str) -> dict[str, Any]:
+    """Write out one entry for every file that its pattern matches, by what its `*` stands for."""
+    place = f"datasets.{name}"
+    pattern = entry.get("file") if isinstance(entry, Mapping) else None
+    if not isinstance(pattern, str) or pattern.count("*") != 1 or name.count("*") != 1:
+        raise InputError(
+            source,
+            "a name with a * stands for all files of a pattern",
+            f"write one * in the name and one in `file`, as in `{name}: {{file: data/*.csv}}`",
+            place,
+        )
+    before, after = pattern.split("*")
+    found = {}
+    pattern_literally = f"{glob.escape(before)}*{glob.escape(after)}"
+    for file in sorted(glob.glob(pattern_literally)):  # noqa: PTH207
+        own = file[len(before) : len(file) - len(after)]
+        found[name.replace("*", own)] = {
+            key: value.replace("*", own) if key in _PATHS and isinstance(value, str) else value
+            for key, value in entry.items()
+        }
+    if not found:
+        raise InputError(
+            source, f"no file matches {pattern}", "correct the pattern", f"{place}.file"
+        )
+    return found

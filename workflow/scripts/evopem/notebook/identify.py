@@ -8,11 +8,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from evopem.config.channels import NONE
 from evopem.config.defaults import complete
-from evopem.config.environment import check_environment
-from evopem.config.keys import NONE
-from evopem.config.sample_sheet import RESULTS_FOLDER
-from evopem.config.yaml_form import one_or_list
+from evopem.config.keys import one_or_list
+from evopem.config.resources import check_environment
+from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.errors import InputError
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings
 from evopem.pipeline.packages import FOR_RESULTS, check_packages

@@ -17,7 +17,6 @@ from evopem.automatic.remedies import Remedied
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison
 from evopem.blas_threads import one_blas_thread
-from evopem.config.constraints import Constraints
 from evopem.config.settings import (
     AutomaticSettings,
     FitSettings,
@@ -25,6 +24,7 @@ from evopem.config.settings import (
     ScoringWindow,
     SearchSettings,
 )
+from evopem.config.structures import OF_SIMULATION
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_selection import complete_estimate
@@ -78,7 +78,7 @@ def estimate_channels(
     search: SearchSettings,
     settings: AutomaticSettings,
     fits: CommonSettings,
-    constraints: Constraints | None,
+    fit: FitSettings,
     log: Log | None = None,
 ) -> ModelRecord:
     """Search the chosen model of several channels globally, and add its noise model.
@@ -86,7 +86,7 @@ def estimate_channels(
     Raises InputError when the record is too short, or no model of the order meets the constraints.
     """
     choice = load(Remedied, files.decision("remedies")).choice
-    record, about = record_of_channels(files, choice, search, settings, fits, constraints, log)
+    record, about = record_of_channels(files, choice, search, settings, fits, fit, log)
     save(about, files.decision("search"))
     return record
 
@@ -97,17 +97,23 @@ def record_of_channels(
     search: SearchSettings,
     settings: AutomaticSettings,
     fits: CommonSettings,
-    constraints: Constraints | None,
+    fit: FitSettings,
     log: Log | None = None,
 ) -> tuple[ModelRecord, Decision]:
-    """Everything that is known of the model of a choice for several channels."""
+    """Everything that is known of the model of a choice for several channels.
+
+    Structures that are fitted to simulated outputs have no other focus.
+    """
+    structure = choice.candidate.structure
+    if structure in OF_SIMULATION:
+        fit = replace(fit, focus="prediction")
+    own = fit if fit.changes_model else None
     data, evaluations = load_prepared(files.prepared, files.transforms), settings.evaluations
     with errors_name_dataset(files), one_blas_thread():
         scorer = load_scorer(files, settings, fits)
         found, about = estimate_choice(
-            *(choice, scorer, load_record(files), data.estimation, constraints, evaluations, log)
+            *(choice, scorer, load_record(files), data.estimation, own, evaluations, log)
         )
-    structure = choice.candidate.structure
     weighting = "determinant"
     if choice.candidate.polynomials is None:
         weighting = weighting_of(structure, scorer.settings)
@@ -115,7 +121,8 @@ def record_of_channels(
         *(found.estimate, data.estimation, search, data.transforms, choice.level),
         model=None if found.polynomials else found.model,
         variant=(structure, weighting),
-        constraints=constraints,
+        focus=fit.focus,
+        constraints=fit.constraints,
         at_upper_ends=found.at_upper_ends,
     )
     return record, about
@@ -143,7 +150,7 @@ def complete_model(
         write_table(files.frequency_response, frequency_response_table(record.model, *names))
         write_table(files.time_response, time_response_table(record.polynomials))
     else:
-        record = estimate_channels(files, search, settings, fits, fit.constraints, log)
+        record = estimate_channels(files, search, settings, fits, fit, log)
         with one_blas_thread():
             rows = _frequency_response(record, estimation)
         write_table(files.frequency_response, rows)

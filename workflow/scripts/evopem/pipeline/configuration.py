@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from evopem.config.defaults import yaml_text
 from evopem.config.settings import DatasetSettings
-from evopem.config.yaml_form import yaml_text
 from evopem.files.atomic import write_text
 from evopem.files.checksums import delete_results
 from evopem.results.layout import DatasetFiles

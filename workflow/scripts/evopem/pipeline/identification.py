@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from evopem.config.defaults import read_settings
 from evopem.config.settings import DatasetSettings
-from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 from evopem.pipeline.call import Log, call

@@ -16,6 +16,7 @@ from evopem.automatic.structures import Choice, Comparison, Purpose
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import AutomaticSettings, Objective, SearchSettings, SpectrumSettings
+from evopem.config.settings import FitSettings as FocusAndConstraints
 from evopem.config.structures import plant_order
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
@@ -107,7 +108,8 @@ def complete_other(
             record = _of_one_channel(scorer, load_record(files), prepared, choice, search)
         else:
             quick, none = replace(search, evaluations=0), replace(settings, evaluations=0)
-            record, _ = record_of_channels(files, choice, quick, none, fits, constraints)
+            fit = FocusAndConstraints(constraints=constraints)
+            record, _ = record_of_channels(files, choice, quick, none, fits, fit)
         fitted_level = choice.level == "state"
         held_out = held_out_stretches(record.model, prepared, fitted_level)
         errors = validation_errors(held_out, fitted_level)

@@ -12,10 +12,10 @@ from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.record import DecisionRecord
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice
+from evopem.config.defaults import read_settings
 from evopem.config.order_grid import phase_of_orders_of, phases_of_dataset
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import searched_forms
-from evopem.config.yaml_form import read_settings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord, load_record

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from evopem.config.sample_sheet import RESULTS_FOLDER as FOLDER
+from evopem.config.source_checks import RESULTS_FOLDER as FOLDER
 from evopem.config.structures import PHASES, phases_of
 from evopem.errors import InputError
 

@@ -14,12 +14,12 @@ from typing import Any
 import yaml
 
 from evopem.config.channels import SyntheticSource
-from evopem.config.defaults import complete
-from evopem.config.environment import check_environment, job_environment
-from evopem.config.sample_sheet import RESULTS_FOLDER
+from evopem.config.defaults import complete, read_dataset
+from evopem.config.keys import one_or_list
+from evopem.config.resources import check_environment, job_environment
 from evopem.config.settings import DatasetSettings
+from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.config.strict_yaml import check_yaml_files
-from evopem.config.yaml_form import one_or_list, read_dataset
 from evopem.errors import InputError
 from evopem.files.checksums import delete_results, sha256_of_file
 from evopem.files.job import job

@@ -12,8 +12,8 @@ import yaml
 
 from evopem.config.configuration import MANY
 from evopem.config.defaults import complete
-from evopem.config.sample_sheet import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
 from evopem.config.schema import schema_file
+from evopem.config.source_checks import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
 from evopem.errors import InputError
 from evopem.signals.channel_roles import INPUT_NAMES, OUTPUT_NAMES, named
 from evopem.signals.inspection import FileContents, SignalColumn, TimeColumn, inspect_file

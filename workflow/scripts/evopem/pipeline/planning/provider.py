@@ -15,8 +15,8 @@ from typing import Any, Protocol
 
 from evopem.config import resources
 from evopem.config.configuration import Configuration
-from evopem.config.sample_sheet import RESERVED_NAMES
 from evopem.config.settings import DatasetSettings
+from evopem.config.source_checks import RESERVED_NAMES
 from evopem.files.json_form import to_json
 from evopem.pipeline.planning.stage import Demand, Stage
 from evopem.pipeline.planning.stage_lists import Task
