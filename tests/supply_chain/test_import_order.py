@@ -68,17 +68,24 @@ def test_a_part_imports_only_those_before_it(part):
     assert upward == set()
 
 
+def printed_by(*lines):
+    """What a process of its own prints, with the package of this checkout."""
+    code = "\n".join(["import sys", f"sys.path.insert(0, {str(SCRIPTS)!r})", *lines])
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return run.stdout.strip()
+
+
 def test_what_the_snakefile_imports_needs_neither_numpy_nor_pandas():
     rules = (SCRIPTS.parent / "rules" / "common.smk").read_text(encoding="utf-8")
     imported = [line for line in rules.splitlines() if line.startswith("from evopem.")]
     assert len(imported) > 5
-    code = "\n".join(
-        [
-            "import sys",
-            f"sys.path.insert(0, {str(SCRIPTS)!r})",
-            *imported,
-            "print({'numpy', 'pandas'} & set(sys.modules))",
-        ]
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "set()"
+    assert printed_by(*imported, "print({'numpy', 'pandas'} & set(sys.modules))") == "set()"
+
+
+def test_a_job_loads_the_slow_parts_of_scipy_only_where_it_needs_them():
+    """They take as long to load as all else together, for each job of a run."""
+    modules = sorted((PACKAGE / "pipeline").glob("*.py"))
+    lines = [f"import evopem.pipeline.{path.stem}" for path in modules if path.stem[0] != "_"]
+    slow = "{'scipy.signal', 'scipy.stats', 'matplotlib.pyplot'}"
+    assert len(lines) > 5
+    assert printed_by(*lines, f"print({slow} & set(sys.modules))") == "set()"

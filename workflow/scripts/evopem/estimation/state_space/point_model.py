@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import oaconvolve
 
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.sections import input_matrix, sections_of, state_matrix
@@ -235,6 +234,8 @@ def _summed_by_outputs(
 
 def filtered(signals: Array, of_lags: Array, bounds: NDArray[np.int64]) -> Array:
     """``sum_k of_lags_k signals_(t-k)`` over lags of either sign, segment by segment."""
+    from scipy.signal import oaconvolve  # loading it takes as long as all else together
+
     before = len(of_lags) // 2
     passed = np.empty_like(signals)
     for first, stop in pairwise(bounds):
