@@ -12,7 +12,7 @@ import pytest
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.files.unfinished import UnfinishedJob, write_record
+from evopem.files.unfinished import UnfinishedJob
 from evopem.pipeline import batch
 from evopem.pipeline.identification import identify_dataset
 from evopem.results.identity import forget_incomplete_batches, is_finished
@@ -115,7 +115,7 @@ def test_what_is_finished_is_not_done_again(copied, change, again):
         case "the recording is gone":
             Path("3.csv").unlink()
         case "it was killed":
-            write_record(UnfinishedJob("identification", ()), files.logs)
+            UnfinishedJob("identification", ()).save(files.logs)
         case "the settings":
             keys = {"spectrum": {"nfft": 512}}
         case "the code":
@@ -131,7 +131,7 @@ def test_what_is_finished_is_not_done_again(copied, change, again):
 def test_an_interrupted_batch_goes_on_and_a_killed_recording_is_tried_last(copied, monkeypatch):
     shutil.rmtree("results/r3")
     Path("2.csv").write_text(Path("1.csv").read_text())
-    write_record(UnfinishedJob("identification", ()), DatasetFiles("results/r2").logs)
+    UnfinishedJob("identification", ()).save(DatasetFiles("results/r2").logs)
     real, begun = batch.identify_dataset, []
 
     def interrupted(files, *arguments, **keys):

@@ -58,6 +58,24 @@ def test_an_interrupted_run_again_leaves_nothing_that_is_read(files):
         check_results(files)
 
 
+@pytest.mark.parametrize("made", ["summary", "candidates", "simulation"])
+def test_a_mixture_of_two_runs_is_not_read(files, made):
+    """Every file is as its job wrote it, and the model is newer than what was made from it."""
+    output = getattr(files, made)
+    content = Path(output).read_bytes()
+    with job(files.log(made), [files.model, files.recording], [output]):
+        Path(output).write_bytes(content)
+    check_results(files)
+    with job(files.log("model"), (), [files.model]):
+        model = Path(files.model)
+        model.write_text(model.read_text().replace('"evopem": "', '"evopem": "x'))
+    with pytest.raises(evopem.InputError, match=f"{output}: was not made from the .* model.json"):
+        evopem.read_results(files.folder)
+    with job(files.log(made), [files.model, files.recording], [output]):
+        Path(output).write_bytes(content)
+    check_results(files)
+
+
 def test_results_without_checksums_were_not_finished(files):
     shutil.rmtree(Path(files.folder) / "checksums")
     with pytest.raises(evopem.InputError, match="has no checksum"):

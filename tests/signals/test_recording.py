@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evopem.errors import InputError
-from evopem.files.npz import load_arrays
+from evopem.files.archive import load_arrays
 from evopem.signals.recording import Recording, load_recording, save_recording
 from evopem.signals.recording_checks import check_recording, saturated_share
 

@@ -32,7 +32,7 @@ def run(arguments: list[str], folder: str, printed: str) -> None:
     nothing = os.open(os.devnull, os.O_RDONLY)
     for source, target in ((nothing, 0), (written, 1), (written, 2)):
         os.dup2(source, target)
-    code = 1
+    code, sys.argv = 1, ["snakemake", *arguments]
     try:
         snakemake(arguments)
     except SystemExit as ended:

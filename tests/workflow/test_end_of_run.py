@@ -1,5 +1,6 @@
 """What a run shows: a line for each job, and what came out, instead of lists of files."""
 
+import zipfile
 from pathlib import Path
 
 
@@ -34,3 +35,8 @@ def test_a_failed_run_says_what_came_of_each_data_set(copy):
     assert "report  results/truth/report.html" in end
     assert "bad: failed. empty.csv: the file is empty; export or copy it again.\n" in end
     assert "All data sets: results/index.html" in end
+    # Snakemake's own report has the others, and says which one it leaves out.
+    printed = copy.finish("--report", "report.zip")
+    assert "bad is left out of the report: empty.csv: the file is empty" in printed
+    with zipfile.ZipFile(copy.path / "report.zip") as packed:
+        assert any(name.endswith("/report.html") for name in packed.namelist())

@@ -76,6 +76,11 @@ try:
 except InputError as error:
     sys.exit(str(error))
 
+# Of a call that only packs Snakemake's own report, which ends at the first file that is not there.
+OPTIONS = {argument.partition("=")[0] for argument in sys.argv}
+if "--report" in OPTIONS and "--report-after-run" not in OPTIONS:
+    provider = provider.with_whole_results()
+
 # Jobs parse this file as well, while the results of other jobs change.
 if workflow.is_main_process:
     interrupt_on_hangup()

@@ -26,24 +26,10 @@ _INSTALL = "install it, or evopem with its formats: pip install 'PATH[formats]'"
 def atomic_write(path: str | Path) -> Iterator[Path]:
     """Write a file completely or not at all.
 
-    The body of the ``with`` statement writes to a temporary path in the same folder, which then
-    replaces `path` in one step. If the body raises an error, a file at `path` stays as it was.
-
-    Parameters
-    ----------
-    path : path
-        The file to write. Its folder is created if it does not exist.
-
-    Yields
-    ------
-    Path
-        The temporary path; it has the name of `path`.
-
-    Raises
-    ------
-    InputError
-        When the file system refuses: the disk is full, or there is no write permission; or when
-        something else than a file has this path.
+    The body of the ``with`` statement writes to a temporary path of the same name in a folder
+    beside ``path``, which it then replaces in one step. If the body raises an error, a file at
+    ``path`` stays as it was. An `InputError` says that the file system refuses, or that something
+    else than a file has this path.
     """
     path = Path(path)
     if path.exists() and not path.is_file():
@@ -57,11 +43,16 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
             yield temporary
             os.replace(temporary, path)  # noqa: PTH105
     except OSError as error:
-        raise InputError(
-            str(path),
-            f"cannot be written ({error.strerror or error})",
-            "free disk space or change the permissions of that folder, and run again",
-        ) from error
+        raise not_written(path, error) from error
+
+
+def not_written(path: Path, error: OSError) -> InputError:
+    """What is said of a file that the file system does not let be written."""
+    return InputError(
+        str(path),
+        f"cannot be written ({error.strerror or error})",
+        "free disk space or change the permissions of that folder, and run again",
+    )
 
 
 def files_below(folder: str | Path, ending: str) -> list[Path]:
@@ -90,16 +81,7 @@ GENERATOR = '<meta name="generator" content="evopem">'
 def write_page(path: str | Path, text: str) -> None:
     """Write a page to a path that a user gave; of what is there, only another page is replaced.
 
-    Parameters
-    ----------
-    path : path
-    text : str
-        With :data:`GENERATOR` among its first characters.
-
-    Raises
-    ------
-    InputError
-        When the path holds anything else.
+    ``text`` has :data:`GENERATOR` among its first characters.
     """
     target = Path(path)
     if target.is_file() and target.stat().st_size > 0:
@@ -113,25 +95,14 @@ def write_page(path: str | Path, text: str) -> None:
 
 
 def write_json(path: str | Path, content: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Write indented JSON. Floats are written exactly.
-
-    Raises
-    ------
-    ValueError
-        When a number is not finite.
-    """
+    """Write indented JSON. Floats are written exactly; one that is not finite is a ValueError."""
     write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def write_table(path: str | Path, table: Mapping[str, Iterable[Any]] | pd.DataFrame) -> None:
-    """Write columns as CSV with a header. Floats are written exactly; a missing value is empty.
+    """Write columns of equal length as CSV with a header; a missing value is empty.
 
-    Parameters
-    ----------
-    path : path
-    table : mapping or DataFrame
-        Columns of equal length, by name. A job that passes a mapping of arrays need not import
-        pandas.
+    Floats are written exactly. A job that passes a mapping of arrays need not import pandas.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -150,13 +121,7 @@ def _python_values(column: Any) -> list[Any]:
 
 
 def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
-    """Write a table as Parquet.
-
-    Raises
-    ------
-    InputError
-        When pyarrow is not installed.
-    """
+    """Write a table as Parquet, which needs pyarrow."""
     try:
         import pyarrow as arrow
         from pyarrow import parquet

@@ -2,13 +2,15 @@
 
 A changed digit in a JSON file is still valid JSON; only a checksum reveals it. Each job writes one
 file with the checksums of its outputs, ``checksums/<job>.sha256``, with paths relative to the
-folder of the data set, so that ``sha256sum -c`` verifies them from that folder.
+folder of the data set, so that ``sha256sum -c`` verifies them from that folder. In comments, which
+that program passes over, stand the results that the job has read, as they were then.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from evopem.errors import InputError
@@ -16,6 +18,7 @@ from evopem.files.atomic import files_below, write_text
 
 FOLDER = "checksums"
 _SUFFIX = ".sha256"
+_INPUT = "# from "
 
 
 def sha256_of_file(path: str | Path) -> str:
@@ -24,41 +27,35 @@ def sha256_of_file(path: str | Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def write_checksums(files: Iterable[str | Path], folder: str | Path, job: str) -> None:
+def write_checksums(
+    files: Iterable[str | Path], folder: str | Path, job: str, inputs: Iterable[str | Path] = ()
+) -> None:
     """Write the checksums of a job's outputs to ``<folder>/checksums/<job>.sha256``.
 
-    Lines about the same files that other jobs wrote are removed: other jobs make these files when
-    the workflow is divided differently.
-
-    Parameters
-    ----------
-    files : iterable of path
-        Outputs of the job, in `folder` or its subfolders; of a folder, all files in it.
-    folder : path
-        Folder of the data set, or of the results as a whole.
-    job : str
-        Name of the job; it may contain slashes, as in ``phases/delay/part-1``.
+    Of a folder among them, those of all files in it.  Lines about the same files that other jobs
+    wrote are removed: other jobs make these files when the workflow is divided differently.
+    ``inputs``: those that are results with a checksum are kept beside it.
     """
-    folder = Path(folder)
+    folder, known = Path(folder), checksummed(folder)
     own = {
         file.relative_to(folder).as_posix(): sha256_of_file(file) for file in _regular_files(files)
+    }
+    read = {
+        file.relative_to(folder).as_posix(): known[file]
+        for file in map(Path, inputs)
+        if file in known
     }
     own_file = folder / FOLDER / f"{job}{_SUFFIX}"
     for other_file in _checksum_files(folder):
         if other_file != own_file:
             _remove_lines(other_file, folder, own)
-    _write(own_file, own)
+    _write(own_file, own, read)
 
 
 def delete_results(folder: str | Path, only: Collection[str] | None = None) -> None:
-    """Delete results that jobs have written, and the lines about them.
+    """Delete results that have a checksum, and the lines about them.
 
-    Parameters
-    ----------
-    folder : path
-        Folder of the data set.
-    only : collection of str, optional
-        Their paths relative to the folder; by default all that have a checksum.
+    ``only``: their paths relative to the folder; by default all.
     """
     folder = Path(folder)
     paths = {
@@ -76,28 +73,13 @@ def delete_results(folder: str | Path, only: Collection[str] | None = None) -> N
 
 
 def check_replaceable(files: Iterable[str | Path], folder: str | Path) -> None:
-    """Refuse to replace files of a folder unless they are there as a job has written them.
-
-    Parameters
-    ----------
-    files : iterable of path
-        Files to write, in `folder` or its subfolders.
-    folder : path
-
-    Raises
-    ------
-    InputError
-        Naming a file that is no regular one, has no checksum, or was changed.
-    """
-    folder = Path(folder)
-    known = _checksums_in(folder)
+    """Refuse to replace files of a folder unless they are there as a job has written them."""
+    known = checksummed(folder)
     for file in map(Path, files):
-        path = file.relative_to(folder).as_posix()
         in_place = file.is_symlink() or file.exists()
         # The files of checksums have none of their own.
-        if not in_place or (path.startswith(f"{FOLDER}/") and file.is_file()):
-            continue
-        if not file.is_file() or path not in known or not _is_right(file, known[path]):
+        of_checksums = file.is_relative_to(Path(folder) / FOLDER) and file.is_file()
+        if in_place and not of_checksums and not _is_right(file, known.get(file)):
             raise InputError(
                 str(file),
                 "is not as evopem wrote it, and would be replaced",
@@ -110,22 +92,20 @@ def checksummed(folder: str | Path) -> dict[Path, str]:
     return {Path(folder) / path: value for path, value in _checksums_in(Path(folder)).items()}
 
 
+def sources(folder: str | Path) -> Iterator[tuple[Path, Path, str]]:
+    """Each result with each result that its job had read, and the checksum that this had then."""
+    folder = Path(folder)
+    for file in _checksum_files(folder):
+        made, read = _read(file)
+        for path, checksum in read.items() if made else ():
+            yield folder / next(iter(made)), folder / path, checksum
+
+
 def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
-    """Verify files against the checksums that their jobs wrote.
+    """Verify files against the checksums that their jobs wrote; an `InputError` names one.
 
-    A file without a checksum passes, and so does one that does not exist.
-
-    Parameters
-    ----------
-    files : iterable of path
-    root : path
-        Folder of the data set, or of the results as a whole. Files elsewhere, such as a user's
-        recordings, are not verified.
-
-    Raises
-    ------
-    InputError
-        When a file was changed; the error names it.
+    A file without a checksum passes, and so does one that does not exist, or lies elsewhere than
+    below ``root``, such as a user's recording.
     """
     root = Path(root)
     known: dict[Path, dict[str, str]] = {}
@@ -136,7 +116,7 @@ def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
             if folder not in known:
                 known[folder] = _checksums_in(folder)
             checksum = known[folder].get(file.relative_to(folder).as_posix())
-            if checksum is not None and checksum != sha256_of_file(file):
+            if checksum is not None and not _is_right(file, checksum):
                 raise InputError(
                     str(file),
                     "was changed or damaged after it was written",
@@ -158,48 +138,51 @@ def _checksum_files(folder: Path) -> list[Path]:
 
 
 def _checksums_in(folder: Path) -> dict[str, str]:
-    """All checksums of a folder, by path relative to it."""
+    """The checksums of all results of a folder, by path relative to it."""
     return {
-        path: checksum for file in _checksum_files(folder) for path, checksum in _read(file).items()
+        path: checksum
+        for file in _checksum_files(folder)
+        for path, checksum in _read(file)[0].items()
     }
 
 
-def _read(file: Path) -> dict[str, str]:
-    """The checksums of one file by path; empty where another job has just removed the file."""
-    try:
-        lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
-    except FileNotFoundError:
-        return {}
-    pairs = (line.split("  ", 1) for line in lines)
-    return {pair[1]: pair[0] for pair in pairs if len(pair) == 2}
+def _read(file: Path) -> tuple[dict[str, str], dict[str, str]]:
+    """The checksums of outputs and inputs by path; none where another job has removed the file."""
+    made: dict[str, str] = {}
+    read: dict[str, str] = {}
+    with suppress(FileNotFoundError):
+        for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
+            checksum, _, path = line.removeprefix(_INPUT).partition("  ")
+            if path:
+                (read if line.startswith(_INPUT) else made)[path] = checksum
+    return made, read
 
 
-def _write(file: Path, checksums: dict[str, str]) -> None:
-    if checksums:
-        write_text(file, "".join(f"{value}  {path}\n" for path, value in checksums.items()))
+def _write(file: Path, made: Mapping[str, str], read: Mapping[str, str]) -> None:
+    if made:
+        lines = [f"{value}  {path}\n" for path, value in made.items()]
+        write_text(file, "".join([*lines, *(f"{_INPUT}{v}  {path}\n" for path, v in read.items())]))
     else:
         file.unlink(missing_ok=True)
 
 
-def _remove_lines(file: Path, folder: Path, paths: Iterable[str]) -> None:
+def _remove_lines(file: Path, folder: Path, paths: Collection[str]) -> None:
     """Remove the lines about given files, and any other line that is not right.
 
     Two jobs may do this to one file at the same time. Neither writes back a line that the other one
     removes: the outputs of a job do not exist until it has made them, and then differ.
     """
-    checksums = _read(file)
-    if checksums.keys().isdisjoint(paths):
-        return
-    removed = set(paths)
-    kept = {
-        path: checksum
-        for path, checksum in checksums.items()
-        if path not in removed and _is_right(folder / path, checksum)
-    }
-    _write(file, kept)
+    made, read = _read(file)
+    if not made.keys().isdisjoint(paths):
+        kept = {
+            path: checksum
+            for path, checksum in made.items()
+            if path not in paths and _is_right(folder / path, checksum)
+        }
+        _write(file, kept, read)
 
 
-def _is_right(file: Path, checksum: str) -> bool:
+def _is_right(file: Path, checksum: str | None) -> bool:
     try:
         return sha256_of_file(file) == checksum
     except OSError:

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import NoReturn
 
 from evopem.errors import InputError
+from evopem.files.atomic import not_written
 from evopem.files.checksums import verify_checksums, write_checksums
-from evopem.files.unfinished import UnfinishedJob, delete_record, start_record, write_record
+from evopem.files.unfinished import UnfinishedJob, start_record
 
 _SECONDS_BETWEEN_LOOKS = 1.0
 
@@ -67,33 +68,20 @@ def job(
     outputs: Iterable[str | Path] = (),
     ends_with_parent: bool = True,
 ) -> Iterator[logging.Logger]:
-    """Run the work of a job, with its messages in a log file.
+    """Run the work of a job, with its messages in a log file; yields the package's logger.
 
     An `InputError`, or a lack of memory, ends the process with exit code 1 and one sentence on
     standard error and in the log. Any other error is raised again, with its traceback in the log.
     Until the job succeeds, there is a record of it (:mod:`evopem.files.unfinished`).
 
-    Parameters
-    ----------
-    log_file : path
-        Overwritten; its folder is created if it does not exist. It lies in a folder ``logs`` or in
-        a subfolder of it, and the results of the job lie in the folder that holds ``logs``.
-    inputs : iterable of path
-        Those that are results are verified against their checksums before the work begins.
-    outputs : iterable of path
-        Their checksums are written when the work is done.
-    ends_with_parent : bool
-        Whether the process ends when the one that started it does, as a job of Snakemake must. A
-        command outlives the terminal that it was started in, if the user wants it to.
-
-    Yields
-    ------
-    logging.Logger
-        The package's logger, for progress.
+    ``log_file``: in a folder ``logs``, or below, beside the results of the job.  ``inputs``: those
+    that are results are verified before the work begins.  ``outputs``: their checksums are written
+    when it is done.  ``ends_with_parent``: whether the process ends when the one that started it
+    does, as a job of Snakemake must; a command outlives its terminal, if the user wants it to.
     """
     log_file = Path(log_file)
     logs = next(up for up in log_file.parents if up.name == "logs")
-    made = [Path(output) for output in outputs]
+    read, made = list(inputs), [Path(output) for output in outputs]
     record = UnfinishedJob(
         job=log_file.relative_to(logs).with_suffix("").as_posix(),
         outputs=tuple(output.relative_to(logs.parent).as_posix() for output in made),
@@ -102,7 +90,7 @@ def job(
     def fail(error: InputError) -> None:
         # On a full disk the record stays as it was written at the start, without a message.
         with suppress(InputError):
-            write_record(replace(record, message=str(error)), logs)
+            replace(record, message=str(error)).save(logs)
         # One call: jobs that fail at the same time share the terminal.
         sys.stderr.write(f"{error}\n")
         sys.exit(1)
@@ -116,38 +104,33 @@ def job(
         fail(error)
     with _attached(handler) as logger:
         try:
-            verify_checksums(inputs, logs.parent)
+            verify_checksums(read, logs.parent)
             yield logger
-            write_checksums(made, logs.parent, record.job)
-            delete_record(record, logs)
+            write_checksums(made, logs.parent, record.job, read)
+            record.delete(logs)
         except (InputError, MemoryError) as error:
-            mistake = error if isinstance(error, InputError) else _lack_of_memory(logs, record)
+            mistake = error if isinstance(error, InputError) else None
+            if mistake is None:
+                mistake = InputError(
+                    str(logs.parent / record.job),
+                    "this job needs more memory than is available",
+                    "run fewer jobs at the same time, raise its mem_mb, or shorten the recording",
+                )
             logger.error("%s", mistake)
             fail(mistake)
         except BaseException as error:
             logger.exception("The job failed.")
             with suppress(InputError):
-                write_record(replace(record, message=_unexpected(error, log_file)), logs)
+                replace(record, message=_unexpected(error, log_file)).save(logs)
             raise
 
 
 def _log_handler(log_file: Path) -> logging.FileHandler:
-    """Open a log file.
-
-    Raises
-    ------
-    InputError
-        When it cannot be written.
-    """
     try:
         log_file.parent.mkdir(parents=True, exist_ok=True)
         handler = logging.FileHandler(log_file, mode="w", encoding="utf-8")
     except OSError as error:
-        raise InputError(
-            str(log_file),
-            f"cannot be written ({error.strerror or error})",
-            "free disk space or change the permissions of that folder, and run again",
-        ) from None
+        raise not_written(log_file, error) from None
     handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
     return handler
 
@@ -185,14 +168,6 @@ def _attached(handler: logging.Handler) -> Iterator[logging.Logger]:
         with suppress(OSError):
             handler.close()
         logging.captureWarnings(bool(outer))
-
-
-def _lack_of_memory(logs: Path, record: UnfinishedJob) -> InputError:
-    return InputError(
-        str(logs.parent / record.job),
-        "this job needs more memory than is available",
-        "run fewer jobs at the same time, raise its mem_mb, or shorten the recording",
-    )
 
 
 def _unexpected(error: BaseException, log_file: Path) -> str:

@@ -20,21 +20,11 @@ _ENDING = ".unfinished.json"
 
 @dataclass(frozen=True)
 class UnfinishedJob:
-    """A job that was started and has not succeeded.
+    """A job that was started and has not succeeded."""
 
-    Attributes
-    ----------
-    job : str
-        Path of its log file below the folder ``logs``, without the ending.
-    outputs : tuple of str
-        Relative to the folder beside ``logs``.
-    message : str, optional
-        The message of its error; None while it runs and after it was killed.
-    """
-
-    job: str
-    outputs: tuple[str, ...]
-    message: str | None = None
+    job: str  # path of its log file below the folder ``logs``, without the ending
+    outputs: tuple[str, ...]  # relative to the folder beside ``logs``
+    message: str | None = None  # of its error; None while it runs and after it was killed
 
     @property
     def sentence(self) -> str:
@@ -43,6 +33,14 @@ class UnfinishedJob:
             f"the job {self.job} ended without a message, as a job that is killed does; run"
             " snakemake again."
         )
+
+    def save(self, logs: str | Path) -> None:
+        """Write the record into the folder of its log."""
+        save(self, _file(self.job, logs))
+
+    def delete(self, logs: str | Path) -> None:
+        """Delete the record."""
+        _file(self.job, logs).unlink(missing_ok=True)
 
 
 def start_record(record: UnfinishedJob, logs: str | Path) -> None:
@@ -55,32 +53,16 @@ def start_record(record: UnfinishedJob, logs: str | Path) -> None:
     made |= {output.with_suffix("") for output in made}
     for other in _read(Path(logs)):
         if all({Path(output), *Path(output).parents} & made for output in other.outputs):
-            delete_record(other, logs)
-    write_record(record, logs)
-
-
-def write_record(record: UnfinishedJob, logs: str | Path) -> None:
-    """Write the record of a job into the folder of its logs."""
-    save(record, _file(record.job, logs))
-
-
-def delete_record(record: UnfinishedJob, logs: str | Path) -> None:
-    """Delete the record of a job."""
-    _file(record.job, logs).unlink(missing_ok=True)
+            other.delete(logs)
+    record.save(logs)
 
 
 def unfinished_jobs(logs: str | Path, summary: str = "") -> list[UnfinishedJob]:
     """The unfinished jobs of which an output is missing, the newest record first.
 
-    A record that cannot be read is left out.
-
-    Parameters
-    ----------
-    logs : path
-    summary : str
-        The result that is made last, relative to the folder beside `logs`. Where it exists, jobs
-        that ended before it was made, and do not make it, are left out: an earlier configuration
-        had them.
+    ``summary``: the result that is made last, relative to the folder beside ``logs``. Where it
+    exists, jobs that ended before it was made, and do not make it, are left out: an earlier
+    configuration had them.
     """
     logs = Path(logs)
     last = logs.parent / summary
@@ -97,17 +79,7 @@ def unfinished_jobs(logs: str | Path, summary: str = "") -> list[UnfinishedJob]:
 def check_result(path: str | Path, summary: str) -> None:
     """Refuse a result that was changed after its job wrote it, or whose job has not ended.
 
-    A file that no job wrote passes.
-
-    Parameters
-    ----------
-    path : path
-    summary : str
-        As of :func:`unfinished_jobs`.
-
-    Raises
-    ------
-    InputError
+    A file that no job wrote passes.  ``summary``: as of :func:`unfinished_jobs`.
     """
     path = Path(path)
     verify_checksums([path], path.parent)
@@ -137,8 +109,9 @@ def _file(job: str, logs: str | Path) -> Path:
 
 
 def _read(logs: Path) -> Iterable[UnfinishedJob]:
+    """All records; one that another job has just deleted, or that is damaged, is left out."""
     for file in files_below(logs, _ENDING):
         try:
             yield load(UnfinishedJob, file)
-        except InputError:  # another job has just deleted it, or it is damaged
+        except InputError:
             continue

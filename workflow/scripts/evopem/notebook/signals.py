@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.files.npz import save_arrays
+from evopem.files.archive import save_arrays
 from evopem.signals.timestamps import RATE_TOLERANCE, sampling_rate_of
 
 DATA = "data"

@@ -233,4 +233,4 @@ def summarize_dataset(files: DatasetFiles, phases: tuple[str, ...], is_automatic
         ranges,
         is_automatic,
     )
-    save(summarize(evidence, (files.recording_info, files.model, files.validation)), files.summary)
+    save(summarize(evidence), files.summary)

@@ -58,8 +58,6 @@ class DatasetSummary:
     # Gain of the model in decibels: the largest in each of :data:`GAIN_BANDS` equal bands from 0 Hz
     # to half the sampling rate, for a small plot. Of a model without input, of its noise filter
     gain_db: tuple[float, ...]
-    # SHA-256 of files that the summary was made from, by their names in the data set's folder
-    made_from: dict[str, str]
 
     @property
     def failed(self) -> list[Check]:
@@ -75,8 +73,8 @@ Entry = DatasetSummary | IncompleteDataset
 """A data set in a list of all data sets."""
 
 
-def summarize(evidence: Evidence, made_from: Iterable[str | Path] = ()) -> DatasetSummary:
-    """Summarize one data set; ``made_from``: the files of its results, whose checksums it keeps."""
+def summarize(evidence: Evidence) -> DatasetSummary:
+    """Summarize one data set."""
     model, validation, files = evidence.model, evidence.validation, evidence.recording.files
     return DatasetSummary(
         file=", ".join(each.path for each in files) or None,
@@ -94,7 +92,6 @@ def summarize(evidence: Evidence, made_from: Iterable[str | Path] = ()) -> Datas
         modes=tuple(each.mode for each in validation.modes.modes),
         trusted=tuple(each.trusted for each in validation.modes.modes),
         gain_db=_gain_outline(model),
-        made_from={Path(file).name: sha256_of_file(file) for file in made_from},
     )
 
 

@@ -17,7 +17,7 @@ from typing import Any, Literal
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
 from evopem.files.archive import member_of
-from evopem.files.checksums import checksummed, sha256_of_file
+from evopem.files.checksums import checksummed, sha256_of_file, sources
 from evopem.files.json_form import from_json, to_json
 from evopem.files.unfinished import unfinished_jobs
 from evopem.results.layout import BATCH_CHECKSUMS, DatasetFiles
@@ -57,7 +57,7 @@ def incompleteness(
     """Why the results of a data set are not whole; None where they are.
 
     They are whole if no job is left or unfinished, every required file exists, every file is as its
-    job wrote it, and the summary was made from the present model, validation and recording.
+    job wrote it, and was made from the files that are there.
 
     ``required``: beside model, validation and summary.  ``pending``: whether the run has ended with
     jobs of this data set left.
@@ -79,9 +79,10 @@ def incompleteness(
     for path, checksum in known.items():
         if path.is_file() and sha256_of_file(path) != checksum:
             return _changed(path, "was changed or damaged after it was written")
-    for name, checksum in _read(files.summary, "made_from").items():
-        if _checksum(f"{files.folder}/{name}") != checksum:
-            return _changed(files.summary, f"was not made from the present {name}")
+    for made, read, checksum in sources(files.folder):
+        # Parts of a result may be older than it where a job takes a recording through all stages.
+        if known.get(read, checksum) != checksum and not made.name.startswith("part-"):
+            return _changed(made, f"was not made from the present {read.name}")
     return None
 
 
@@ -231,14 +232,6 @@ def _kept(files: DatasetFiles) -> MadeFrom | None:
         return from_json(MadeFrom, json.loads(member_of(files.details, MADE_FROM) or b""))
     except (InputError, ValueError):
         return None
-
-
-def _read(file: str, key: str) -> Mapping[str, Any]:
-    """The object under a key of a JSON file; empty where there is none."""
-    try:
-        return dict(json.loads(Path(file).read_text(encoding="utf-8"))[key])
-    except (OSError, ValueError, KeyError, TypeError):
-        return {}
 
 
 def _checksum(file: str) -> str:

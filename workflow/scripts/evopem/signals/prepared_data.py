@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.files.archive import load_arrays, save_arrays
 from evopem.files.json_form import load, save
-from evopem.files.npz import load_arrays, save_arrays
 from evopem.signals.recording import (
     Recording,
     recording_arrays,

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.files.npz import load_arrays, save_arrays
+from evopem.files.archive import load_arrays, save_arrays
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,9 @@ here imports numpy, pandas or Snakemake.
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,7 +22,7 @@ from evopem.files.json_form import to_json
 from evopem.pipeline.planning.stage import Demand, Stage
 from evopem.pipeline.planning.stage_lists import Task
 from evopem.pipeline.planning.stages import PREPARING, STAGES, WHOLE, results_of, stages_of
-from evopem.results.identity import is_finished, was_read_from
+from evopem.results.identity import incompleteness, is_finished, was_read_from
 from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles
 
 _RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
@@ -115,6 +116,17 @@ class Provider:
             return []
         several = len(self.config.datasets) > 1
         return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
+
+    def with_whole_results(self) -> Provider:
+        """The same for the data sets whose results are whole; standard error names the others."""
+        whole = {}
+        for name, settings in self.config.datasets.items():
+            fault = incompleteness(DatasetFiles.of_dataset(name), self.results(name))
+            if fault is None:
+                whole[name] = settings
+            else:
+                sys.stderr.write(f"{name} is left out of the report: {fault.problem}\n")
+        return Provider(replace(self.config, datasets=whole))
 
     @property
     def targets(self) -> list[str]:
