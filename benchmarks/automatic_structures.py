@@ -26,7 +26,7 @@ from evopem import PolynomialModel
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings, fit
 from evopem.automatic.identify import identify_recordings
 from evopem.automatic.preparation.plan import PreparedRecord
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import covariance_of
 from evopem.models.response_tables import response_standard_errors
 from evopem.signals.recording import Recording, Segment
@@ -105,7 +105,7 @@ def _covered(
 ) -> tuple[float, float]:
     """Shares of the frequencies whose 95 % intervals of gain and of phase cover the truth."""
     orders = replace(model.orders, structure=structure)
-    errors = StretchErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, True)
+    errors = PolynomialErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, True)
     point = errors.completed_by_states(model)
     covariance = covariance_of(
         *(errors, point, errors.residuals(point), errors.scored_outputs()),

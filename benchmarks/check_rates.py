@@ -28,11 +28,11 @@ from scipy.special import chdtrc  # noqa: E402
 from evopem import Orders, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E402
 from evopem.estimation.delays import Fit, refine_delay  # noqa: E402
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.models.mode_matching import OrderModel  # noqa: E402
 from evopem.models.structures import armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
-from evopem.signals.recording import Recording  # noqa: E402
+from evopem.signals.recording import Recording, Segment  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 from evopem.synthesis.flexible_arm import flexible_arm  # noqa: E402
 from evopem.validation.excitation import split_spectra  # noqa: E402
@@ -90,7 +90,9 @@ def tests_of_whiteness(u: Array, y: Array, orders: Numbers, objective: str) -> t
     fitted = orders[0] + orders[2]
     lags = ljung_box_lags(len(residuals), fitted, 1200)
     window = found.window.residual_start, found.window.loss_start
-    errors = PolynomialErrors(u, y, found.model.orders, objective, *window, 1.0, 1.0)
+    errors = PolynomialErrors(
+        [Segment(u, y)], found.model.orders, objective, 1.0, 1.0, False, ScoringWindow(*window)
+    )
     jacobian = errors.jacobian_blocks(np.concatenate([found.model.parameters, found.noise_state]))
     test = whiteness_test(residuals, jacobian, lags, objective)
     return test.p_value, float(chdtrc(lags - fitted, test.statistic))

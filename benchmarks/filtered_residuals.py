@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from evopem.estimation.pem.polynomial_objective import STATE_WEIGHT, PolynomialErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.pem.stretch_errors import STATE_WEIGHT
 
 Array = NDArray[np.float64]
 
@@ -18,14 +19,14 @@ class FilteredResiduals:
     """
 
     def __init__(self, errors: PolynomialErrors) -> None:
-        o, start, samples = errors.orders, errors.residual_start, errors.samples
-        u, y = errors.input, errors.output
+        o, start, samples = errors.orders, errors.window.residual_start, errors.samples
+        u, y = errors.inputs[:, 0], errors.output
         past = [y[start - i : samples - i] for i in range(1, o.na + 1)]
         past += [
             -u[start - o.single.nk - j : samples - o.single.nk - j] for j in range(o.single.nb)
         ]
         self.orders = o
-        self.kept = slice(errors.loss_start - start, None)
+        self.kept = slice(errors.window.loss_start - start, None)
         self.output = y[start:]
         self.regressors = np.column_stack(past)
         self.impulses = np.eye(samples - start, o.nc)

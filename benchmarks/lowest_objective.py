@@ -4,9 +4,8 @@
 
 1. At the true orders of the ARMAX(7,6,7,3) truth: the search against 200 starts of SciPy's SLSQP,
    which moves in reflection coordinates, where the stability region is a box.
-2. At ARMAX(14,14,14,3), where the objective has many minima: the search with each of its
-   initializations, against SciPy's BFGS and Levenberg-Marquardt from the chapter's random starts,
-   at equal evaluations and at equal time.
+2. At ARMAX(14,14,14,3), where the objective has many minima: the search against SciPy's BFGS
+   and Levenberg-Marquardt from the chapter's random starts, at equal evaluations and at equal time.
 3. The same on real recordings, where FOLDER holds them.
 """
 
@@ -31,12 +30,12 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from filtered_residuals import FilteredResiduals  # noqa: E402
 
-from evopem.config.settings import SearchSettings  # noqa: E402
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
+from evopem.config.settings import ScoringWindow, SearchSettings  # noqa: E402
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
-from evopem.estimation.search.memetic import memetic_search  # noqa: E402
+from evopem.estimation.search.global_search import global_search  # noqa: E402
 from evopem.models.structures import Orders, armax_orders  # noqa: E402
-from evopem.signals.recording import Recording  # noqa: E402
+from evopem.signals.recording import Recording, Segment  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -57,18 +56,15 @@ def prediction_errors(record: Recording, orders: Orders, objective: str) -> Poly
     y, u = record.output - record.output.mean(), record.input - record.input.mean()
     scored = first + max(N_INITIAL_DISCARD, orders.nc)
     return PolynomialErrors(
-        u / np.std(u), y / np.std(y), orders, objective, first, scored, RADIUS, RADIUS
+        [Segment(u / np.std(u), y / np.std(y))],
+        *(orders, objective, RADIUS, RADIUS, False, ScoringWindow(first, scored)),
     )
 
 
-def searched(
-    errors: PolynomialErrors, initialization: str, settings: SearchSettings
-) -> tuple[float, int, float]:
+def searched(errors: PolynomialErrors, settings: SearchSettings) -> tuple[float, int, float]:
     """Best value, evaluations and processor time of one search."""
     began = time.process_time()
-    result = memetic_search(
-        ArmaxProblem(errors, initialization), settings, np.random.default_rng(1)
-    )
+    result = global_search(ArmaxProblem(errors), settings, np.random.default_rng(1))
     return result.value, result.diagnostics.evaluations, time.process_time() - began
 
 
@@ -190,20 +186,19 @@ def true_orders(case: tuple[int, float, int]) -> float:
         errors = prediction_errors(armax(seed, samples, noise=noise)[0], TRUE_ORDERS, "quadratic")
         starts, _ = ArmaxProblem(errors).draw(STARTS, np.random.default_rng(seed))
         best = min(sequential_quadratic_from(errors, start) for start in starts)
-        return searched(errors, "arx", DEFAULT)[0] / best - 1.0
+        return searched(errors, DEFAULT)[0] / best - 1.0
 
 
-METHODS = ("search, `arx`", "search, `incremental_order`", "BFGS", "LM")
+METHODS = ("search", "BFGS", "LM")
 
 
 def large_orders(record: Recording, orders: Orders, objective: str) -> tuple[list[float], float]:
     """Best value of each of :data:`METHODS`, and the seconds that the search took."""
     with threadpool_limits(limits=1):
         errors = prediction_errors(record, orders, objective)
-        searched(errors, "arx", SearchSettings(evaluations=1))  # compile
-        arx, spent, seconds = searched(errors, "arx", MORE)
-        incremental, _, _ = searched(errors, "incremental_order", MORE)
-        values = [arx, incremental, multistart(errors, bfgs_from, spent)]
+        searched(errors, SearchSettings(evaluations=1))  # compile
+        lowest, spent, seconds = searched(errors, MORE)
+        values = [lowest, multistart(errors, bfgs_from, spent)]
         absolute = objective == "absolute"  # no sum of squares
         values += [
             np.nan if absolute else multistart(errors, levenberg_marquardt_from, spent),
@@ -297,7 +292,7 @@ def write_large_orders(pool: Executor, records: int, folder: Path | None) -> Non
         "search",
         "Large orders",
         f"ARMAX(14,14,14,3), {len(NOISES) * records} records a row, and recordings; searches of "
-        "100 000 evaluations, started at `arx` or `incremental_order`,\nand multi-start BFGS and "
+        "100 000 evaluations, \nand multi-start BFGS and "
         "Levenberg-Marquardt (LM) with as many evaluations. Cells: how often within 10⁻⁶ of the "
         "best value that\nany of them found, and the median excess over it, percent.",
         "benchmarks/lowest_objective.py",

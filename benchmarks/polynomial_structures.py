@@ -30,8 +30,9 @@ from filtered_polynomials import FilteredPolynomials  # noqa: E402
 
 from evopem import Orders, PolynomialModel, SearchSettings, estimate  # noqa: E402
 from evopem.config.structures import ORDER_NAMES  # noqa: E402
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.models.structures import orders_of  # noqa: E402
+from evopem.signals.recording import Segment  # noqa: E402
 from evopem.synthesis.polynomial import polynomial_record  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -71,8 +72,7 @@ def errors_of_record(structure: str, seed: int) -> tuple[Array, Array, Array]:
     u, y, variance = polynomial_record(truth, 1000, 20.0, np.random.default_rng(seed))
     given = None if structure == "arma" else u
     found = estimate(given, y, named(truth.orders), structure=structure, settings=QUADRATIC)
-    first = truth.orders.first_residual
-    problem = PolynomialErrors(u, y, truth.orders, "quadratic", first, first, RADIUS, RADIUS)
+    problem = PolynomialErrors([Segment(u, y)], truth.orders, "quadratic", RADIUS, RADIUS)
     point = np.zeros(problem.dimension)
     point[: len(truth.parameters)] = truth.parameters
     jacobian = problem.jacobian(point)
@@ -172,7 +172,7 @@ def main() -> None:
         if "errors" in chosen.only:
             write_section(
                 "structures",
-                "Errors of the parameters",
+                "PolynomialErrors of the parameters",
                 f"{chosen.records} records of 1000 samples a structure at its true orders, noise "
                 "20 %. Root mean square error over the Cramér-Rao bound, and coverage of\n95 % "
                 "intervals in percent: mean over the coefficients (range).",

@@ -38,17 +38,15 @@ from evopem.config.order_grid import (  # noqa: E402
     phases_of_dataset,
     scoring_window,
 )
-from evopem.config.settings import (  # noqa: E402
-    SearchSettings,
-)
+from evopem.config.settings import ScoringWindow, SearchSettings  # noqa: E402
 from evopem.estimation.candidate import Candidate, first_pass  # noqa: E402
 from evopem.estimation.estimate import estimate  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
     estimate_candidates,
     select_candidate,
 )
-from evopem.estimation.pem.kernels import LANES  # noqa: E402
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors  # noqa: E402
+from evopem.estimation.pem.kernels.simd import LANES  # noqa: E402
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.global_search import global_search  # noqa: E402
 from evopem.models.structures import Orders, armax_orders, orders_of  # noqa: E402
@@ -89,7 +87,7 @@ def problem(seed: int, orders: Orders, samples: int = SAMPLES) -> PolynomialErro
     first = max(orders.first_residual, 3)
     start = first + max(20, orders.nc)
     return PolynomialErrors(
-        record.input, record.output, orders, "quadratic", first, start, 0.9999, 0.9999
+        record.segments, orders, "quadratic", 0.9999, 0.9999, False, ScoringWindow(first, start)
     )
 
 
@@ -119,7 +117,7 @@ def one_pass() -> list[str]:
 
     def by_filters() -> None:
         for _ in range(20):
-            e = lfilter(a, c, errors.output) - lfilter(b, c, errors.input)
+            e = lfilter(a, c, errors.output) - lfilter(b, c, errors.inputs[:, 0])
             float(e @ e)
 
     def by_kernels() -> None:
@@ -156,7 +154,7 @@ def sippy(seed: int, orders: Orders) -> tuple[float, float]:
         try:
             model = system_identification(
                 errors.output,
-                errors.input,
+                errors.inputs[:, 0],
                 "ARMAX",
                 ARMAX_orders=[orders.na, orders.single.nb, orders.nc, orders.single.nk - 1],
                 ARMAX_mod="OPT",
@@ -197,15 +195,16 @@ def objective_of(errors: PolynomialErrors, a: Array, b: Array, c: Array) -> floa
     """
     o = errors.orders
     point = np.concatenate([a[1:], b, c[1:], np.zeros(o.nc)])
-    impulses = np.eye(errors.samples - errors.residual_start, o.nc)
-    kept = slice(errors.loss_start - errors.residual_start, None)
+    window = errors.window
+    impulses = np.eye(errors.samples - window.residual_start, o.nc)
+    kept = slice(window.loss_start - window.residual_start, None)
     columns = lfilter([1.0], c, impulses, axis=0)[kept]
-    e = errors.residuals(point)[errors.loss_start :]
+    e = errors.residuals(point)
     if not (np.isfinite(e).all() and np.isfinite(columns).all()):
         return np.inf  # C is not invertible
     state = np.linalg.lstsq(columns, -e, rcond=1e-3)[0]
     e = e + columns @ state
-    y = errors.output[errors.loss_start :]
+    y = errors.scored_outputs()
     return float(100.0 * (e @ e) / (y @ y))
 
 

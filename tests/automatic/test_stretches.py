@@ -11,8 +11,7 @@ from evopem.automatic.fit import FitSettings, fit
 from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.held_out.stretches import folds_of
 from evopem.config.structures import ORDER_NAMES
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
 
@@ -30,23 +29,12 @@ def test_folds_hold_out_each_sample_once():
         assert total_samples(fold.training) + total_samples(fold.held_out) >= 90
 
 
-def test_one_stretch_is_the_problem_of_one_record():
-    u, y, _ = output_error_record(200)
-    orders = Orders(nb=2, nc=1, nd=1, nf=2, nk=1)
-    several = StretchErrors([Segment(u, y)], orders, "quadratic", 0.99, 0.99, True)
-    first = orders.first_residual
-    one = PolynomialErrors(u, y, orders, "quadratic", first, first, 0.99, 0.99, True)
-    point = np.random.default_rng(1).normal(0.0, 0.1, (1, one.dimension))
-    assert several.dimension == one.dimension
-    assert several.values(point) == pytest.approx(one.values(point), rel=1e-12)
-
-
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])
 def test_the_gradient_over_stretches_is_that_of_the_values(objective):
     u, y, _ = output_error_record(300)
     stretches = [Segment(u[:120], y[:120]), Segment(u[150:], y[150:] + 3.0, 1)]
     orders = Orders(nb=2, nc=1, nd=1, nf=2, nk=1)
-    errors = StretchErrors(stretches, orders, objective, 0.99, 0.99, True)
+    errors = PolynomialErrors(stretches, orders, objective, 0.99, 0.99, True)
     assert errors.parameters == orders.parameters + 2
     point = np.random.default_rng(1).normal(0.0, 0.1, errors.dimension)
     smoothing, none = np.full(1, 0.5), np.zeros(1)

@@ -73,7 +73,7 @@ def test_the_built_in_values_are_the_documented_ones():
     assert (arm.order_grid.delay.orders, arm.order_grid.delay.nk) == ((6, 9), (0, 3))
     assert arm.order_grid.orders == OrderSettings(joint=(6, 14), nc=(2, 16), nb=(2, 16))
     search = arm.search
-    assert (search.objective, search.initialization, search.refine) == ("absolute", "arx", "worst")
+    assert (search.objective, search.refine) == ("absolute", "worst")
     assert (search.mu, search.lambda_, search.nu, search.seed) == (15, 100, 10, 1)
     assert (search.evaluations, search.max_root_radius) == (20000, 0.9999)
     assert search.n_initial_discard == 20

@@ -5,12 +5,12 @@ import pytest
 from least_absolute import descended, loss
 
 from evopem import SearchSettings, estimate
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.problem import AbsoluteStateSpaceProblem
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.recording import Recording, concatenated
+from evopem.signals.recording import Recording, Segment, concatenated
 
 RATE = 10.0
 ABSOLUTE = {
@@ -111,13 +111,12 @@ def test_several_inputs_have_the_optimum_of_linear_programmes():
     orders = {"nb": 2, "nf": [2, 2], "nk": 1}
     settings = SearchSettings(evaluations=200)
     found = estimate(u, y[:, 0], orders, RATE, structure="oe", settings=settings, level=True)
-    first = found.window.residual_start
     errors = PolynomialErrors(
-        *(u, y[:, 0], found.model.orders, "absolute", first, first, 0.9999, 0.9999, True)
+        [Segment(u, y[:, 0])], found.model.orders, "absolute", 0.9999, 0.9999, True
     )
 
     def errors_of(point):
-        return errors.residuals(point)[first:, None]
+        return errors.residuals(point)[:, None]
 
     value = loss(errors_of(found.search.point))
     assert value - descended(errors_of, found.search.point)[1] < 2e-6

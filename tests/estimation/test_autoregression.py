@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.estimation.pem.autoregression import autoregression
+from evopem.estimation.pem.least_squares import autoregression
 
 
 def test_a_resonance_is_found():

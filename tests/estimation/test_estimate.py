@@ -194,7 +194,6 @@ def test_units_do_not_matter(exponent):
     [
         (SearchSettings(objective="cubic"), None, "objective must be"),
         (SearchSettings(refine="none"), None, "refine must be"),
-        (SearchSettings(initialization="zero"), None, "initialization must be"),
         (SearchSettings(max_root_radius=1.0), None, "max_root_radius must lie"),
         (None, ScoringWindow(1, 30), "no residual before"),
         (None, ScoringWindow(9, 8), "before the first residual"),

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from evopem import SearchSettings, estimate
 from evopem.estimation.order_limits import joint_orders
 from evopem.estimation.order_scan import reduced_orders, refitted, scanned_orders
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.prediction_errors import scaled_errors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
@@ -58,7 +58,7 @@ CASES = [
 
 
 def errors_of(segments, orders, radius=0.9999):
-    return StretchErrors(segments, orders, "quadratic", radius, radius, True)
+    return PolynomialErrors(segments, orders, "quadratic", radius, radius, True)
 
 
 @pytest.mark.parametrize("orders", CASES, ids=str)
@@ -169,8 +169,8 @@ def test_recordings_have_levels_and_states_of_their_own(structure):
     residuals = found.residuals[np.isfinite(found.residuals)]
     assert residuals @ residuals <= peer.fun @ peer.fun * (1.0 + PRIOR)
     # No residual of a recording depends on level and states of the other one.
-    (own, one), (_, other) = problem.places()
-    columns, first = problem.jacobian(peer.x), own.scored_samples
+    one, other = (at for _, at in problem.places())
+    columns, first = problem.jacobian(peer.x), problem.residual_counts()[0]
     assert not columns[:first, np.setdiff1d(other, one)].any()
     assert not columns[first:, np.setdiff1d(one, other)].any()
     start = found.window.residual_start

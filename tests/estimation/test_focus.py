@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from evopem import SearchSettings, estimate
+from evopem.config.settings import ScoringWindow
 from evopem.estimation.pem.k_step_errors import KStepErrors
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import STRUCTURES
+from evopem.signals.recording import Segment
 from evopem.synthesis.polynomial import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
@@ -26,6 +28,11 @@ TRUTHS = {
 }
 
 
+def problem(u, y, objective, level, window):
+    stretches = [Segment(u, y)]
+    return PolynomialErrors(stretches, GENERAL.orders, objective, 0.999, 0.999, level, window)
+
+
 def record(model, samples, seed, noise_percent=20.0):
     return polynomial_record(model, samples, noise_percent, np.random.default_rng(seed))
 
@@ -34,7 +41,7 @@ def record(model, samples, seed, noise_percent=20.0):
 @pytest.mark.parametrize("horizon", [1, 2, 7])
 def test_the_gradient_of_k_step_errors_is_right(objective, horizon):
     u, y, _ = record(GENERAL, 300, 1)
-    one_step = PolynomialErrors(u, y, GENERAL.orders, objective, 2, 10, 0.999, 0.999, True)
+    one_step = problem(u, y, objective, True, ScoringWindow(2, 10))
     errors = KStepErrors(one_step, horizon)
     point = np.concatenate([1.03 * GENERAL.parameters, [0.1], np.full(4, 0.1)])
     smoothing, barrier = np.array([0.1]), np.array([0.01])
@@ -53,7 +60,7 @@ def test_the_gradient_of_k_step_errors_is_right(objective, horizon):
 @pytest.mark.parametrize("horizon", [1, 2, 7])
 def test_k_step_errors_are_those_of_the_models_prediction(horizon):
     u, y, _ = record(GENERAL, 300, 1)
-    errors = PolynomialErrors(u, y, GENERAL.orders, "quadratic", 2, 2, 0.999, 0.999, False)
+    errors = problem(u, y, "quadratic", False, ScoringWindow(2, 2))
     point = np.concatenate([GENERAL.parameters, np.zeros(4)])
     expected = (y - GENERAL.predict(u, y, horizon))[2:]
     np.testing.assert_allclose(KStepErrors(errors, horizon).residuals(point), expected, atol=1e-10)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.certificate import (
@@ -13,10 +13,9 @@ from evopem.estimation.search.certificate import (
     enough_agree,
     is_certified,
 )
-from evopem.estimation.search.global_search import BATCH, BATCHES, global_search
+from evopem.estimation.search.global_search import BATCH, BATCHES, global_search, hop
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.section_hopping import hop
 from evopem.models.structures import armax_orders, orders_of
 from evopem.synthesis.armax import armax
 
@@ -25,7 +24,8 @@ def problem(orders, samples=600, objective="quadratic"):
     record = armax(seed=3, samples=samples)[0]
     return ArmaxProblem(
         PolynomialErrors(
-            record.input, record.output, armax_orders(*orders), objective, 20, 40, 0.9999, 0.9999
+            *(record.segments, armax_orders(*orders), objective, 0.9999, 0.9999, False),
+            ScoringWindow(20, 40),
         )
     )
 

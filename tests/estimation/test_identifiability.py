@@ -7,12 +7,12 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
-from evopem.estimation.estimate import descended_from
 from evopem.estimation.pem.covariance import pseudo_inverse_factor
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.polynomial_estimate import describe
 from evopem.models.response_tables import response_interval
 from evopem.models.structures import armax_orders
-from evopem.signals.recording import Recording
+from evopem.signals.recording import Segment
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, -0.6]
 RATE = 100.0
@@ -94,17 +94,14 @@ def test_the_shortest_b_leaves_the_residuals_as_they_are():
     orders = armax_orders(2, 6, 1, 1)
     found = estimate(u, y, orders, settings=SEARCH)
     errors = PolynomialErrors(
-        *(u, y, orders, "quadratic", found.window.residual_start, found.window.loss_start),
-        *(0.9999, 0.9999),
+        [Segment(u, y)], orders, "quadratic", 0.9999, 0.9999, False, found.window
     )
     past = np.lib.stride_tricks.sliding_window_view(u, 6)[:, ::-1]
     null = np.linalg.svd(past)[2][-1]
     point = np.concatenate([found.model.parameters, found.noise_state])
     point[2:8] += 1e3 * null
-    moved = descended_from(
-        point, found.search, Recording(u, y, 1.0), orders, SEARCH, found.window, False
-    )
-    assert np.abs(errors.residuals(point) - np.nan_to_num(found.residuals)).max() < 1e-8
+    moved = describe(errors, replace(found.search, point=point), 1.0, shortest=True)
+    assert np.abs(errors.residuals(point) - found.residuals[found.window.loss_start :]).max() < 1e-8
     assert np.abs(moved.model.b - found.model.b).max() < 1e-4
     assert np.linalg.norm(moved.model.b) < 2.0
 

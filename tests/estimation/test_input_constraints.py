@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 from evopem import SearchSettings, estimate
 from evopem.config.constraints import Constraints, FixedPole
 from evopem.errors import InputError
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.signals.recording import Recording
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.signals.recording import Recording, Segment
 
 RATE = 20.0
 SHORT = SearchSettings(objective="quadratic", evaluations=200)
@@ -47,8 +47,7 @@ def found_with(structure, constraints, seed=1, objective="quadratic", samples=50
 
 def problem_of(model, samples=500, seed=1):
     u, y = recorded(samples, seed)
-    first = model.orders.first_residual
-    return PolynomialErrors(u, y, model.orders, "quadratic", first, first, 0.9999, 0.9999, True)
+    return PolynomialErrors([Segment(u, y)], model.orders, "quadratic", 0.9999, 0.9999, True)
 
 
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])
@@ -74,7 +73,7 @@ def test_the_optimum_with_a_given_gain_is_that_of_another_method():
         return point[part("b", 0)].sum() - 6.0 * (1.0 + point[part("f", 0)].sum())
 
     def squares(point):
-        e, J = errors.residuals(point)[errors.loss_start :], errors.jacobian(point)
+        e, J = errors.residuals(point), errors.jacobian(point)
         if not np.isfinite(J).all():  # a step of the other method out of the stable region
             return 1e12, np.zeros(len(point))
         return e @ e, 2.0 * (J.T @ e)

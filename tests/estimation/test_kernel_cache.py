@@ -17,6 +17,15 @@ from evopem.estimation.pem.kernels.cache import njit
 def addend(x):
     return x + {number}
 """
+KINDS = (
+    INNER.format(number=1)
+    + """
+from typing import NamedTuple
+
+class Kind(NamedTuple):
+    number: int
+"""
+)
 OUTER = """
 from evopem.estimation.pem.kernels.cache import cached_njit
 from package.inner import addend
@@ -63,6 +72,17 @@ def test_a_change_in_one_file_invalidates_what_other_files_compiled(package):
     (package / "inner.py").write_text(INNER.format(number=2))
     assert run(package)[0] == (30, 0, 1)
     assert run(package)[0] == (30, 1, 0)
+
+
+def test_types_of_a_module_that_is_gone_are_compiled_anew(package):
+    for name in ("kinds", "sorts"):
+        (package / f"{name}.py").write_text(KINDS)
+        outer = OUTER.replace("addend(x)", "addend(x.number)").replace("inner", f"{name}")
+        (package / "outer.py").write_text(outer)
+        code = RUN.replace("total(1)", f"total(package.{name}.Kind(1))")
+        assert run(package, f"import package.{name}" + code)[0] == (20, 0, 1)
+        assert run(package, f"import package.{name}" + code)[0] == (20, 1, 0)
+        (package / f"{name}.py").unlink()
 
 
 def test_a_job_says_in_its_log_that_it_compiles(package, tmp_path):

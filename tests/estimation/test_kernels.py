@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from evopem.config.settings import ScoringWindow
 from evopem.estimation.pem.batch_bfgs import descend, descend_by
-from evopem.estimation.pem.kernels import stability_barriers
-from evopem.estimation.pem.kernels.filtering import filter_rows
+from evopem.estimation.pem.kernels.polynomials import filter_rows, stability_barriers
 from evopem.estimation.pem.kernels.record import CHUNK
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.staged_descent import damped_inverses
 from evopem.models.structures import Orders
+from evopem.signals.recording import Segment
 
 START, LOSS_START = 11, 40
 CASES = [
@@ -37,8 +38,15 @@ def problem(orders, level, objective="quadratic", samples=203, loss_start=LOSS_S
     generator = np.random.default_rng(5)
     y = generator.standard_normal(samples)
     u = generator.standard_normal((samples, orders.inputs))
-    errors = PolynomialErrors(u, y, orders, objective, START, loss_start, 0.999, 0.995, level)
+    window = ScoringWindow(START, loss_start)
+    errors = PolynomialErrors([Segment(u, y)], orders, objective, 0.999, 0.995, level, window)
     return errors, u, y
+
+
+def residuals_of(errors, point):
+    """All residuals of the one stretch, (N,)."""
+    ((stretch, own),) = errors.of_stretches(point)
+    return stretch.residuals(own)
 
 
 def population(errors, count, seed=0):
@@ -83,7 +91,7 @@ def test_residuals_follow_the_difference_equations(orders, level, samples):
     errors, u, y = problem(orders, level, samples=samples)
     for point in population(errors, 2):
         expected = by_difference_equations(errors, u, y, point)
-        np.testing.assert_allclose(errors.residuals(point), expected, rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(residuals_of(errors, point), expected, rtol=1e-8, atol=1e-8)
 
 
 @pytest.mark.parametrize(("orders", "level"), CASES, ids=str)
@@ -96,7 +104,7 @@ def test_values_are_sums_of_losses(orders, level, objective):
     unit = np.mean(np.abs(y[LOSS_START:])) if objective == "absolute" else 1.0
     parts = errors.parts()
     expected = [
-        np.sum(total(errors.residuals(point)[LOSS_START:]))
+        np.sum(total(errors.residuals(point)))
         + 1e-6 * np.sum(point[parts["plant"]] ** 2) / unit
         + 1e-2 * np.sum(point[parts["noise"]] ** 2) / unit
         for point in points
@@ -128,7 +136,7 @@ def test_the_gradient_does_not_depend_on_where_stretches_begin(samples):
     points, none = population(errors, 3), np.zeros(3)
     _, gradients = errors.values_and_gradients(points, none, none)
     for point, gradient in zip(points, gradients, strict=True):
-        residuals = errors.residuals(point)[LOSS_START:]
+        residuals = errors.residuals(point)
         expected = 2.0 * errors.loss_factor * errors.jacobian(point).T @ residuals
         expected += 2.0 * errors.state_weights() * point
         np.testing.assert_allclose(gradient, expected, atol=1e-9 * np.abs(expected).max())
@@ -142,7 +150,7 @@ def test_the_jacobian_is_exact_from_the_first_residual_on(orders, level, loss_st
     steps = 1e-6 * np.eye(errors.dimension)
     expected = np.column_stack(
         [(errors.residuals(point + h) - errors.residuals(point - h)) / 2e-6 for h in steps]
-    )[loss_start:]
+    )
     found = errors.jacobian(point)
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
@@ -170,7 +178,7 @@ def test_the_gauss_newton_matrix_is_exact_when_few_samples_are_left_for_the_last
     generator = np.random.default_rng(last)
     u = generator.standard_normal((2 * CHUNK + first + last, inputs))
     y = generator.standard_normal(len(u))
-    errors = PolynomialErrors(u, y, orders, "quadratic", first, first, 0.99, 0.99, True)
+    errors = PolynomialErrors([Segment(u, y)], orders, "quadratic", 0.99, 0.99, True)
     points = errors.repair(0.3 * generator.standard_normal((3, errors.dimension)))
     none = np.zeros(3)
     for point, found in zip(points, errors.curvatures(points, none, none), strict=True):
@@ -192,7 +200,7 @@ def test_a_long_record_in_blocks_has_the_jacobian_of_the_whole():
         h = step * np.eye(errors.dimension)[k]
         change = (errors.residuals(point + h) - errors.residuals(point - h)) / (2.0 * step)
         rows = slice(place - 5, place + 5)
-        np.testing.assert_allclose(expected[rows, k], change[LOSS_START:][rows], atol=1e-5)
+        np.testing.assert_allclose(expected[rows, k], change[rows], atol=1e-5)
 
 
 @pytest.mark.parametrize("objective", ["absolute", "quadratic"])
@@ -233,7 +241,7 @@ def test_an_output_error_model_simulates():
     ]
     point[4:6] = -np.array(state)
     expected = (y - simulated)[START:]
-    np.testing.assert_allclose(errors.residuals(point)[START:], expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(residuals_of(errors, point)[START:], expected, rtol=1e-9, atol=1e-9)
 
 
 def test_the_barrier_of_a_descent_is_that_of_all_monic_polynomials():
@@ -313,7 +321,8 @@ def test_rows_are_filtered_as_scipy_filters_them_piece_by_piece(order):
 def test_the_record_is_not_modified():
     u, y = np.random.default_rng(1).standard_normal((2, 200))
     before = u.copy(), y.copy()
-    errors = PolynomialErrors(u, y, Orders(na=2, nb=1, nc=2), "absolute", 11, 40, 0.999, 0.999)
+    orders, window = Orders(na=2, nb=1, nc=2), ScoringWindow(11, 40)
+    errors = PolynomialErrors([Segment(u, y)], orders, "absolute", 0.999, 0.999, False, window)
     errors.values_and_gradients(population(errors, 5), np.full(5, 0.1), np.zeros(5))
     np.testing.assert_array_equal((u, y), before)
 

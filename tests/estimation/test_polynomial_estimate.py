@@ -197,7 +197,6 @@ def test_the_record_is_not_modified():
         ({"settings": SearchSettings(max_root_radius=1.0)}, "between 0 and 1"),
         ({"structure": "state space"}, "structure must be one of"),
         ({"settings": SearchSettings(refine="oldest")}, "refine must be one of"),
-        ({"settings": SearchSettings(initialization="zero")}, "initialization must be one of"),
     ],
 )
 def test_bad_arguments_are_named(changes, message):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.pem.kernels.sections import products_of_sections
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.kernels.polynomials import products_of_sections
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
@@ -20,8 +19,8 @@ RADIUS = 0.9999
 
 def armax_problem(objective="quadratic", orders=(5, 5, 5, 3)):
     record = armax(seed=2, samples=400)[0]
-    signals = (record.input, record.output, armax_orders(*orders))
-    return ArmaxProblem(PolynomialErrors(*signals, objective, 20, 40, RADIUS, RADIUS))
+    given = (record.segments, armax_orders(*orders), objective, RADIUS, RADIUS, False)
+    return ArmaxProblem(PolynomialErrors(*given, ScoringWindow(20, 40)))
 
 
 def box_jenkins(objective="quadratic"):
@@ -41,7 +40,7 @@ def joined(objective="quadratic"):
     orders = orders_of("oe", (4, 4, 3))
     window = ScoringWindow(10, 20)
     return PolynomialProblem(
-        StretchErrors(stretches, orders, objective, RADIUS, RADIUS, True, window)
+        PolynomialErrors(stretches, orders, objective, RADIUS, RADIUS, True, window)
     )
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
 from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.common_sections import (
@@ -37,8 +36,8 @@ def problem(structure, orders, objective="quadratic", samples=500):
     settings = SearchSettings(objective=objective)
     orders = orders_of(structure, orders)
     if structure == "armax":
-        signals = (record.input, record.output)
-        return ArmaxProblem(PolynomialErrors(*signals, orders, objective, 20, 40, 0.9999, 0.9999))
+        given = (record.segments, orders, objective, 0.9999, 0.9999, False, ScoringWindow(20, 40))
+        return ArmaxProblem(PolynomialErrors(*given))
     errors = prediction_errors(record, orders, settings, ScoringWindow(20, 40), False)
     return PolynomialProblem(scaled_errors(errors)[0])
 
@@ -49,7 +48,7 @@ def joined(structure, orders):
     parts = [slice(0, 150), slice(150, None)]
     stretches = [Segment(record.input[part], record.output[part], 0) for part in parts]
     orders = orders_of(structure, orders)
-    errors = StretchErrors(
+    errors = PolynomialErrors(
         stretches, orders, "quadratic", 0.9999, 0.9999, False, ScoringWindow(10, 20)
     )
     return PolynomialProblem(errors)

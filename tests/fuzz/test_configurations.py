@@ -50,7 +50,6 @@ ANALYSIS = {
     "orders": some(joint=ranges(1, 60) | st.just("auto"), nc=ranges(1, 60), nb=ranges(1, 60)),
     "search": some(
         objective=st.sampled_from(["absolute", "quadratic"]),
-        initialization=st.sampled_from(["arx", "incremental_order"]),
         refine=st.sampled_from(["worst", "all", "best", "random"]),
         seed=st.integers(0, 2**63),
         evaluations=st.integers(1, 10**9),

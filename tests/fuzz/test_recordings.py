@@ -84,7 +84,6 @@ def settings_of(generator):
         },
         "search": {
             "objective": one_of(generator, "absolute", "quadratic"),
-            "initialization": one_of(generator, "arx", "incremental_order"),
             "mu": 3,
             "lambda": 6,
             "nu": 2,

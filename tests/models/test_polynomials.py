@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from evopem.estimation.pem.kernels import schur_stable
+from evopem.estimation.pem.kernels.polynomials import schur_stable
 from evopem.models.polynomials import max_root_radius, reflect_into_disc
 
 polynomials = st.lists(st.floats(-3, 3), min_size=1, max_size=8).map(np.array)

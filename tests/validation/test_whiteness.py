@@ -7,7 +7,8 @@ from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
 from evopem.errors import InputError
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.signals.recording import Segment
 from evopem.validation.residual_tests import residual_autocorrelation_covariance, whiteness_test
 
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
@@ -90,8 +91,8 @@ def test_residuals_that_vanish_are_not_judged():
 
 
 def jacobian_of(fit, u, y):
-    window = fit.window.residual_start, fit.window.loss_start
-    errors = PolynomialErrors(u, y, fit.model.orders, "quadratic", *window, 1.0, 1.0)
+    given = ([Segment(u, y)], fit.model.orders, "quadratic", 1.0, 1.0, False, fit.window)
+    errors = PolynomialErrors(*given)
     return errors.jacobian_blocks(np.concatenate([fit.model.parameters, fit.noise_state]))
 
 

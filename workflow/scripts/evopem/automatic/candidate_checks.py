@@ -14,7 +14,7 @@ from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings
 from evopem.automatic.held_out.simulation import Model, prediction_errors
 from evopem.config.structures import OF_SIMULATION
 from evopem.estimation.criteria import lies_at_bound
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import covariance_of, roots_at_bound
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
@@ -82,7 +82,7 @@ def _of_one_input(
     model: PolynomialModel, structure: str, stretches: Sequence[Segment], settings: FitSettings
 ) -> CandidateChecks:
     orders = replace(model.orders, structure=structure)
-    errors = StretchErrors(
+    errors = PolynomialErrors(
         *(stretches, orders, settings.objective, PLANT_RADIUS, NOISE_RADIUS, settings.level)
     )
     point = errors.completed_by_states(model)
@@ -115,7 +115,7 @@ def _of_one_input(
     return CandidateChecks(tuple(failed), whiteness, correlation, later, shorter)
 
 
-def _whiteness(errors: StretchErrors, point: Array) -> tuple[float, bool]:
+def _whiteness(errors: PolynomialErrors, point: Array) -> tuple[float, bool]:
     residuals, orders = errors.residuals(point), errors.orders
     correlation = autocorrelation_of(residuals)
     largest = int(correlation.lag[-1])

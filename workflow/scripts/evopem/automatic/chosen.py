@@ -35,7 +35,7 @@ from evopem.estimation.order_limits import OrderLimits as InputLimits
 from evopem.estimation.order_limits import joint_orders
 from evopem.estimation.order_scan import refitted_estimate
 from evopem.estimation.order_selection import REPEAT_FACTOR
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
@@ -335,7 +335,7 @@ def _described_by_search(
 ) -> Candidate:
     """A model as the estimate of the prepared samples, from the states that fit them."""
     radius = search.max_root_radius
-    errors = StretchErrors(
+    errors = PolynomialErrors(
         *(data.segments, orders, search.objective, radius, min(radius, NOISE_RADIUS), True),
         window=window_of(orders),
     )
@@ -350,7 +350,7 @@ def _described(
     model = record.in_its_units(scored.model)
     objective = record.plan.objective
     start = max(first_scored, scored.orders.first_residual)
-    errors = StretchErrors(
+    errors = PolynomialErrors(
         *(data.segments, scored.orders, objective, 1.0, 1.0, True),
         window=ScoringWindow(scored.orders.first_residual, start),
     )

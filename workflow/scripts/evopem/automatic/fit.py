@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import OutputWeighting
 from evopem.errors import NoModelError
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.estimation.search.staged_descent import Stage
@@ -111,7 +111,7 @@ def fit(
     NoModelError
         When no stretch is long enough, or no start has finite prediction errors.
     """
-    errors = StretchErrors(
+    errors = PolynomialErrors(
         *(stretches, orders, settings.objective),
         *(PLANT_RADIUS, NOISE_RADIUS, settings.level),
     )
@@ -124,7 +124,7 @@ def fit(
     return fit_at(errors, point, structure or orders.structure)
 
 
-def fit_at(errors: StretchErrors, point: Array, structure: str) -> Fit:
+def fit_at(errors: PolynomialErrors, point: Array, structure: str) -> Fit:
     """The fit that a point of a problem stands for."""
     parts, orders = errors.parts(), errors.orders
     a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")

@@ -28,7 +28,6 @@ ModelForm = StateSpaceForm | InputStructure
 OutputWeighting = Literal["determinant", "noise", "power"]
 Objective = Literal["absolute", "quadratic"]
 OBJECTIVES: tuple[Objective, ...] = ("absolute", "quadratic")
-Initialization = Literal["arx", "incremental_order"]
 Focus = Literal["prediction", "simulation"] | Annotated[int, Field(ge=1, le=100_000)]
 Refine = Literal["worst", "all", "best", "random"]
 Recipe = Literal["auto", "chapter"]
@@ -145,9 +144,6 @@ class SearchSettings:
     ----------
     objective : {"absolute", "quadratic"}
         Sum of absolute prediction errors (chapter eq. 20-21) or of their squares (eq. 22).
-    initialization : {"arx", "incremental_order"}
-        First individuals: A and B of an ARX model with C at random, as in the chapter, or models
-        of smaller orders extended by pairs of roots.
     mu, lambda_ : int
         Parents and offspring of a generation.
     nu : int
@@ -174,15 +170,6 @@ class SearchSettings:
             " `quadratic` is efficient for Gaussian noise"
         ),
     ] = "absolute"
-    initialization: Annotated[
-        Initialization,
-        key(
-            "the first individuals of the search. `arx`: A and B of an ARX model by least"
-            " squares, C at random; `incremental_order`: models of smaller orders, extended by"
-            " pairs of roots, which on long records with too many parameters and the quadratic"
-            " objective usually end lower, [on others not](evidence/search.md)"
-        ),
-    ] = "arx"
     mu: Annotated[Count, key("the number of parents")] = 15
     lambda_: Annotated[Count, key("the number of offspring")] = 100
     nu: Annotated[Count, key("the number of offspring that BFGS refines in each generation")] = 10

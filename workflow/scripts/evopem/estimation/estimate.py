@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import (
-    Errors,
     checked_errors,
     in_scaled_units,
     prediction_errors,
@@ -247,7 +246,7 @@ def estimate_polynomial(
     One objective over all segments, each with initial states, and each recording with a level where
     one is estimated: ``A y = (B/F) u + (C/D) e + level``.  Draws come from ``SeedSequence(seed,
     spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``, without nd, nf and level for ARMAX models of
-    one input and segment, whose searches alone use ``initialization`` and ``n_initial_discard``.
+    one input and segment, whose searches alone use ``n_initial_discard``.
     ``earlier``: a search of the same problem to combine with this one.  ``optimum``: of one-step
     prediction without constraints, where these or a focus are given.  ``target``: what the search
     is made for; it ends once it is unlikely to get so low.
@@ -284,7 +283,7 @@ def estimate_polynomial(
 
 
 def _searched(
-    errors: Errors,
+    errors: PolynomialErrors,
     settings: SearchSettings,
     earlier: SearchResult | None,
     log: Callable[[str], None] | None,
@@ -293,7 +292,7 @@ def _searched(
 ) -> PolynomialEstimate:
     """The optimum of one-step prediction without constraints."""
     scaled, scales = scaled_errors(errors)
-    problem = problem_of(scaled, settings.initialization)
+    problem = problem_of(scaled)
     o, recombine = errors.orders, None
     if isinstance(problem, PolynomialProblem):
         recombine, key = problem.recombine, search_key(errors)
@@ -309,19 +308,16 @@ def _searched(
     return describe(errors, found, sampling_rate, shortest=True)
 
 
-def problem_of(errors: Errors, initialization: str = "arx") -> ArmaxProblem | PolynomialProblem:
-    """The search problem of prediction errors: that of the chapter for its ARMAX models.
-
-    ``initialization``, "arx" or "incremental_order", is that of the latter.
-    """
+def problem_of(errors: PolynomialErrors) -> ArmaxProblem | PolynomialProblem:
+    """The search problem of prediction errors: that of the chapter for its ARMAX models."""
     of_armax = errors.orders.structure == "armax" and errors.orders.inputs == 1
-    if of_armax and not errors.level and not isinstance(errors, StretchErrors):
-        return ArmaxProblem(errors, initialization)
+    if of_armax and not errors.level and len(errors.stretches) == 1:
+        return ArmaxProblem(errors)
     return PolynomialProblem(errors)
 
 
 def descended_from(
-    start: ArrayLike | PolynomialModel,
+    start: PolynomialModel,
     earlier: SearchResult,
     data: Recording,
     orders: Orders,
@@ -329,24 +325,14 @@ def descended_from(
     window: ScoringWindow,
     level: bool,
 ) -> PolynomialEstimate:
-    """The estimate after one descent, pooled with an earlier search of the problem.
-
-    ``start``: a point in the problem's own units, or of several segments a model of smaller orders.
-    """
+    """The estimate after a descent from a smaller model, pooled with an earlier search."""
     with one_blas_thread():
         errors = prediction_errors(data, orders, settings, window, level)
         scaled, scales = scaled_errors(errors)
-        problem = problem_of(scaled)
-        if not isinstance(start, PolynomialModel):
-            point: Array | None = np.asarray(start) / scales
-        elif isinstance(scaled, StretchErrors):
-            models = [in_scaled_units(start, scaled, scales)]
-            starts = PolynomialProblem(scaled, models, own_starts=False).starts()
-            point = starts[0] if len(starts) else None
-        else:
-            raise TypeError("of one segment, start from a point")
-        if point is None:
+        models = [in_scaled_units(start, scaled, scales)]
+        starts = PolynomialProblem(scaled, models, own_starts=False).starts()
+        if not len(starts):
             return describe(errors, earlier, data.sampling_rate, shortest=True)
-        ended = descended(problem, point)
+        ended = descended(problem_of(scaled), starts[0])
         ended = replace(ended, point=ended.point * scales)
         return describe(errors, pooled(earlier, ended), data.sampling_rate, shortest=True)

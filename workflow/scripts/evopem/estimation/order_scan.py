@@ -17,10 +17,9 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.errors import NoModelError
 from evopem.estimation.order_limits import OrderLimits
-from evopem.estimation.pem.polynomial_points import PolynomialPoints
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import (
-    Errors,
     checked_errors,
     in_scaled_units,
     scaled_errors,
@@ -95,7 +94,7 @@ def refitted(
     """The optimum of another recording that a descent from a model ends at, or NoModelError."""
     with one_blas_thread():
         errors, found = _refitted(model, recording, settings)
-        residuals = errors.residuals(found.point)[errors.loss_start :]
+        residuals = errors.residuals(found.point)
         level = found.point[errors.parts()["level"]]
         return model_of(
             model.orders,
@@ -117,7 +116,7 @@ def refitted_estimate(
 
 def _refitted(
     model: PolynomialModel, recording: Recording, settings: SearchSettings
-) -> tuple[Errors, SearchResult]:
+) -> tuple[PolynomialErrors, SearchResult]:
     errors = _errors_of(recording, model.orders, settings, model.orders.first_residual)
     scaled, scales = scaled_errors(errors)
     models = [in_scaled_units(model, scaled, scales)]
@@ -168,12 +167,12 @@ def reduced_orders(
 
 def _errors_of(
     recording: Recording, orders: Orders, settings: SearchSettings, start: int
-) -> Errors:
+) -> PolynomialErrors:
     return checked_errors(recording, orders, settings, ScoringWindow(start, start), level=True)
 
 
 def _descended(
-    errors: Errors, models: Sequence[PolynomialModel], width: int
+    errors: PolynomialErrors, models: Sequence[PolynomialModel], width: int
 ) -> SearchResult | None:
     """The lowest optimum from the best estimates and the best starts by models, if any."""
     problem = PolynomialProblem(errors)
@@ -190,8 +189,8 @@ def _descended(
     return SearchResult(descents.points[best], value, diagnostics)
 
 
-def _bic(errors: Errors, point: Array) -> float:
-    residuals = errors.residuals(point)[errors.loss_start :]
+def _bic(errors: PolynomialErrors, point: Array) -> float:
+    residuals = errors.residuals(point)
     return _log_loss(residuals, errors.objective) + _penalty(errors)
 
 
@@ -202,12 +201,12 @@ def _log_loss(residuals: Array, objective: str) -> float:
     return float(np.log(size)) if size > 0.0 else -np.inf
 
 
-def _penalty(errors: PolynomialPoints) -> float:
+def _penalty(errors: PolynomialErrors) -> float:
     samples = sum(errors.residual_counts())
     return float(errors.parameters * np.log(samples) / samples)
 
 
-def _with_bic(estimate: PolynomialEstimate, errors: Errors) -> PolynomialEstimate:
+def _with_bic(estimate: PolynomialEstimate, errors: PolynomialErrors) -> PolynomialEstimate:
     """The estimate with the BIC of its errors, as they are and whitened."""
     residuals = estimate.residuals[np.isfinite(estimate.residuals)]
     bounds = np.concatenate([[0], np.cumsum(errors.residual_counts())]).astype(np.int64)
@@ -224,7 +223,7 @@ def _with_bic(estimate: PolynomialEstimate, errors: Errors) -> PolynomialEstimat
     )
 
 
-def _nearest_optimum(errors: Errors, point: Array, orders: Orders) -> Array | None:
+def _nearest_optimum(errors: PolynomialErrors, point: Array, orders: Orders) -> Array | None:
     """The optimum next to a point of neighbouring orders, less a coefficient or a real root."""
     o, base = errors.orders, np.zeros(errors.dimension)
     shorter = []

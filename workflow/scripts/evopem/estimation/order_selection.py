@@ -29,7 +29,6 @@ from evopem.estimation.estimate import descended_from, estimate_polynomial
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.search.certificate import Target, is_certified
-from evopem.estimation.search.incremental_order import padded
 from evopem.estimation.search.problem import same_optimum
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
@@ -124,12 +123,8 @@ def reoptimize_from(
 ) -> Candidate:
     """Re-optimise a candidate from the parameters of a nested smaller one."""
     orders, level = candidate.orders, candidate.with_level
-    start = (
-        nested.model
-        if data.is_joined
-        else padded(nested.search.point, nested.orders, orders, level)
-    )
-    found = descended_from(start, candidate.search, data, orders, settings, window, level)
+    given = candidate.search, data, orders, settings, window, level
+    found = descended_from(nested.model, *given)
     return Candidate.of(found, candidate.phase)
 
 

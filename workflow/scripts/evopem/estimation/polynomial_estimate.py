@@ -18,7 +18,7 @@ from evopem.estimation.pem.covariance import (
     pseudo_inverse_factor,
 )
 from evopem.estimation.pem.least_squares import triangle_of
-from evopem.estimation.pem.stretch_errors import Errors, StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.problem import SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, model_of
@@ -76,9 +76,8 @@ class PolynomialEstimate:
     constraints : ConstraintEffect, optional
         What the constraints of the estimate did.
     levels : tuple of float
-        Of each recording, where the record is several with a level; the model has the first one,
-        with several inputs their mean.  Residuals and states then are those of its stretches one
-        after the other.
+        Of each recording, where a level is estimated; the model has the first one, with several
+        inputs their mean.  Residuals and states are those of its segments one after the other.
     coloured_bic : float
         With several inputs the BIC of the innovations of an autoregression of the errors, whose
         coefficients are counted as parameters: it compares models with and without a noise model.
@@ -126,7 +125,7 @@ class PolynomialEstimate:
 
 
 def describe(
-    errors: Errors, result: SearchResult, sampling_rate: float, *, shortest: bool = False
+    errors: PolynomialErrors, result: SearchResult, sampling_rate: float, *, shortest: bool = False
 ) -> PolynomialEstimate:
     """The model at a search's best point, with its criteria, residuals and covariance.
 
@@ -138,15 +137,13 @@ def describe(
         found = minimum_norm_point(errors, point, triangle)
         if not np.array_equal(found, point):
             point, triangle = found, triangle_of(errors.jacobian_blocks(found))
-    of_stretches = errors.of_stretches(point)
-    residuals = [own.residuals(at) for own, at in of_stretches]
-    window = ScoringWindow(of_stretches[0][0].residual_start, of_stretches[0][0].loss_start)
+    window, outputs = errors.window, errors.scored_outputs()
+    residuals = [own.residuals(at) for own, at in errors.of_stretches(point)]
     counted = np.concatenate([each[window.loss_start :] for each in residuals])
-    outputs = np.concatenate([own.output[window.loss_start :] for own, _ in of_stretches])
     for each in residuals:
         each[: window.residual_start] = np.nan
     levels = tuple(point[parts["level"]].tolist())
-    counts = [len(each) - window.loss_start for each in residuals]
+    counts = errors.residual_counts()
     model = model_of(
         errors.orders,
         point,
@@ -166,11 +163,11 @@ def describe(
         at_stability_bound=roots_at_bound(errors, model),
         search=result,
         focus_objective=criteria.objective,
-        levels=levels if isinstance(errors, StretchErrors) else (),
+        levels=levels,
     )
 
 
-def minimum_norm_point(errors: Errors, point: Array, triangle: Array) -> Array:
+def minimum_norm_point(errors: PolynomialErrors, point: Array, triangle: Array) -> Array:
     """The point of smallest ||b|| among those of equal residuals with the same A, C, D and F.
 
     Residuals are linear in B, levels and states; an input that excites fewer directions than B has
@@ -190,7 +187,7 @@ def minimum_norm_point(errors: Errors, point: Array, triangle: Array) -> Array:
     return shortest
 
 
-def roots_at_bound(errors: Errors, model: PolynomialModel) -> bool:
+def roots_at_bound(errors: PolynomialErrors, model: PolynomialModel) -> bool:
     """Whether a root of A, F, C or D lies at the bound of the search."""
     plant, noise = (
         max(max_root_radius(each[1:]) for each in polynomials)
@@ -200,7 +197,7 @@ def roots_at_bound(errors: Errors, model: PolynomialModel) -> bool:
 
 
 def covariance_of(
-    errors: Errors,
+    errors: PolynomialErrors,
     point: Array,
     residuals: Array,
     output: Array,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +10,7 @@ from numpy.typing import NDArray
 from evopem.config.settings import OBJECTIVES, ScoringWindow, SearchSettings
 from evopem.errors import NoModelError
 from evopem.estimation.criteria import power_of_two_scale
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.stretch_errors import Errors, StretchErrors
-from evopem.estimation.search.armax_problem import INITIALIZATIONS
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.memetic import REFINE
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
@@ -21,7 +18,6 @@ from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import LARGEST
 
 Array = NDArray[np.float64]
-SomeErrors = TypeVar("SomeErrors", bound=Errors)
 
 
 def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
@@ -43,16 +39,11 @@ def is_chapters(orders: Orders, level: bool, data: Recording) -> bool:
 
 def prediction_errors(
     data: Recording, orders: Orders, settings: SearchSettings, window: ScoringWindow, level: bool
-) -> Errors:
+) -> PolynomialErrors:
     """The problem of a recording and orders; ValueError when no segment is long enough."""
     radius = settings.max_root_radius
-    if data.is_joined:
-        return StretchErrors(
-            *(data.segments, orders, settings.objective, radius, radius, level), window=window
-        )
-    starts = window.residual_start, window.loss_start
     return PolynomialErrors(
-        *(data.inputs, data.output, orders, settings.objective, *starts, radius, radius, level)
+        data.segments, orders, settings.objective, radius, radius, level, window
     )
 
 
@@ -62,7 +53,7 @@ def checked_errors(
     settings: SearchSettings,
     window: ScoringWindow | None,
     level: bool,
-) -> Errors:
+) -> PolynomialErrors:
     """The same of a recording as a user gives it; ValueError when it or a setting is of no use."""
     check_search_settings(settings)
     if orders.inputs and data.inputs.shape[1] != orders.inputs:
@@ -115,11 +106,7 @@ def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states
 
 def check_search_settings(settings: SearchSettings) -> None:
     """Refuse words that no search knows, and a radius outside the unit circle."""
-    for name, known in (
-        ("objective", OBJECTIVES),
-        ("refine", REFINE),
-        ("initialization", INITIALIZATIONS),
-    ):
+    for name, known in (("objective", OBJECTIVES), ("refine", REFINE)):
         value = getattr(settings, name)
         if value not in known:
             raise ValueError(f"{name} must be one of {known}, not {value!r}")
@@ -129,7 +116,7 @@ def check_search_settings(settings: SearchSettings) -> None:
         )
 
 
-def scaled_errors(errors: SomeErrors) -> tuple[SomeErrors, Array]:
+def scaled_errors(errors: PolynomialErrors) -> tuple[PolynomialErrors, Array]:
     """The problem with signals scaled by powers of two, and the scales of its parameters."""
     inputs, outputs = errors.signals
     output_scale = power_of_two_scale(outputs)
@@ -138,10 +125,12 @@ def scaled_errors(errors: SomeErrors) -> tuple[SomeErrors, Array]:
     scales[parts["b"]] = output_scale / np.repeat(input_scales, errors.orders.nb)
     for name in ("level", "plant", "noise"):
         scales[parts[name]] = output_scale
-    return cast(SomeErrors, errors.scaled(input_scales, output_scale)), scales
+    return errors.scaled(input_scales, output_scale), scales
 
 
-def in_scaled_units(model: PolynomialModel, errors: Errors, scales: Array) -> PolynomialModel:
+def in_scaled_units(
+    model: PolynomialModel, errors: PolynomialErrors, scales: Array
+) -> PolynomialModel:
     """A model in the units of a scaled problem, whose numerators are divided by their scales."""
     part = errors.orders.part
     of_inputs = tuple(b / scales[part("b", i)][0] for i, b in enumerate(model.B))

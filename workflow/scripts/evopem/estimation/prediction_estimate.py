@@ -27,22 +27,22 @@ from evopem.estimation.pem.covariance import (
 )
 from evopem.estimation.pem.k_step_errors import KStepErrors, SimulationErrors
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.priors import Priors
 from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe
-from evopem.estimation.prediction_errors import Errors, scaled_errors
+from evopem.estimation.prediction_errors import scaled_errors
 from evopem.estimation.search.constrained_errors import ConstrainedErrors
 from evopem.estimation.search.global_search import global_search
-from evopem.estimation.search.multistart import multistart
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
-from evopem.estimation.search.staged_descent import LINEAR_STEPS, solve_linear
+from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, solve_linear
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import roots
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
-ErrorsInFocus = Errors | KStepErrors | SimulationErrors
+ErrorsInFocus = PolynomialErrors | KStepErrors | SimulationErrors
 
 # Random starts of the descents under constraints and of k-step errors.
 RANDOM_STARTS = 24
@@ -58,7 +58,7 @@ MEETS = 1e-9
 class EstimationTask:
     """A record, orders and settings, checked."""
 
-    errors: Errors
+    errors: PolynomialErrors
     sampling_rate: float
     settings: SearchSettings
     constraints: Constraints
@@ -78,7 +78,7 @@ class EstimationTask:
         return np.random.default_rng(np.random.SeedSequence(self.settings.seed, spawn_key=key))
 
 
-def search_key(errors: Errors) -> tuple[int, ...]:
+def search_key(errors: PolynomialErrors) -> tuple[int, ...]:
     """Key of the draws of a problem: its orders, and whether a level is estimated."""
     o = errors.orders
     nb, nf, nk = (each or (0,) for each in (o.nb, o.nf, o.nk))
@@ -93,25 +93,21 @@ def from_estimates(problem: PolynomialProblem) -> SearchResult | None:
     return multistart(problem.errors, starts, float(np.min(problem.values(starts))))
 
 
-def errors_ahead(errors: Errors, horizon: int | None) -> ErrorsInFocus:
+def errors_ahead(errors: PolynomialErrors, horizon: int | None) -> ErrorsInFocus:
     """Errors of some samples ahead; of simulation, and of points with C = A, where it is None."""
     if horizon is None:
         return SimulationErrors(errors)
     return errors if horizon == 1 else KStepErrors(errors, horizon)
 
 
-def without_plant_radius(errors: Errors) -> Errors:
+def without_plant_radius(errors: PolynomialErrors) -> PolynomialErrors:
     """The same problem where roots of A and F are held by the coordinates alone."""
     return errors.within_radius(UNBOUNDED_RADIUS, errors.noise_radius)
 
 
-def scored_residuals(errors: ErrorsInFocus, point: Array) -> Array:
-    return errors.residuals(point)[errors.loss_start :]
-
-
 def coordinates_of(
     task: EstimationTask,
-    errors: Errors,
+    errors: PolynomialErrors,
     constraints: Constraints,
     scales: Array | None = None,
     radius: float | None = None,
@@ -130,7 +126,7 @@ def coordinates_of(
     return parameters, priors_of(constraints, parameters, o, rate, b_scales)
 
 
-def weight_of_priors(errors: Errors, priors: Priors, residuals: Array) -> float:
+def weight_of_priors(errors: PolynomialErrors, priors: Priors, residuals: Array) -> float:
     """What a squared deviation adds to the objective: as much as one more observation."""
     if not priors.terms:
         return 0.0
@@ -154,7 +150,7 @@ def prediction_estimate(
     # Before the search, because it refuses constraints that no model meets.
     parameters, priors = coordinates_of(task, scaled, task.constraints, scales)
     free = _unconstrained(task, problem, horizon, scales)
-    weight = weight_of_priors(scaled, priors, scored_residuals(k_errors, free.point))
+    weight = weight_of_priors(scaled, priors, k_errors.residuals(free.point))
     found, active, tangent = _constrained_optimum(
         *(task, problem, horizon, free, parameters, priors, weight)
     )
@@ -164,8 +160,7 @@ def prediction_estimate(
     fitted = Fitted(k_errors.jacobian(found.point), tangent, prior_rows, scaled.residual_counts())
     covariance = _covariance(scaled, k_errors, found.point, fitted)
     objective, without = (
-        _objective_of(scaled, scored_residuals(k_errors, point))
-        for point in (found.point, free.point)
+        _objective_of(scaled, k_errors.residuals(point)) for point in (found.point, free.point)
     )
     unscaled = replace(found, point=found.point * scales)
     result = describe(task.errors, unscaled, task.sampling_rate)
@@ -181,7 +176,7 @@ def prediction_estimate(
     return estimate, fitted
 
 
-def _objective_of(errors: Errors, residuals: Array) -> float:
+def _objective_of(errors: PolynomialErrors, residuals: Array) -> float:
     losses = np.abs(residuals) if errors.objective == "absolute" else residuals**2
     return float(errors.loss_factor * np.sum(losses))
 
@@ -257,7 +252,7 @@ def _one_step_optimum(
     return replace(ended, diagnostics=task.optimum.diagnostics)
 
 
-def _least_squares_start(errors: Errors) -> Array:
+def _least_squares_start(errors: PolynomialErrors) -> Array:
     """The ARX model of least squares, its poles wherever they are, (1, n)."""
     linear = ~errors.linear("c", "d", "f", "plant")
     point = np.zeros((1, errors.dimension))
@@ -332,12 +327,12 @@ def _meets(parameters: ConstrainedParameters, bounded: Array, point: Array, near
 
 
 def _covariance(
-    errors: Errors, k_errors: ErrorsInFocus, point: Array, fitted: Fitted
+    errors: PolynomialErrors, k_errors: ErrorsInFocus, point: Array, fitted: Fitted
 ) -> ParameterCovariance | None:
     ahead = isinstance(k_errors, KStepErrors)
     if isinstance(k_errors, SimulationErrors) or (ahead and errors.objective == "absolute"):
         return None
-    innovations = scored_residuals(errors, point)
+    innovations = errors.residuals(point)
     deviation = loss_deviation(innovations, fitted.tangent.shape[1], errors.objective)
     if not np.isfinite(deviation):
         return None

@@ -24,21 +24,20 @@ from evopem.estimation.pem.covariance import (
     two_stage_covariance,
 )
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
-from evopem.estimation.prediction_errors import Errors, scaled_errors
+from evopem.estimation.prediction_errors import scaled_errors
 from evopem.estimation.prediction_estimate import (
     EstimationTask,
     coordinates_of,
     prediction_estimate,
-    scored_residuals,
     weight_of_priors,
     without_plant_radius,
 )
 from evopem.estimation.search.constrained_errors import ConstrainedErrors
-from evopem.estimation.search.multistart import multistart
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
-from evopem.estimation.search.staged_descent import LINEAR_STEPS, solve_linear
+from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, solve_linear
 from evopem.estimation.search.starting_polynomials import noise_model
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
@@ -179,7 +178,7 @@ def _noise_start(
     if states.any():
         point = solve_linear(errors, point[None, :], states, LINEAR_STEPS[errors.objective])[0]
     if o.nc or o.nd:
-        residuals = scored_residuals(errors, point)
+        residuals = errors.residuals(point)
         point[parts["c"]], point[parts["d"]] = noise_model(residuals, o.nc, o.nd)
     held = point.copy()
     point = errors.repair(point[None, :])[0]
@@ -202,7 +201,7 @@ def _noise_fit(
         if name[0] in "abf"
     }
     parameters = ConstrainedParameters(free.polynomials | held)
-    weight = weight_of_priors(errors, priors, scored_residuals(errors, point))
+    weight = weight_of_priors(errors, priors, errors.residuals(point))
     constrained = ConstrainedErrors(errors, parameters, priors, weight)
     white = point.copy()
     white[parts["c"]] = white[parts["d"]] = 0.0
@@ -231,7 +230,7 @@ def _noise_fit(
 
 def _simulation_covariance(
     task: EstimationTask,
-    errors: Errors,
+    errors: PolynomialErrors,
     point: Array,
     fit: Fitted,
     scales: Array,
@@ -246,7 +245,7 @@ def _simulation_covariance(
     of_noise = _divided_constraints(task.constraints, o)[1]
     parameters, priors = coordinates_of(task, errors, of_noise, radius=UNBOUNDED_RADIUS)
     jacobian = errors.jacobian(point)
-    deviation = loss_deviation(scored_residuals(errors, point), errors.dimension, "quadratic")
+    deviation = loss_deviation(errors.residuals(point), errors.dimension, "quadratic")
     c, d = (np.append(1.0, point[parts[name]]) for name in "cd")
     columns = np.r_[parts["c"], parts["d"], parts["plant"], parts["noise"]]
     held = np.r_[parts["a"], parts["b"], parts["f"], parts["level"]]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.autoregression import autoregression
+from evopem.estimation.pem.least_squares import autoregression
 
 Array = NDArray[np.float64]
 

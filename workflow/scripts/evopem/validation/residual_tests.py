@@ -21,7 +21,7 @@ from evopem.config.settings import OBJECTIVES, ScoringWindow
 from evopem.errors import check_choice
 from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_factor
 from evopem.estimation.pem.least_squares import triangle_of
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.models.response_tables import NORMAL_95
@@ -72,7 +72,7 @@ def of_estimation(
     first = model.orders.first_residual
     window = ScoringWindow(first, max(start, first))
     with_level = model.level != 0.0
-    errors = StretchErrors(
+    errors = PolynomialErrors(
         *(estimation.segments, model.orders, objective, 1.0, 1.0, with_level, window)
     )
     point = errors.completed_by_states(model)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels.bfgs import State, advance_by, points_to_try, state_at
+from evopem.estimation.pem.kernels.bfgs import State, advance, state_at, trial_points
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -65,11 +65,10 @@ def descend(
         made = evaluations = 0
         while made < trials:
             rows = state.line["active"].nonzero()[0]
-            trial = points_to_try(state, rows)
+            trial = trial_points(state, rows)
             values, gradients = evaluate(trial, rows)
-            evaluations += advance_by(
-                state, rows, trial, values, gradients, tolerance, max_iterations
-            )
+            found = values, gradients, tolerance, max_iterations
+            evaluations += advance(state, rows, trial, *found)
             made += 1
             if np.count_nonzero(state.line["active"]) <= few:
                 break

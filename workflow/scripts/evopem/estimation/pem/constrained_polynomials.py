@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels import stability_barriers
+from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.pole_region import AT_EDGE, PoleRegion
 from evopem.models.polynomials import root_gradient, roots
 

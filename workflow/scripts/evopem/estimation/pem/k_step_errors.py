@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels import stability_barriers
-from evopem.estimation.pem.polynomial_objective import DENSITY_BANDWIDTH, PolynomialErrors
-from evopem.estimation.pem.stretch_errors import StretchErrors
+from evopem.estimation.pem.kernels.polynomials import stability_barriers
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.pem.stretch_errors import DENSITY_BANDWIDTH, StretchErrors
 
 Array = NDArray[np.float64]
 
@@ -27,15 +27,9 @@ class KStepErrors:
     Samples that count, states and stability are those of the one-step problem.
     """
 
-    loss_start = 0
-
-    def __init__(self, errors: PolynomialErrors | StretchErrors, horizon: int) -> None:
+    def __init__(self, errors: PolynomialErrors, horizon: int) -> None:
         self.one_step, self.horizon = errors, horizon
         self.objective = errors.objective
-        # Errors before the ones that count enter W_k.
-        self._stretches = [
-            (each, each.with_loss_start(each.residual_start), at) for each, at in errors.places()
-        ]
 
     def weights(self, point: Array) -> Array:
         """The first k terms of the impulse response of H, (k,)."""
@@ -53,28 +47,28 @@ class KStepErrors:
                 _filtered(weights, each.residuals(point[at])[each.residual_start :])[
                     each.loss_start - each.residual_start :
                 ]
-                for each, _, at in self._stretches
+                for each, at in self.one_step.places()
             ]
         )
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of :meth:`residuals` by a point, (N, n)."""
         blocks = []
-        for each, of_all, at in self._stretches:
-            own = self._jacobian(each, of_all, point[at])
+        for each, at in self.one_step.places():
+            own = self._jacobian(each, point[at])
             block = np.zeros((len(own), len(point)))
             block[:, at] = own
             blocks.append(block)
         return np.concatenate(blocks)
 
-    def _jacobian(self, errors: PolynomialErrors, of_all: PolynomialErrors, point: Array) -> Array:
+    def _jacobian(self, errors: StretchErrors, point: Array) -> Array:
         from scipy.signal import lfilter
 
         a, c, d = self._noise_model(point)
         ad, impulse = np.convolve(a, d), self._impulse()
         weights = lfilter(c, ad, impulse)
         e = errors.residuals(point)[errors.residual_start :]
-        jacobian = _filtered(weights, of_all.jacobian(point))
+        jacobian = _filtered(weights, errors.jacobian(point))
         by_c = lfilter([1.0], ad, impulse)
         by_a, by_d = -lfilter([1.0], a, weights), -lfilter([1.0], d, weights)
         for name, response in (("a", by_a), ("c", by_c), ("d", by_d)):
@@ -174,9 +168,8 @@ class SimulationErrors:
     the c of a point are not looked at, and the noise state is the initial state of 1/A.
     """
 
-    def __init__(self, errors: PolynomialErrors | StretchErrors) -> None:
+    def __init__(self, errors: PolynomialErrors) -> None:
         self.one_step, self.objective = errors, errors.objective
-        self.loss_start = errors.loss_start
         a, c = errors.orders.part("a"), errors.orders.part("c")
         self._copy = np.eye(errors.dimension)
         self._copy[c, c], self._copy[c, a] = 0.0, np.eye(errors.orders.na)
@@ -186,7 +179,7 @@ class SimulationErrors:
         return np.asarray(points @ self._copy.T)
 
     def residuals(self, point: Array) -> Array:
-        """Simulation errors, as the one-step errors of the problem come."""
+        """Simulation errors that count."""
         return self.one_step.residuals(self.tied(point))
 
     def jacobian(self, point: Array) -> Array:

@@ -1,11 +1,12 @@
-"""Least squares over records of any length, a bounded number of rows at a time."""
+"""Least squares over records of any length in blocks of rows, and autoregressions."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -25,3 +26,22 @@ def triangle_of(blocks: Iterable[Array]) -> Array:
         rows = np.concatenate([triangle, block]) if triangle.size else block
         triangle = np.asarray(np.linalg.qr(rows, mode="r"))
     return triangle
+
+
+def autoregression(signal: ArrayLike, most: int) -> Array:
+    """Coefficients ``1, a_1, ...`` of the autoregression of smallest BIC, of order 0 to ``most``.
+
+    ``signal`` (N,): with zero mean; all orders are fitted to the same samples, ten for each lag.
+    """
+    x = np.asarray(signal, dtype=float)
+    most = min(most, x.size // 10)
+    past = np.lib.stride_tricks.sliding_window_view(x, most + 1)[:, ::-1]
+    # With the lags in rising order, the leading blocks of one triangle serve all orders.
+    triangle = np.asarray(np.linalg.qr(np.roll(past, -1, axis=1), mode="r"))
+    remaining = np.cumsum(triangle[::-1, -1] ** 2)[::-1]
+    samples = len(past)
+    with np.errstate(divide="ignore"):
+        criteria = np.log(remaining) + np.arange(most + 1) * math.log(samples) / samples
+    order = int(np.argmin(criteria))
+    solution = np.linalg.lstsq(triangle[:order, :order], triangle[:order, -1], rcond=None)[0]
+    return np.concatenate([[1.0], -solution])

@@ -1,222 +1,237 @@
-"""The prediction-error problem of several stretches with one model: shared coefficients."""
+"""Prediction errors of a polynomial model on one stretch, for whole populations at once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow
-from evopem.errors import NoModelError
-from evopem.estimation.pem.losses import mean_residuals, total_loss
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.polynomial_points import Places, PolynomialPoints
-from evopem.models.polynomial import PolynomialModel
+from evopem.estimation.pem.kernels.bfgs import LINE, State
+from evopem.estimation.pem.kernels.gauss_newton import gauss_newton_matrices
+from evopem.estimation.pem.kernels.gradient import GRADIENTS, RESIDUALS, VALUES, passes
+from evopem.estimation.pem.kernels.polynomials import filter_rows
+from evopem.estimation.pem.kernels.record import (
+    LagSums,
+    Objective,
+    Record,
+    Workspace,
+    lag_sums_for,
+    record_of,
+    workspace_for,
+)
+from evopem.estimation.pem.kernels.residuals import feasible_rows
+from evopem.estimation.pem.least_squares import chunks
 from evopem.models.structures import Orders
-from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
+# What the square of a noise state weighs against that of a residual: a prior of ten standard
+# deviations of the innovations.  Where C forgets its start before the first scored residual, a
+# state of any size would fit a few residuals more, and the search would have no end.
+STATE_WEIGHT = 1e-2
+# Width of the kernel that estimates the density of the residuals at zero, in mean |e|.
+DENSITY_BANDWIDTH = 0.3
+# Weight of the square of a plant state against that of a residual.  It only bounds states that the
+# residuals that count do not determine: a prior of a thousand standard deviations.
+PLANT_STATE_WEIGHT = 1e-6
 
-class StretchErrors(PolynomialPoints):
-    """Objective, gradient and curvature over several stretches.
 
-    It answers what :class:`.polynomial_objective.PolynomialErrors` answers, so that the same
-    descents and the same search serve both.
+class StretchErrors:
+    """What one stretch adds to an objective, its gradient and curvature, by compiled passes.
 
-    ``stretches``: with one output; those too short for the orders are left out.  ``level``: whether
-    a constant is estimated for each recording.  ``window``: first residual of each stretch and
-    first one that counts; by default the first whose past is measured.  ValueError when no stretch
-    is long enough for the orders.
+    ``inputs`` (N, m), ``output`` (N,).  Points are those of a problem of this stretch alone.
     """
-
-    loss_start = 0
 
     def __init__(
         self,
-        stretches: Sequence[Segment],
+        inputs: Array,
+        output: Array,
         orders: Orders,
-        objective: str,
-        plant_radius: float,
-        noise_radius: float,
+        window: ScoringWindow,
+        objective: Objective,
         level: bool,
-        window: ScoringWindow | None = None,
     ) -> None:
-        self.window = window or ScoringWindow(orders.first_residual, orders.first_residual)
-        first = self.window.loss_start
-        needed = first + sum(orders.nf) + orders.noise_states
-        self.stretches = tuple(each for each in stretches if each.samples > needed)
-        if not self.stretches:
-            raise NoModelError(f"no stretch has the {needed + 1} samples that {orders} needs")
-        self.orders, self.objective = orders, objective
-        self.plant_radius, self.noise_radius = plant_radius, noise_radius
-        # Numbers of the recordings, in the order of their levels.
-        self.recordings = tuple(dict.fromkeys(each.recording for each in self.stretches))
-        self.levels = len(self.recordings) if level else 0
-        self.stretches_count = len(self.stretches)
-        longest = max(self.stretches, key=lambda each: each.samples)
-        self.inputs, self.output, self.samples = longest.inputs, longest.output, longest.samples
-        self._errors = [
-            PolynomialErrors(
-                np.ascontiguousarray(each.inputs),
-                np.ascontiguousarray(each.output),
-                orders,
-                objective,
-                self.window.residual_start,
-                first,
-                plant_radius,
-                noise_radius,
-                level,
-            )
-            for each in self.stretches
-        ]
-        self._scales = np.array([total_loss(e.output[first:], objective) for e in self._errors])
-        self._scales = np.maximum(self._scales, np.finfo(float).tiny)
-        self._weights = self._scales / np.sum(self._scales)
-        self.scored_samples = sum(e.scored_samples for e in self._errors)
-        self._positions = self._points_of_stretches()
+        self.inputs, self.output, self.orders = inputs, output, orders
+        self.samples, self.level = len(output), level
+        self.residual_start, self.loss_start = window.residual_start, window.loss_start
+        self.objective = objective
 
-    @property
-    def signals(self) -> tuple[Array, Array]:
-        """All inputs, (N, m), and all outputs, of one stretch after the other."""
-        inputs = np.concatenate([each.inputs for each in self.stretches])
-        return inputs, np.concatenate([each.output for each in self.stretches])
+    # Tables of eight numbers a sample, made when they are needed: a problem that is only scaled
+    # needs none.
+    @cached_property
+    def _record(self) -> Record:
+        o = self.orders
+        orders = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk)
+        starts = self.residual_start, self.loss_start
+        return record_of(self.output, self.inputs, orders, self.level, *starts)
 
-    def scaled(self, input_scales: Array, output_scale: float) -> StretchErrors:
-        """The same problem with divided signals; one scale for each input."""
-        stretches = [
-            Segment(each.inputs / input_scales, each.outputs / output_scale, each.recording)
-            for each in self.stretches
-        ]
-        return self._with(stretches=stretches)
+    @cached_property
+    def _workspace(self) -> Workspace:
+        return workspace_for(self._record)
 
-    def of_orders(self, orders: Orders) -> StretchErrors:
-        """The problem of other orders, whose residuals may have to start later."""
-        return self._with(orders=orders, window=self.window.from_first(orders.first_residual))
+    @cached_property
+    def _lag_sums(self) -> LagSums:
+        return lag_sums_for(self._record)
 
-    def within_radius(self, radius: float, noise_radius: float | None = None) -> StretchErrors:
-        """The same problem with another allowed radius of all roots, or of C and D another one."""
-        return self._with(plant_radius=radius, noise_radius=noise_radius or radius)
-
-    def _with(self, **changes: object) -> StretchErrors:
-        given = {
-            "stretches": self.stretches,
-            "orders": self.orders,
-            "objective": self.objective,
-            "plant_radius": self.plant_radius,
-            "noise_radius": self.noise_radius,
-            "level": self.level,
-            "window": self.window,
-        }
-        return StretchErrors(**(given | changes))  # type: ignore[arg-type]
-
-    def _points_of_stretches(self) -> list[Places]:
-        """Where the point of each stretch alone stands in the point of all."""
-        parts, o = self.parts(), self.orders
-        nf, states, found = sum(o.nf), o.noise_states, []
-        for number, stretch in enumerate(self.stretches):
-            level = [parts["level"].start + self.recordings.index(stretch.recording)]
-            plant = parts["plant"].start + number * nf
-            noise = parts["noise"].start + number * states
-            own = [np.arange(o.parameters), np.array(level if self.level else [])]
-            own += [np.arange(plant, plant + nf), np.arange(noise, noise + states)]
-            found.append(np.concatenate(own).astype(np.intp))
-        return found
-
-    def places(self) -> list[tuple[PolynomialErrors, Places]]:
-        """The errors of each stretch alone, and where its point stands in the point of all."""
-        return list(zip(self._errors, self._positions, strict=True))
-
-    def of_stretches(self, point: Array) -> list[tuple[PolynomialErrors, Array]]:
-        """The errors of each stretch alone, and its point."""
-        return [(errors, point[at]) for errors, at in self.places()]
-
-    @property
-    def loss_factor(self) -> float:
-        """What the objective multiplies the sum of losses by."""
-        return 100.0 / float(np.sum(self._scales))
-
-    def state_weights(self) -> Array:
-        """Weights of the squares of a point's entries in the objective, (n,): of its states."""
-        weights = np.zeros(self.dimension)
-        for (errors, at), weight in zip(self.places(), self._weights, strict=True):
-            weights[at] += weight * errors.state_weights()
-        return weights
+    def _passed(
+        self, task: int, points: Array, smoothing: Array, barriers: Array
+    ) -> tuple[Array, Array]:
+        """One pass over the points, for residuals in the workspace, values, or gradients."""
+        line, none = np.zeros(len(points), LINE), np.empty((0, 0))
+        line["active"] = True
+        state = State(_rows(points), none, np.empty((0, 0, 0)), none, line)
+        given = self._record, self.objective, self._workspace, task, state
+        _, _, values, gradients = passes(*given, smoothing, barriers, 0.0, 0, 0, 0)
+        return values, gradients
 
     def values(self, points: Array) -> Array:
-        """Objective of each row of an (M, n) population, in percent; infeasible rows are inf."""
-        total = np.zeros(len(points))
-        for (errors, at), weight in zip(self.places(), self._weights, strict=True):
-            total += weight * errors.values(points[:, at])
-        return total
+        """Losses of each row times their factor, with weak squares of the states; (M,)."""
+        none = np.zeros(len(points))
+        return self._passed(VALUES, points, none, none)[0]
 
     def values_and_gradients(
         self, points: Array, smoothing: Array, barriers: Array
     ) -> tuple[Array, Array]:
-        """Smoothed objective of each row and its gradient; infeasible rows are inf and 0."""
-        total, gradients = np.zeros(len(points)), np.zeros(points.shape)
-        for (errors, at), weight in zip(self.places(), self._weights, strict=True):
-            value, gradient = errors.values_and_gradients(points[:, at], smoothing, barriers)
-            total += weight * value
-            gradients[:, at] += weight * gradient
-        return total, gradients
+        """Smoothed objective of each row with barriers, and its gradient; else inf and 0."""
+        return self._passed(GRADIENTS, points, smoothing, barriers)
+
+    def advance_descents(
+        self,
+        smoothing: Array,
+        barriers: Array,
+        tolerance: float,
+        max_iterations: int,
+        state: State,
+        trials: int,
+        few: int,
+    ) -> tuple[int, int]:
+        """Trials of descents, as :func:`.batch_bfgs.descend_by` asks for them."""
+        if not trials:
+            found = self._passed(GRADIENTS, state.x, smoothing, barriers)
+            state.line["value"], state.g[:] = found
+            return 0, 0
+        given = self._record, self.objective, self._workspace, GRADIENTS, state
+        limits = tolerance, max_iterations, trials, few
+        made, evaluations, _, _ = passes(*given, smoothing, barriers, *limits)
+        return made, evaluations
 
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
-        """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""
-        n = points.shape[1]
-        matrices = np.zeros((len(points), n, n))
-        for (errors, at), weight in zip(self.places(), self._weights, strict=True):
-            matrix = errors.curvatures(points[:, at], smoothing, barriers)
-            matrices[:, at[:, None], at] += weight * matrix
+        """Gauss-Newton matrices, (M, n, n).
+
+        Those of the absolute loss are scaled by its mean second derivative: twice the density of
+        the residuals at zero.
+        """
+        matrices: Array = gauss_newton_matrices(
+            *(self._record, self.objective, self._workspace, self._lag_sums, DENSITY_BANDWIDTH),
+            *(_rows(points), smoothing, barriers),
+        )
         return matrices
-
-    def mean_absolute_residuals(self, values: Array) -> Array:
-        """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
-        total = float(np.sum(self._scales))
-        return mean_residuals(values, total, self.scored_samples, self.objective)
-
-    def residuals(self, point: Array) -> Array:
-        """Residuals of one point that count, of all stretches one after the other."""
-        return np.concatenate(self.residuals_of_stretches(point))
-
-    def residuals_of_stretches(self, point: Array) -> list[Array]:
-        """Residuals of one point that count, stretch by stretch."""
-        return [
-            errors.residuals(own)[errors.loss_start :] for errors, own in self.of_stretches(point)
-        ]
-
-    def scored_outputs(self) -> Array:
-        """The outputs of the residuals that count, of all stretches one after the other."""
-        return np.concatenate([errors.output[errors.loss_start :] for errors in self._errors])
-
-    def scored_inputs(self) -> Array:
-        """The first input of the residuals that count."""
-        return np.concatenate([errors.input[errors.loss_start :] for errors in self._errors])
-
-    def completed_by_states(self, model: PolynomialModel) -> Array:
-        """The point of a model, with the levels and states of least squared residuals."""
-        point = np.zeros(self.dimension)
-        point[: self.orders.parameters] = model.parameters
-        linear = slice(self.orders.parameters, None)
-        columns = self.jacobian(point)[:, linear]
-        if columns.shape[1]:
-            point[linear] = np.linalg.lstsq(columns, -self.residuals(point), rcond=1e-10)[0]
-        return point
-
-    def jacobian_blocks(self, point: Array) -> Iterator[Array]:
-        """Consecutive rows of the derivatives of the residuals that count."""
-        for errors, at in self.places():
-            for own in errors.jacobian_blocks(point[at]):
-                block = np.zeros((len(own), self.dimension))
-                block[:, at] = own
-                yield block
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether all roots of A, C, D and F_i of each row lie within their radii."""
-        return self._errors[0].feasible(points[:, self._positions[0]]) & np.all(
-            np.isfinite(points), axis=1
-        )
+        feasible: NDArray[np.bool_] = feasible_rows(self._record, self.objective, _rows(points))
+        return feasible
+
+    def residuals(self, point: Array) -> Array:
+        """Residuals of one point, (N,); zero before ``residual_start``."""
+        residuals = np.zeros(self.samples)
+        residuals[self.residual_start :] = self._residuals(point)
+        return residuals
+
+    def _residuals(self, point: Array) -> Array:
+        """Residuals from the first on; x_i and v stand in the workspace as well."""
+        none, first = np.zeros(1), self._record.history
+        self._passed(RESIDUALS, point[None, :], none, none)
+        return self._workspace.e[first : first + self.samples - self.residual_start, 0].copy()
+
+    def jacobian(self, point: Array) -> Array:
+        """Derivatives of the residuals from the first on by the entries of a point, (M, n)."""
+        return np.concatenate(list(self.jacobian_blocks(point)))
+
+    def jacobian_blocks(self, point: Array) -> Iterator[Array]:
+        """Consecutive rows of :meth:`jacobian`, which long records need.
+
+        Signals and impulses, delayed and filtered through D/C, D/CF_i or 1/C (Ljung 1999, section
+        10.3).
+        """
+        parts = self._regressors(point)
+        for first, stop in chunks(0, self.samples - self.residual_start):
+            yield np.concatenate([each.rows(first, stop) for each in parts]).T
+
+    def _regressors(self, point: Array) -> list[_Regressors]:
+        """What the entries of a point multiply, in their order."""
+        o, start, record, work = self.orders, self.residual_start, self._record, self._workspace
+        e = self._residuals(point)
+        rows = slice(record.history, record.history + len(e))
+        v = work.v[rows, 0].copy() if o.nd else e
+        impulse = np.zeros(len(e))
+        impulse[0] = 1.0
+        c, d = (np.append(1.0, point[o.part(name)]) for name in "cd")
+        none = np.ones(1)
+        of_b, of_f, of_states = [], [], []
+        for i, (nb, nf, nk) in enumerate(zip(o.nb, o.nf, o.nk, strict=True)):
+            f, u = np.append(1.0, point[o.part("f", i)]), self.inputs[:, i]
+            of_b.append(_Regressors(-u, start, nk, nb, d, (c, f)))
+            if nf:
+                x = work.x[i * record.rows :][rows, 0]
+                of_f.append(_Regressors(*_from_rest(-x, nf), 1, nf, d, (c, f)))
+                of_states.append(_Regressors(*_from_rest(impulse, nf), 0, nf, d, (c, f)))
+        found = [
+            _Regressors(self.output, start, 1, o.na, d, (c,)),
+            *of_b,
+            _Regressors(*_from_rest(-e, o.nc), 1, o.nc, none, (c,)),
+            _Regressors(*_from_rest(v, o.nd), 1, o.nd, none, (c,)),
+            *of_f,
+            _Regressors(-np.ones(len(e)), 0, 0, int(self.level), d, (c,)),
+            *of_states,
+            _Regressors(*_from_rest(impulse, o.noise_states), 0, o.noise_states, none, (c,)),
+        ]
+        return [each for each in found if each.copies]
 
 
-Errors = PolynomialErrors | StretchErrors
+class _Regressors:
+    """Delayed copies of a signal, filtered from rest through ``numerator / denominators``.
+
+    ``signal[start]`` is the sample of the first residual, ``delay`` that of the first copy.
+    """
+
+    def __init__(
+        self,
+        signal: Array,
+        start: int,
+        delay: int,
+        copies: int,
+        numerator: Array,
+        denominators: tuple[Array, ...],
+    ) -> None:
+        self.signal, self.first, self.copies = signal, start - delay, copies
+        self.numerator, self.denominators = numerator, denominators
+        self.past = np.zeros((copies, len(numerator) - 1))
+        self.states = [np.zeros((copies, len(each) - 1)) for each in denominators]
+
+    def rows(self, begin: int, end: int) -> Array:
+        """Samples ``begin ... end - 1`` of each copy, (copies, M), the ones before being known."""
+        shifts = range(self.first, self.first - self.copies, -1)
+        raw = np.stack([self.signal[shift + begin : shift + end] for shift in shifts])
+        whole, lags = np.concatenate([self.past, raw], axis=1), len(self.numerator) - 1
+        filtered = raw.copy()
+        for lag, weight in enumerate(self.numerator[1:], start=1):
+            filtered += weight * whole[:, lags - lag : whole.shape[1] - lag]
+        self.past = whole[:, whole.shape[1] - lags :]
+        for denominator, state in zip(self.denominators, self.states, strict=True):
+            if state.shape[1]:
+                filter_rows(filtered, denominator, state)
+        return filtered
+
+
+def _from_rest(signal: Array, before: int) -> tuple[Array, int]:
+    """A signal with zeros before it, and where it begins."""
+    return np.concatenate([np.zeros(before), signal]), before
+
+
+def _rows(points: Array) -> Array:
+    """A population as the kernels are compiled for: rows one after the other in memory."""
+    return np.ascontiguousarray(points)

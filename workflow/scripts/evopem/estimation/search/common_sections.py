@@ -12,13 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.stretch_errors import Errors
-from evopem.estimation.search.root_recombination import Sections, product_of, sections_of
-from evopem.estimation.search.section_hopping import (
-    random_sections,
-    section_roots,
-    without_nearest_section,
-)
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.search.sections import each_without, random_sections, without_nearest
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
@@ -76,7 +71,7 @@ def places(count: int, generator: np.random.Generator) -> Array:
 
 
 def with_common_section(
-    point: Array, smaller: Errors, larger: Errors, shared: str, sections: Array
+    point: Array, smaller: PolynomialErrors, larger: PolynomialErrors, shared: str, sections: Array
 ) -> Array:
     """A point of smaller orders times each of some sections, (M, n).
 
@@ -103,15 +98,16 @@ def with_common_section(
     return np.array(points)
 
 
-def without_common_section(point: Array, larger: Errors, smaller: Errors, shared: str) -> Array:
+def without_common_section(
+    point: Array, larger: PolynomialErrors, smaller: PolynomialErrors, shared: str
+) -> Array:
     """A point without each section of the first of the polynomials that share, (M, n).
 
     The others lose the section that lies nearest to it.
     """
     parts, kept, points = larger.parts(), smaller.parts(), []
     lead, *others = [name for name in shared if parts[name].stop > parts[name].start]
-    found = sections_of(point[parts[lead]])
-    for row, section in enumerate(found.quadratic):
+    for section, rest in each_without(point[parts[lead]]):
         shrunk = np.zeros(smaller.dimension)
         for name, part in kept.items():
             coefficients = point[parts[name]]
@@ -121,8 +117,7 @@ def without_common_section(point: Array, larger: Errors, smaller: Errors, shared
                 coefficients = of_stretches[:, :length].ravel()
             if part.stop - part.start == len(coefficients):
                 shrunk[part] = coefficients
-        rest = Sections(np.delete(found.quadratic, row, axis=0), found.single)
-        shrunk[kept[lead]] = product_of(rest)
+        shrunk[kept[lead]] = rest[1:]
         left = {name: _without_nearest(name, point[parts[name]], section) for name in others}
         for name, lower in left.items():
             if lower is not None:
@@ -143,7 +138,7 @@ def _without_nearest(name: str, coefficients: Array, section: Array) -> Array | 
     if gain == 0.0:
         return None
     monic = coefficients[1:] / gain if name == "b" else coefficients
-    rest = without_nearest_section(monic, section_roots(section))
+    rest = without_nearest(monic, section)
     if rest is None:
         return None
     return gain * rest if name == "b" else rest[1:]

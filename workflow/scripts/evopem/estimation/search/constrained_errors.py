@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
 from evopem.estimation.pem.k_step_errors import KStepErrors, SimulationErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.priors import Priors
-from evopem.estimation.pem.stretch_errors import Errors
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ class ConstrainedErrors:
 
     def __init__(
         self,
-        errors: Errors | KStepErrors | SimulationErrors,
+        errors: PolynomialErrors | KStepErrors | SimulationErrors,
         parameters: ConstrainedParameters,
         priors: Priors,
         prior_weight: float,

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from functools import cached_property
-from typing import Generic, Self, TypeVar
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem import stretch_errors
 from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.search.problem import HoppingProblem
 from evopem.estimation.search.section_coordinates import descend_in_sections
-from evopem.estimation.search.section_hopping import COMMON_DAMPING, PREDICTION_DAMPING
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
     coarse_descent,
@@ -24,16 +24,22 @@ from evopem.estimation.search.staged_descent import (
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
-Errors = TypeVar("Errors", bound=stretch_errors.Errors)
 
-# Random points of a multistart check times samples, at least.
+# Random points of a multistart check times samples, at least: shorter records have more optima and
+# cheaper descents.
 MIN_MULTISTART = 2**17
+# Damping of steps and descents from neighbours of an optimum, relative to the scaled diagonal of
+# the Gauss-Newton matrix, which is singular where a section is common to all polynomials.
+NEIGHBOUR_DAMPING = 1e-3
+# Damping of the step from a point with a section that polynomials share exactly: the matrix is
+# singular in the directions of the section, where there is no slope either.
+COMMON_DAMPING = 1e-6
 
 
-class DescentProblem(ABC, Generic[Errors]):
+class DescentProblem(HoppingProblem):
     """What the search problems of ARMAX models and of all others have in common."""
 
-    errors: Errors
+    errors: PolynomialErrors
 
     @property
     @abstractmethod
@@ -47,26 +53,12 @@ class DescentProblem(ABC, Generic[Errors]):
 
     @property
     def min_multistart(self) -> int:
-        """Points of a multistart check: shorter records have more optima and cheaper descents."""
+        """Points of a multistart check."""
         return MIN_MULTISTART // self.errors.samples
 
     @abstractmethod
     def of_orders(self, orders: Orders) -> Self:
         """The problem of other orders."""
-
-    @abstractmethod
-    def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
-        """A population, (count, n), and the evaluations that it took."""
-
-    @abstractmethod
-    def random(self, count: int, generator: np.random.Generator) -> Array:
-        """Independent random points, (count, n)."""
-
-    @abstractmethod
-    def neighbours(
-        self, point: Array, value: float, count: int, generator: np.random.Generator
-    ) -> tuple[Array, int]:
-        """The most promising of random neighbours, (at most count, n), and the evaluations."""
 
     def lowest_estimates(self, count: int) -> tuple[Array, int]:  # noqa: ARG002
         """The lowest of estimates by linear algebra, (count, n), and their evaluations."""
@@ -90,15 +82,11 @@ class DescentProblem(ABC, Generic[Errors]):
 
     def descend_from_neighbours(self, points: Array) -> Descent:
         """BFGS from points whose Gauss-Newton matrix may be singular."""
-        return staged_descent(
-            self.errors, points, DESCENT_STAGES, self._largest_value, PREDICTION_DAMPING
-        )
+        given = points, DESCENT_STAGES, self._largest_value, NEIGHBOUR_DAMPING
+        return staged_descent(self.errors, *given)
 
     def polish(self, points: Array) -> Descent:
-        """BFGS with ever less smoothing; never worse than where it began.
-
-        Each point ends where it would end alone.
-        """
+        """BFGS with ever less smoothing, each point to its own end; never worse than before."""
         return polish(self.errors, points, self._largest_value, wait=None)
 
     def descend_in_sections(self, points: Array) -> Descent:

@@ -4,8 +4,9 @@ Most problems at orders that the record supports have one optimum, and descents 
 points all end there: the search is over.  Where they do not agree, independent searches by growth
 from small orders and exchange of sections follow (:mod:`.section_exchange`), until enough of them
 have ended at the lowest value and exchange from it has found nothing lower.  Where polynomials
-share no sections, restarts of the memetic search and hops between neighbouring optima
-(:mod:`.section_hopping`) take their place.
+share no sections, restarts of the memetic search and hops between neighbouring optima take their
+place: optima of spare sections differ in one section, and a search among the neighbours of each
+leads down quickly (basin hopping; Leary 2000, Global optimization on funneling landscapes).
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from evopem.estimation.search.descent_problem import DescentProblem
 from evopem.estimation.search.memetic import Recombination, memetic_search
 from evopem.estimation.search.problem import (
     SAME_COARSE_DESCENT,
+    HoppingProblem,
+    Hops,
     SearchProgress,
     SearchResult,
     continuing,
@@ -41,7 +44,6 @@ from evopem.estimation.search.problem import (
     undiscovered,
 )
 from evopem.estimation.search.section_exchange import SectionExchange
-from evopem.estimation.search.section_hopping import HoppingProblem, hop
 
 Array = NDArray[np.float64]
 
@@ -57,6 +59,9 @@ RESTART_EVALUATIONS = 4000
 # Restarts of the memetic search; where they do not agree, hops from descents find more.
 MEMETIC_RESTARTS = 2
 NEVER = 2**31
+# Neighbours that a hop descends from, and hops without a gain after which none is expected to be
+# lower: a pass over the record takes eight at the price of one.
+DESCENDED, PATIENCE = 8, 6
 # Evaluations of a search that is the first pass of a race, and its random points.
 FIRST_PASS, FIRST_BATCH = 0, 8
 # The lowest of the estimates by linear algebra that it descends from as well.
@@ -247,6 +252,38 @@ def _lowest_of(descents: Descent) -> tuple[Array, float]:
     """Point and value of the lowest end."""
     lowest = int(np.argmin(descents.values))
     return descents.points[lowest], float(descents.values[lowest])
+
+
+def hop(
+    problem: HoppingProblem,
+    point: Array,
+    value: float,
+    max_evaluations: float,
+    generator: np.random.Generator,
+) -> Hops:
+    """Move from optimum to lower neighbouring optimum until none is found for some time.
+
+    ``max_evaluations``: evaluations after which no further hop starts.
+    """
+    evaluations = failed = 0
+    optima: list[float] = []
+    while failed < PATIENCE and evaluations < max_evaluations:
+        starts, used = problem.neighbours(point, value, DESCENDED, generator)
+        evaluations += used
+        failed += 1
+        if not len(starts):
+            continue
+        descents = problem.descend_from_neighbours(starts)
+        evaluations += descents.evaluations
+        optima.extend(converged_values(descents))
+        ended, lower = _lowest_of(descents)
+        if lower < value:
+            if not same_optimum(value, lower):
+                failed = 0
+            point, value = ended, lower
+    polished = problem.polish(point[None, :])
+    evaluations += polished.evaluations
+    return Hops(polished.points[0], float(polished.values[0]), evaluations, optima)
 
 
 def _restart(

@@ -12,7 +12,7 @@ asked to, it goes on until the restarts certify the optimum (:mod:`.certificate`
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,67 +29,15 @@ from evopem.estimation.search.problem import (
     undiscovered,
 )
 
+Array = NDArray[np.float64]
+Recombination = Callable[[Array, int, np.random.Generator], tuple[Array, int]]
+
 # Random points of the first batch; each further batch doubles their number.
 FIRST_BATCH = 32
 # Undiscovered probability at which the check ends, and the one at which it gives up: there are too
 # many local optima to find them all.
 SUFFICIENT_PROBABILITY, HOPELESS_PROBABILITY = 0.003, 0.2
 
-
-@dataclass(frozen=True)
-class MultistartCheck:
-    """The best optimum of a multistart, the values of all, and the probability of a further one."""
-
-    point: Array
-    value: float
-    optima: tuple[float, ...]
-    n_multistart: int
-    undiscovered_probability: float
-    evaluations: int
-
-
-def multistart_check(
-    problem: Problem, max_evaluations: int, generator: np.random.Generator
-) -> MultistartCheck:
-    """Descend from random points until a further local optimum is improbable.
-
-    The probability is :func:`.problem.undiscovered`.
-
-    ``max_evaluations``: evaluations after which no further batch starts, beyond
-    ``problem.min_multistart`` points.
-    """
-    optima: list[float] = []
-    best_point, best_value = np.empty(0), np.inf
-    points = evaluations = 0
-    probability = 1.0
-    while points < problem.min_multistart or (
-        probability > SUFFICIENT_PROBABILITY and evaluations < max_evaluations
-    ):
-        batch = max(points, FIRST_BATCH)
-        descents = problem.descend(problem.random(batch, generator))
-        points += batch
-        evaluations += descents.evaluations
-        optima.extend(converged_values(descents))
-        best = int(np.argmin(descents.values))
-        if descents.values[best] <= best_value:
-            best_point, best_value = descents.points[best], float(descents.values[best])
-        probability = undiscovered(optima)
-        if probability > HOPELESS_PROBABILITY:
-            break
-    polished = problem.polish(best_point[None, :])
-    return MultistartCheck(
-        point=polished.points[0],
-        value=float(polished.values[0]),
-        optima=tuple(optima),
-        n_multistart=points,
-        undiscovered_probability=probability,
-        evaluations=evaluations + polished.evaluations,
-    )
-
-
-Array = NDArray[np.float64]
-
-Recombination = Callable[[Array, int, np.random.Generator], tuple[Array, int]]
 
 REFINE = ("worst", "all", "best", "random")
 
@@ -121,45 +69,66 @@ def memetic_search(
     the evaluations.  InputError when no value was finite.
     """
     found = _Found()
-    check: MultistartCheck | None = None
 
     def agreeing() -> int:
         best = min(found.value, known_minimum)
         return sum(same_optimum(minimum, best) for minimum in found.minima)
 
     def agreed() -> bool:
-        if until_certified and check is not None:
-            return enough_agree(agreeing(), len(found.minima), check.undiscovered_probability)
+        if until_certified and found.random_points:
+            return enough_agree(agreeing(), len(found.minima), found.undiscovered)
         return agreeing() >= agreeing_restarts and 2 * agreeing() >= len(found.minima)
 
     limit = settings.evaluations
     while found.spent < limit:
         _restart(problem, replace(settings, evaluations=limit), generator, recombine, found, log)
-        if check is None and agreed():
-            check = multistart_check(problem, settings.evaluations, generator)
-            found.add_check(check)
+        if not found.random_points and agreed():
+            found.check(problem, settings.evaluations, generator)
             if log is not None:
                 log(
-                    f"multistart check: lowest {check.value:.9g} of {check.n_multistart} points, "
-                    f"undiscovered probability {check.undiscovered_probability:.2g}, "
+                    f"multistart check: lowest {found.minima[-1]:.9g} of {found.random_points} "
+                    f"points, undiscovered probability {found.undiscovered:.2g}, "
                     f"{found.spent} evaluations"
                 )
         if agreed():
             break
-        confirming = until_certified and check is not None and agreeing() == len(found.minima)
+        confirming = until_certified and found.random_points and agreeing() == len(found.minima)
         limit = (CONFIRMING if confirming else 1) * settings.evaluations
-    if check is None:
-        return found.result(0, 1.0)
-    return found.result(check.n_multistart, check.undiscovered_probability)
+    return found.result(found.random_points, found.undiscovered)
 
 
 class _Found(SearchProgress):
-    def add_check(self, check: MultistartCheck) -> None:
-        """A multistart check, which counts as a restart."""
-        self.spent += check.evaluations
-        self.optima.extend(check.optima)
-        self.reach(check.point, check.value)
-        self.minima.append(check.value)
+    """What a search has found, and the random points of its multistart check."""
+
+    random_points, undiscovered = 0, 1.0
+
+    def check(self, problem: Problem, max_evaluations: int, generator: np.random.Generator) -> None:
+        """Descend from random points until a further local optimum is improbable: one restart.
+
+        ``max_evaluations``: evaluations after which no further batch starts, beyond
+        ``problem.min_multistart`` points.
+        """
+        optima: list[float] = []
+        best_point, best_value, evaluations = np.empty(0), np.inf, 0
+        while self.random_points < problem.min_multistart or (
+            self.undiscovered > SUFFICIENT_PROBABILITY and evaluations < max_evaluations
+        ):
+            batch = max(self.random_points, FIRST_BATCH)
+            descents = problem.descend(problem.random(batch, generator))
+            self.random_points += batch
+            evaluations += descents.evaluations
+            optima.extend(converged_values(descents))
+            best = int(np.argmin(descents.values))
+            if descents.values[best] <= best_value:
+                best_point, best_value = descents.points[best], float(descents.values[best])
+            self.undiscovered = undiscovered(optima)
+            if self.undiscovered > HOPELESS_PROBABILITY:
+                break
+        polished = problem.polish(best_point[None, :])
+        self.spent += evaluations + polished.evaluations
+        self.optima.extend(optima)
+        self.reach(polished.points[0], float(polished.values[0]))
+        self.minima.append(float(polished.values[0]))
 
 
 def _restart(
@@ -236,11 +205,7 @@ def _chosen(
 ) -> NDArray[np.intp]:
     """Choose the offspring that BFGS refines."""
     count = min(settings.nu, len(values))
-    order = np.argsort(values, kind="stable")
-    if settings.refine == "worst":
-        return order[-count:]
-    if settings.refine == "best":
-        return order[:count]
     if settings.refine == "random":
         return generator.permutation(len(values))[:count]
-    return order
+    order = np.argsort(values, kind="stable")
+    return {"worst": order[-count:], "best": order[:count], "all": order}[settings.refine]

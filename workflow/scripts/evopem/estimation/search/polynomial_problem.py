@@ -7,17 +7,12 @@ from numpy.typing import NDArray
 
 from evopem.estimation.search.memetic import discrete_recombination
 from evopem.estimation.search.polynomial_starts import PolynomialStarts
-from evopem.estimation.search.root_recombination import (
-    Sections,
-    product_of,
-    recombined_polynomials,
-    sections_of,
-)
-from evopem.estimation.search.section_hopping import (
+from evopem.estimation.search.sections import (
     PLACES,
+    each_without,
     random_sections,
-    section_roots,
-    without_nearest_section,
+    recombined_polynomials,
+    without_nearest,
 )
 from evopem.estimation.search.starting_polynomials import random_denominators
 
@@ -28,17 +23,13 @@ BY_ROOTS = 0.75
 
 
 class PolynomialProblem(PolynomialStarts):
-    """Search problem of one record and orders; see :class:`.problem.Problem`.
+    """Search problem of one record and orders.
 
     The first population holds the estimates of :class:`.PolynomialStarts`, descended from.  The
     rest of it, and all later populations, have random poles.
     """
 
     _drawn = False
-
-    @property
-    def _polynomials(self) -> list[tuple[str, slice]]:
-        return self.errors.polynomials()
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A population, and the evaluations that it took; the first one holds the estimates."""
@@ -58,7 +49,7 @@ class PolynomialProblem(PolynomialStarts):
 
     def _drawn_at_random(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         points = np.zeros((count, self.errors.dimension))
-        for name, part in self._polynomials:
+        for name, part in self.errors.polynomials():
             order = part.stop - part.start
             if name in "cd":
                 points[1:, part] = generator.standard_normal((count - 1, order))
@@ -78,7 +69,7 @@ class PolynomialProblem(PolynomialStarts):
             return discrete_recombination(parents, count, generator)
         pairs = generator.integers(len(parents), size=(2, count))
         offspring = np.zeros((count, parents.shape[1]))
-        for _, part in self._polynomials:
+        for _, part in self.errors.polynomials():
             offspring[:, part] = recombined_polynomials(parents[:, part], pairs, generator)
         return self.completed(offspring)
 
@@ -93,26 +84,19 @@ class PolynomialProblem(PolynomialStarts):
 
         A section of A or D is moved together with the nearest one of C, or alone.
         """
-        moved = []
-        own = [part for name, part in self._polynomials if name == "f"]
         a, c, d = (self._parts[name] for name in "acd")
-        with_c = c.stop - c.start >= 2
-        places: list[tuple[slice, slice | None]] = [(part, None) for part in own]
-        for part in (a, d):
-            places += [(part, None), (part, c)] if with_c else [(part, None)]
+        together = [None, c] if c.stop - c.start >= 2 else [None]
+        places: list[tuple[slice, slice | None]] = [
+            (part, None) for name, part in self.errors.polynomials() if name == "f"
+        ]
+        places += [(part, other) for part in (a, d) for other in together]
+        moved = []
         for part, other in [*places, (c, None)]:
-            found = sections_of(point[part])
-            for row, section in enumerate(found.quadratic):
-                rest = Sections(np.delete(found.quadratic, row, axis=0), found.single)
-                monic = np.concatenate([[1.0], product_of(rest)])
-                near = (
-                    without_nearest_section(point[other], section_roots(section))
-                    if other is not None
-                    else None
-                )
+            for section, rest in each_without(point[part]):
+                near = None if other is None else without_nearest(point[other], section)
                 for factor in random_sections(PLACES, generator):
                     neighbour = point.copy()
-                    neighbour[part] = np.convolve(monic, factor)[1:]
+                    neighbour[part] = np.convolve(rest, factor)[1:]
                     if other is not None and near is not None:
                         neighbour[other] = np.convolve(near, factor)[1:]
                     moved.append(neighbour)

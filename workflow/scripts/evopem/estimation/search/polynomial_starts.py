@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.pem.stretch_errors import Errors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.descent_problem import DescentProblem
 from evopem.estimation.search.staged_descent import (
     LINEAR_STEPS,
@@ -44,7 +44,7 @@ PAIRS, DESCENDED = 32, 4
 SWEEP_STAGES = (Stage(0.1, 1e-7, 1e-7),)
 
 
-class PolynomialStarts(DescentProblem[Errors]):
+class PolynomialStarts(DescentProblem):
     """Starting points of one problem, and descents from them.
 
     ``models``: models of other orders that :meth:`starts` begin from.  ``own_starts``: whether
@@ -52,7 +52,10 @@ class PolynomialStarts(DescentProblem[Errors]):
     """
 
     def __init__(
-        self, errors: Errors, models: Sequence[PolynomialModel] = (), own_starts: bool = True
+        self,
+        errors: PolynomialErrors,
+        models: Sequence[PolynomialModel] = (),
+        own_starts: bool = True,
     ) -> None:
         self.errors = errors
         self._parts = errors.parts()
@@ -225,7 +228,7 @@ class PolynomialStarts(DescentProblem[Errors]):
             return white, used
         coloured = white.copy()
         for point in coloured:
-            residuals = self.errors.residuals(point)[self.errors.loss_start :]
+            residuals = self.errors.residuals(point)
             point[self._parts["c"]], point[self._parts["d"]] = noise_model(residuals, o.nc, o.nd)
         coloured, more = self.completed(coloured)
         return np.concatenate([white, coloured]), used + more + len(coloured)

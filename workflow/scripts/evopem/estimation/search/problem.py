@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,18 @@ class Problem(Protocol):
 
     def polish(self, points: Array) -> Descent:
         """Descend from each row to the last digits."""
+
+
+class HoppingProblem(Problem, Protocol):
+    """A problem whose points have sections of roots."""
+
+    def neighbours(
+        self, point: Array, value: float, count: int, generator: np.random.Generator
+    ) -> tuple[Array, int]:
+        """The most promising of random neighbours, (at most count, n), and the evaluations."""
+
+    def descend_from_neighbours(self, points: Array) -> Descent:
+        """Descend from each row, where the Gauss-Newton matrix may be singular."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +121,15 @@ class SearchResult:
     point: Array
     value: float
     diagnostics: SearchDiagnostics
+
+
+class Hops(NamedTuple):
+    """Where moves from an optimum ended: point (n,), value, evaluations, values of all descents."""
+
+    point: Array
+    value: float
+    evaluations: int
+    optima: list[float]
 
 
 class SearchProgress:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.pem.kernels.sections import products_of_sections
-from evopem.estimation.pem.stretch_errors import Errors
-from evopem.estimation.search.root_recombination import sections_of
+from evopem.estimation.pem.kernels.polynomials import products_of_sections
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.search.sections import sections_of
 from evopem.estimation.search.staged_descent import (
     POLISH_STAGES,
     staged_descent,
@@ -37,7 +37,7 @@ DRAWN_IN = (1e-8, 1e-7, 1e-6, 1e-5)
 class SectionCoordinates:
     """Prediction errors as functions of the sections of A, C, D and F."""
 
-    def __init__(self, errors: Errors) -> None:
+    def __init__(self, errors: PolynomialErrors) -> None:
         self._errors = errors.within_radius(ASKED_WITHIN)
         self._polynomials = [(part, errors.radius_of(name)) for name, part in errors.polynomials()]
 
@@ -118,7 +118,7 @@ class SectionCoordinates:
         return slopes
 
 
-def descend_in_sections(errors: Errors, points: Array, largest_value: float) -> Descent:
+def descend_in_sections(errors: PolynomialErrors, points: Array, largest_value: float) -> Descent:
     """Descents to the last digits along the edge; never worse than where they began."""
     sections = SectionCoordinates(errors)
     found = staged_descent(

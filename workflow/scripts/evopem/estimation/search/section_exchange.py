@@ -9,7 +9,7 @@ without one of its sections, descended from again, gains one at another place.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,11 @@ from evopem.estimation.search.common_sections import (
     without_common_section,
 )
 from evopem.estimation.search.descent_problem import DescentProblem
-from evopem.estimation.search.problem import converged_values, same_optimum
+from evopem.estimation.search.problem import Hops, converged_values, same_optimum
 from evopem.estimation.search.section_gains import gains, grid
-from evopem.estimation.search.section_hopping import Hops
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
-AnyProblem = DescentProblem[Any]
 
 # Random points that the smallest orders are descended from, and optima that are kept.
 FIRST, KEPT = 8, 4
@@ -57,7 +55,7 @@ class Optimum(NamedTuple):
 class SectionExchange:
     """Searches of a problem by growth and exchange, each independent of the others."""
 
-    def __init__(self, problem: AnyProblem) -> None:
+    def __init__(self, problem: DescentProblem) -> None:
         self.problem = problem
         self._steps = growth(problem.errors.orders)
         self._shared = tuple(dict.fromkeys(shared for _, shared in self._steps[1:]))
@@ -86,7 +84,7 @@ class SectionExchange:
         found = _Found(self.problem, generator, by_gains=False)
         return self._exchanged([Optimum(value, point)], found, max_evaluations)
 
-    def _of(self, orders: Orders) -> AnyProblem:
+    def _of(self, orders: Orders) -> DescentProblem:
         """The problem of some orders on the way."""
         if orders == self.problem.errors.orders:
             return self.problem
@@ -127,7 +125,7 @@ class _Found:
     """
 
     def __init__(
-        self, problem: AnyProblem, generator: np.random.Generator, by_gains: bool = True
+        self, problem: DescentProblem, generator: np.random.Generator, by_gains: bool = True
     ) -> None:
         self.problem, self.generator, self._by_gains = problem, generator, by_gains
         self.evaluations = 0
@@ -136,8 +134,8 @@ class _Found:
     def with_sections(
         self,
         optima: list[Optimum],
-        smaller: AnyProblem,
-        larger: AnyProblem,
+        smaller: DescentProblem,
+        larger: DescentProblem,
         shared: str,
     ) -> list[Optimum]:
         """Optima of larger orders from the most promising places of a further section."""
@@ -152,8 +150,8 @@ class _Found:
     def _most_promising(
         self,
         optimum: Optimum,
-        smaller: AnyProblem,
-        larger: AnyProblem,
+        smaller: DescentProblem,
+        larger: DescentProblem,
         shared: str,
     ) -> tuple[Array, Array]:
         """An optimum with a further section at the best of random places, and what is promised.
@@ -184,7 +182,7 @@ class _Found:
         best = np.argsort(promised, kind="stable")[:OF_EACH]
         return grown[best], promised[best]
 
-    def descents(self, problem: AnyProblem, starts: Array) -> list[Optimum]:
+    def descents(self, problem: DescentProblem, starts: Array) -> list[Optimum]:
         """The lowest optima that descents from some starts lead to."""
         if not len(starts):
             return []
@@ -204,14 +202,11 @@ class _Found:
             begun = self.problem.descend(best.point[None, :])
             ended = self.problem.descend_in_sections(begun.points)
             self.evaluations += begun.evaluations + ended.evaluations
-            best = min(best, Optimum(float(ended.values[0]), ended.points[0]), key=_value)
+            if ended.values[0] < before:
+                best = Optimum(float(ended.values[0]), ended.points[0])
             if same_optimum(before, best.value, LAST_GAIN):
                 break
         return best
-
-
-def _value(optimum: Optimum) -> float:
-    return optimum.value
 
 
 def _lowest(optima: list[Optimum]) -> list[Optimum]:

@@ -13,9 +13,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels.filtering import filter_rows
-from evopem.estimation.pem.polynomial_objective import PolynomialErrors
-from evopem.estimation.pem.stretch_errors import Errors
+from evopem.estimation.pem.kernels.polynomials import filter_rows
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.pem.stretch_errors import StretchErrors
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def _responses(bins: int) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
     return response.astype(np.complex64), (np.abs(response) ** 2).astype(np.float32)
 
 
-def gains(errors: Errors, point: Array, shared: str, places: NDArray[np.intp]) -> Array:
+def gains(errors: PolynomialErrors, point: Array, shared: str, places: NDArray[np.intp]) -> Array:
     """Part of the objective that a shared section explains at each of some places, (M,).
 
     ``shared``: the polynomials that share the section.  ``places`` (M,): rows of :func:`grid`.
@@ -104,18 +104,17 @@ def gains(errors: Errors, point: Array, shared: str, places: NDArray[np.intp]) -
     return explained / float(slopes @ slopes)
 
 
-def _slopes_and_signals(errors: PolynomialErrors, point: Array, shared: str) -> list[Array]:
+def _slopes_and_signals(errors: StretchErrors, point: Array, shared: str) -> list[Array]:
     """Slopes; residuals and input as the coefficients of the shared polynomials would add them."""
-    residuals, slopes = errors.residuals_and_slopes(point)
-    parts = errors.parts()
-    c, d, f = (
-        np.append(1.0, point[parts[name]]) if name in parts else np.ones(1) for name in "cdf"
-    )
+    residuals = errors.residuals(point)
+    slopes = np.sign(residuals) if errors.objective.absolute else residuals.copy()
+    slopes[: errors.loss_start] = 0.0
+    c, d, f = (np.append(1.0, point[errors.orders.part(name)]) for name in "cdf")
     signals = [slopes]
     if "c" in shared:
         signals.append(_filtered(residuals, np.ones(1), c))
     if "b" in shared and errors.orders.inputs:
-        signals.append(_filtered(errors.input, d, np.convolve(c, f)))
+        signals.append(_filtered(errors.inputs[:, 0], d, np.convolve(c, f)))
     return signals
 
 

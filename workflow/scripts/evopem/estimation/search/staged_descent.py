@@ -9,7 +9,16 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.errors import InputError
 from evopem.estimation.pem.batch_bfgs import Descent, descend, descend_by
+from evopem.estimation.search.problem import (
+    SearchDiagnostics,
+    SearchResult,
+    converged_values,
+    count_confirming,
+    count_distinct,
+    same_optimum,
+)
 
 Array = NDArray[np.float64]
 
@@ -43,6 +52,9 @@ POLISH_STAGES = (Stage(1e-2, 1e-7, 1e-10), Stage(1e-3, 1e-8, 1e-10), Stage(1e-4,
 # samples.
 COARSE_STAGES = (Stage(0.05, 1e-5, 1e-6),)
 LAST_COARSE_STAGES = POLISH_STAGES[:1]
+
+# Relative distance from the lowest value within which a descent is refined, and the most of them.
+NEAR, REFINED = 1e-3, 8
 
 # Newton steps towards linear coordinates: one is exact for the quadratic objective.
 LINEAR_STEPS = {"quadratic": 1, "absolute": 4}
@@ -203,3 +215,37 @@ def solve_linear(
         inverses = damped_inverses(matrices)
         points[:, linear] -= np.einsum("ijk,ik->ij", inverses, gradients[:, linear])
     return points
+
+
+def multistart(errors: PredictionErrors, starts: Array, largest_value: float) -> SearchResult:
+    """Descend from every start, refine the lowest, and count how many agree.
+
+    ``starts`` (M, n): those without a finite value are left out, the others count as restarts.
+    InputError when no start has a finite value.
+    """
+    evaluations = len(starts)
+    starts = starts[np.isfinite(errors.values(starts))]
+    if not len(starts):
+        raise InputError(
+            "constraints",
+            "no model that was tried meets them",
+            "relax the constraints, or raise the orders",
+        )
+    descents = staged_descent(errors, starts, DESCENT_STAGES, largest_value)
+    order = np.argsort(descents.values, kind="stable")
+    lowest = descents.values[order[0]]
+    near = [row for row in order if same_optimum(descents.values[row], lowest, NEAR)][:REFINED]
+    refined = polish(errors, descents.points[near], largest_value)
+    evaluations += descents.evaluations + refined.evaluations
+    minima = descents.values.copy()
+    minima[near] = refined.values
+    best = int(np.argmin(refined.values))
+    value = float(refined.values[best])
+    diagnostics = replace(
+        SearchDiagnostics.of_descents(
+            value, evaluations, count_distinct(converged_values(descents))
+        ),
+        restart_minima=tuple(minima.tolist()),
+        n_confirming=count_confirming(tuple(minima.tolist()), value),
+    )
+    return SearchResult(refined.points[best], value, diagnostics)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels.filtering import filter_rows
+from evopem.estimation.pem.kernels.polynomials import filter_rows
 from evopem.models.polynomials import reflect_into_disc
 
 Array = NDArray[np.float64]

@@ -18,8 +18,7 @@ LONGEST_LINE_SEARCH = 30
 # Least part of a bracket that an interpolated step keeps.
 SHORTEST_CUT = 0.1
 
-# What the line search of a start knows. One array of records in place of one for each field: every
-# array of a compiled function costs time when it is compiled, and at each call.
+# What the line search of a start knows, as one array: each costs time at compilation and at a call.
 LINE = np.dtype(
     [
         *((name, np.float64) for name in ("value", "slope", "step", "low", "high")),
@@ -31,10 +30,7 @@ LINE = np.dtype(
 
 
 class State(NamedTuple):
-    """Where each start is, its gradient, inverse Hessian and direction, and its line search.
-
-    A line that is not aimed yet begins along the direction that the inverse Hessian gives.
-    """
+    """Where each start is, its gradient, inverse Hessian, direction and line search."""
 
     x: Array
     g: Array
@@ -48,16 +44,11 @@ def state_at(starts: Array) -> State:
     count, dimension = starts.shape
     line = np.zeros(count, LINE)
     line["active"] = True
-    return State(
-        x=starts,
-        g=np.zeros((count, dimension)),
-        h=np.zeros((count, dimension, dimension)),
-        d=np.zeros((count, dimension)),
-        line=line,
-    )
+    g, d = np.zeros((2, count, dimension))
+    return State(starts, g, np.zeros((count, dimension, dimension)), d, line)
 
 
-@njit
+@cached_njit
 def trial_points(state: State, rows: Rows) -> Array:
     """The point that each of some starts tries."""
     trial = np.empty((rows.size, state.x.shape[1]))
@@ -69,7 +60,7 @@ def trial_points(state: State, rows: Rows) -> Array:
     return trial
 
 
-@njit
+@cached_njit
 def advance(
     state: State,
     rows: Rows,
@@ -81,8 +72,7 @@ def advance(
 ) -> int:
     """Accept each start's trial, or say where along the line it tries next.
 
-    Returns the evaluations that these trials were: a step out of the stability region is refused
-    before any residual is computed.
+    Returns the evaluations: steps out of the stability region are refused without residuals.
     """
     evaluations = 0
     for k, r in enumerate(rows):
@@ -109,8 +99,7 @@ def advance(
 def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -> float:
     """The next trial step: twice the last one until a bracket is found, then inside it.
 
-    While the bracket starts at zero its inside is the minimum of the parabola through value and
-    slope there and the value at its far end; later, and where that end is infeasible, its middle.
+    At the minimum of a parabola while the bracket starts at zero and ends feasibly, else half way.
     """
     if high == np.inf:
         return 2.0 * low
@@ -200,23 +189,3 @@ def _times(symmetric: Array, vector: Array) -> Array:
         for i in range(len(vector)):
             product[i] += symmetric[j, i] * vector[j]
     return product
-
-
-@cached_njit
-def points_to_try(state: State, rows: Rows) -> Array:
-    """:func:`trial_points` for an objective that Python evaluates."""
-    return trial_points(state, rows)
-
-
-@cached_njit
-def advance_by(
-    state: State,
-    rows: Rows,
-    trial: Array,
-    values: Array,
-    gradients: Array,
-    tolerance: float,
-    max_iterations: int,
-) -> int:
-    """:func:`advance` for an objective that Python evaluates."""
-    return advance(state, rows, trial, values, gradients, tolerance, max_iterations)

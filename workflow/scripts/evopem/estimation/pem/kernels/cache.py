@@ -1,10 +1,7 @@
 """Compilation by numba, with an on-disk cache that notices changes in a whole folder.
 
-numba's own cache compares a digest of the one file that defines a function, so a change in a
-function that is imported from another file would go unnoticed.  Here the digest covers every
-Python file of the folder that the function is defined in.  Where the cache is stored is numba's
-decision, as always: ``NUMBA_CACHE_DIR`` where it is set, ``__pycache__`` where that is writable,
-the user's cache directory otherwise.
+numba's own cache compares a digest of the one file that defines a function; here the digest covers
+every Python file of that folder, which what it calls is defined in.
 """
 
 from __future__ import annotations
@@ -40,8 +37,7 @@ def inlined(function: Callable[..., Any]) -> Any:
 def cached_njit(function: Callable[..., Any]) -> Any:
     """Compile a function that Python calls, on first use, and keep the result on disk.
 
-    ``function``: A function at the top level of a module.  What it calls must be defined in the
-    same folder, or be compiled by numba itself.
+    What it calls must be defined in the same folder, or be compiled by numba itself.
     """
     dispatcher: Any = numba.njit(**_OPTIONS)(function)
     dispatcher._cache = _FolderCache(function)
@@ -49,10 +45,7 @@ def cached_njit(function: Callable[..., Any]) -> Any:
 
 
 def folder_digest(folder: Path) -> str:
-    """Digest of the names and contents of the Python files of a folder.
-
-    Returns 64 hexadecimal digits.
-    """
+    """Digest of the names and contents of the Python files of a folder, 64 digits."""
     digest = hashlib.sha256()
     for file in sorted(folder.glob("*.py")):
         digest.update(file.name.encode())
@@ -99,7 +92,12 @@ class _FolderCache(caching.FunctionCache):
     _impl_class = _FolderCacheImplementation
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        loaded = super().load_overload(sig, target_context)
+        try:
+            loaded = super().load_overload(sig, target_context)
+        except (ImportError, AttributeError):
+            # The index names what another version of the package had.
+            self._cache_file.flush()
+            loaded = None
         if loaded is None:
             _announce(os.getpid())
         return loaded

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.polynomials import barrier_curvature
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
@@ -44,11 +45,10 @@ from evopem.estimation.pem.kernels.simd import (
     divide,
     fma,
     load,
-    sample,
+    load_either,
     square_root,
     store,
 )
-from evopem.estimation.pem.kernels.stability import barrier_curvature
 
 Array = NDArray[np.float64]
 
@@ -98,9 +98,9 @@ def _fill_source(record, workspace, source, part, begin, end):
     before = start - record.history
     for t in range(begin, end):
         if kind == OF_A:
-            s = sample(record.y, t - 1)
+            s = load_either(record.y, t - 1)
         elif kind == OF_B:
-            s = sample(record.u, i * record.y.size + t - record.nk[i])
+            s = load_either(record.u, i * record.y.size + t - record.nk[i])
         elif kind == OF_C:
             s = load(workspace.e, t - 1 - before)
         elif kind == OF_D:
@@ -293,10 +293,10 @@ def _add_responses(record, buffers, column):
         for copy in range(1, parts[p, 2]):
             for lag in range(1, copy + 1):
                 if kind == OF_A:
-                    past = sample(record.y, record.residual_start - 1 - lag)
+                    past = load_either(record.y, record.residual_start - 1 - lag)
                 else:
                     t = record.residual_start - record.nk[i] - lag
-                    past = sample(record.u, i * record.y.size + t)
+                    past = load_either(record.u, i * record.y.size + t)
                 into, source = (parts[p, 3] + copy) * across, (response + copy - lag) * across
                 for k in range(width):
                     s = fma(past, load(sums, source + k * step), load(sums, into + k * step))
@@ -307,7 +307,7 @@ def _add_responses(record, buffers, column):
 def _gauss_newton(record, workspace, buffers):
     """``sum_t J_t J_t'`` over the samples that count, for the loaded models, to ``buffers.sums``.
 
-    By the copies of :class:`LagSums`.
+    By the copies of :class:`.record.LagSums`.
     """
     parts, sums, heads = buffers.parts, buffers.sums, buffers.heads
     history = heads.shape[0] // parts.shape[0]

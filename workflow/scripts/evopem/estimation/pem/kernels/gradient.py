@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from evopem.estimation.pem.kernels.cache import njit
+from evopem.estimation.pem.kernels.bfgs import advance, trial_points
+from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.polynomials import barrier
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
@@ -43,7 +45,6 @@ from evopem.estimation.pem.kernels.simd import (
     square_root,
     store,
 )
-from evopem.estimation.pem.kernels.stability import barrier
 
 # What a pass is for.
 RESIDUALS, VALUES, GRADIENTS = 0, 1, 2
@@ -133,10 +134,7 @@ def _times_d_back(parameters, at, nd, slope, filtered, size):
 
 @njit
 def _four_lags(slope, first, size, signal, k):
-    """``sum_i slope[first + i] signal[k + i - j]`` for ``j = 0 ... 3``.
-
-    ``size`` is a multiple of four.
-    """
+    """``sum_i slope[first + i] signal[k + i - j]`` for ``j = 0 ... 3``; size in whole blocks."""
     zero = constant(0.0)
     p0, p1, p2, p3 = zero, zero, zero, zero
     q0, q1, q2, q3 = zero, zero, zero, zero
@@ -156,10 +154,7 @@ def _four_lags(slope, first, size, signal, k):
 
 @njit
 def _two_lags(slope, first, size, signal, k):
-    """``sum_i slope[first + i] signal[k + i - j]`` for ``j = 0, 1``.
-
-    ``size`` is a multiple of four.
-    """
+    """``sum_i slope[first + i] signal[k + i - j]`` for ``j = 0, 1``; size in whole blocks."""
     zero = constant(0.0)
     p0, p1, q0, q1 = zero, zero, zero, zero
     r0, r1, s0, s1 = zero, zero, zero, zero
@@ -208,10 +203,7 @@ def _move(table, first, following, history):
 
 @njit
 def _loss_and_gradient(record, workspace, absolute):
-    """Loss of the models whose residuals stand in the table, and by one backward pass its gradient.
-
-    The pass takes the same time whatever the number of parameters.
-    """
+    """Loss of the models whose residuals stand in the table, and its gradient by a pass back."""
     parameters, gradient = workspace.parameters, workspace.gradient
     fill(gradient, 0, gradient.shape[0], 0.0)
     lam, mu, xi = workspace.windows
@@ -345,3 +337,30 @@ def _unload_gradient(record, objective, table, lane, point, gradient):
             gradient[index] += record.sign[row] * objective.factor * table[row, lane]
     for k in range(point.size):
         gradient[k] += 2.0 * state_weight(record, objective, point.size, k) * point[k]
+
+
+@cached_njit
+def passes(
+    record, objective, workspace, task, state, smoothing, barriers, tolerance, limit, trials, few
+):
+    """Trials of all descents, until so many are made or no more than ``few`` descents go on.
+
+    No trials are a pass over the points of the state, so that all is compiled and loaded once.
+    Returns trials, evaluations and what the last pass gave.
+    """
+    made = evaluations = 0
+    while True:
+        rows = marked_rows(state.line["active"])
+        trial = trial_points(state, rows) if trials else state.x
+        values, gradients = pass_over(
+            record, objective, workspace, task, trial, smoothing[rows], barriers[rows]
+        )
+        if not trials:
+            return made, evaluations, values, gradients
+        evaluations += advance(state, rows, trial, values, gradients, tolerance, limit)
+        made += 1
+        going_on = 0
+        for r in rows:
+            going_on += state.line[r].active
+        if made == trials or going_on <= few:
+            return made, evaluations, values, gradients

@@ -22,6 +22,8 @@ from evopem.estimation.pem.kernels.simd import constant, lanes_table, store
 
 # Parts of the signed parameters.
 OF_A, OF_B, OF_C, OF_D, OF_F, LEVEL, PLANT_STATE, NOISE_STATE = range(8)
+# The response of D/C to an impulse, beside them among the products of lagged signals.
+NOISE_RESPONSE = NOISE_STATE + 1
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.intp]
@@ -39,14 +41,11 @@ class Record(NamedTuple):
     """A record, the orders of the models that share a pass over it, and the samples that count.
 
     ``y`` and, one after the other, the inputs in ``u`` begin with :data:`FRONT` zeros and are
-    padded behind; sample numbers include them.  ``nb``, ``nf``, ``nk`` and ``at_...`` of inputs
-    have one entry for each.  ``level`` is 1 where a constant is estimated and 0 otherwise.
-    ``states`` is the length of the noise state, ``max(nc, nd)``; the state of an input has nf
-    entries.  ``at_...`` are the first rows of the signed parameters, ``entry`` and ``sign`` the
-    entry of a point that each row holds, -1 for padding, and its sign.  ``history`` are the rows
-    that recursions look back on.  ``parts`` are the kind, the input, the coefficients and the first
-    row of each part that has some.  Each x_i, v and e has ``rows`` rows, sample t in row ``t -
-    residual_start + history``.
+    padded behind; sample numbers include them.  ``states``: length of the noise state.  ``at_...``:
+    first rows of the signed parameters, ``entry`` and ``sign`` the entry of a point that each row
+    holds, -1 for padding, and its sign.  ``parts``: kind, input, coefficients and first row of each
+    part that has some.  ``history``: rows that recursions look back on.  Each x_i, v and e has
+    ``rows`` rows, sample t in row ``t - residual_start + history``.
     """
 
     y: Array
@@ -80,11 +79,9 @@ class Record(NamedTuple):
 
 
 class Objective(NamedTuple):
-    """The objective of a sum of losses, and the stability region.
+    """The objective of a sum of losses, and the largest radii of A and F_i, of C and D.
 
-    ``absolute`` or else square loss, times ``factor``; the squares of the plant states and of the
-    noise state are added with their weights.  Roots of A and F_i beyond ``plant_radius`` and roots
-    of C and D beyond ``noise_radius`` are infeasible.
+    ``absolute`` or else square loss, times ``factor``, plus the weighted squares of the states.
     """
 
     absolute: bool
@@ -95,16 +92,10 @@ class Objective(NamedTuple):
     noise_radius: float
 
 
-# Of residuals, which depend on no objective.
-ANY_OBJECTIVE = Objective(False, 1.0, 0.0, 0.0, 1.0, 1.0)
-
-
 class Workspace(NamedTuple):
     """Buffers of a pass, each a table with one column for each of eight models.
 
-    Signed parameters and their gradient; all x_i, v and e of the whole record; stretches of
-    the sum of all x_i and of the adjoints of e, v and all x_i; one row each for the smoothing of
-    the absolute value and for sums.
+    ``totals`` are a stretch of the sum of all x_i, ``windows`` of the adjoints of e, v and all x_i.
     """
 
     parameters: Array
@@ -118,11 +109,6 @@ class Workspace(NamedTuple):
     total: Array
 
 
-def padded_length(samples: int, residual_start: int) -> int:
-    """Length of a padded record, ``residual_start`` and a whole number of pairs of blocks."""
-    return residual_start + 2 * BLOCK * -(-(samples - residual_start) // (2 * BLOCK))
-
-
 def record_of(
     output: Array,
     inputs: Array,
@@ -133,9 +119,7 @@ def record_of(
 ) -> Record:
     """A record as the kernels read it.
 
-    ``output`` (N,), ``inputs`` (N, m).  ``orders``: nb, nf and nk with one number for each input.
-    ``residual_start``: first residual, at least na and all ``nk + nb - 1``.  ``loss_start``: first
-    residual that counts.
+    ``output`` (N,), ``inputs`` (N, m).  ``orders``: na, nb, nc, nd, nf, nk, of inputs one for each.
     """
     na, nb, nc, nd, nf, nk = orders
     rows_c = max(nc, MIN_NC) if nc else 0
@@ -168,7 +152,8 @@ def record_of(
         for (kind, i, _, count, _), row in zip(parts, starts, strict=False)
         if count
     ]
-    length = FRONT + padded_length(len(output), residual_start)
+    # A whole number of pairs of blocks from the first residual on.
+    length = len(output) + -(len(output) - residual_start) % (2 * BLOCK) + FRONT
     history = max([rows_c, nd, *rows_f]) + FRONT
     return Record(
         y=_framed(output, length),
@@ -227,6 +212,67 @@ def workspace_for(record: Record) -> Workspace:
         smoothing=lanes_table(1),
         total=lanes_table(1),
     )
+
+
+class LagSums(NamedTuple):
+    """Buffers of the products of lagged signals that Gauss-Newton matrices are sums of.
+
+    ``parts``: kind, input, copies and first row of each part of the sums, coefficients among the
+    copies and their first row in the signed parameters, and the part with the response to what
+    enters it from the past, or -1.  Stretches of their signals before the filters, through 1/C, D
+    and 1/F_i; the filtered signals at the two ends of the record; the sums.
+    """
+
+    parts: NDArray[np.intp]
+    source: Array
+    by_c: Array
+    by_d: Array
+    by_f: Array
+    heads: Array
+    tails: Array
+    sums: Array
+
+
+def lag_sums_for(record: Record) -> LagSums:
+    """Buffers for the products of lags."""
+    parts = _parts_of_sums(record)
+    rows = int(parts[:, 2].sum())
+    history = max(int(parts[:, 2].max(initial=0)), record.history) + BLOCK
+    filtered = len(parts) * (history + CHUNK)
+    return LagSums(
+        parts=parts,
+        source=lanes_table(CHUNK),
+        by_c=lanes_table(filtered),
+        by_d=lanes_table(filtered if record.nd else 1),
+        by_f=lanes_table(filtered if record.nf.any() else 1),
+        heads=lanes_table(len(parts) * history),
+        tails=lanes_table(len(parts) * history),
+        sums=lanes_table(rows * rows),
+    )
+
+
+def _parts_of_sums(record: Record) -> NDArray[np.intp]:
+    """See :class:`LagSums`."""
+    own = [tuple(part) for part in record.parts.tolist()]
+    responses: dict[tuple[int, int], tuple[int, int]] = {}
+    needed = {(kind, i): count for kind, i, count, _ in own}
+    for kind, i, count, _ in own:
+        if kind in (OF_A, OF_B) and count > 1:
+            response = (NOISE_RESPONSE, 0) if record.nd else (NOISE_STATE, 0)
+            if kind == OF_B and record.nf[i]:
+                response = (PLANT_STATE, i)
+            responses[kind, i] = response
+            needed[response] = max(needed.get(response, 0), count - 1)
+    signed = {(kind, i): (count, row) for kind, i, count, row in own}
+    places = list(needed)
+    found, first = [], 0
+    for (kind, i), copies in needed.items():
+        count, row = signed.get((kind, i), (0, 0))
+        from_past = responses.get((kind, i))
+        place = -1 if from_past is None else places.index(from_past)
+        found.append((kind, i, copies, first, count, row, place))
+        first += copies
+    return np.array(found, dtype=np.intp).reshape(-1, 7)
 
 
 @njit

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.polynomials import step_down
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
@@ -20,10 +21,8 @@ from evopem.estimation.pem.kernels.simd import (
     load,
     load_either,
     magnitude,
-    sample,
     store,
 )
-from evopem.estimation.pem.kernels.stability import step_down
 
 
 @njit
@@ -96,8 +95,8 @@ def _add_lags(parameters, at, count, signal, q, s0, s1, s2, s3, s4, s5, s6, s7):
 @njit
 def _add_output(y, t, s0, s1, s2, s3):
     """Add four samples of the output."""
-    s0, s1 = add(s0, sample(y, t)), add(s1, sample(y, t + 1))
-    return s0, s1, add(s2, sample(y, t + 2)), add(s3, sample(y, t + 3))
+    s0, s1 = add(s0, load_either(y, t)), add(s1, load_either(y, t + 1))
+    return s0, s1, add(s2, load_either(y, t + 2)), add(s3, load_either(y, t + 3))
 
 
 @njit

@@ -1,9 +1,8 @@
 """One SIMD vector of eight doubles as a numba type, and its arithmetic.
 
-Eight candidate models share one pass over the record, one in each lane of a vector, so that a
-sequential recursion costs the same for eight models as for one.  All arithmetic is IEEE and
-explicitly ordered (no reassociation; fused multiply-adds where the code says so), so the bits of a
-result do not depend on the width of a machine's vectors or on which models share a pass.
+Eight models share one pass over the record, one in each lane: a recursion costs the same for eight
+as for one.  All arithmetic is explicitly ordered, with fused multiply-adds where the code says so:
+the bits of a result depend neither on a machine's vectors nor on which models share a pass.
 """
 
 from __future__ import annotations
@@ -48,17 +47,12 @@ def _entry_type(table):
     return _lanes if table.ndim == 2 else types.float64
 
 
-def _run_pointer(context, builder, array_type, array, index):
-    data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
-
-
 def _row_pointer(context, builder, array_type, array, row):
+    data = context.make_array(array_type)(context, builder, array).data
     if array_type.ndim == 1:
-        data = context.make_array(array_type)(context, builder, array).data
         return builder.gep(data, [row])
     offset = builder.mul(row, ir.Constant(row.type, LANES))
-    return _run_pointer(context, builder, array_type, array, offset)
+    return builder.bitcast(builder.gep(data, [offset]), _VECTOR.as_pointer())
 
 
 @intrinsic
@@ -71,15 +65,10 @@ def constant(typingctx, scalar):
     return _lanes(types.float64), codegen
 
 
-@intrinsic
-def sample(typingctx, signal, index):
-    """All lanes equal to ``signal[index]``; the index is not checked."""
-
-    def codegen(context, builder, signature, args):
-        data = context.make_array(signature.args[0])(context, builder, args[0]).data
-        return _splat(builder, builder.load(builder.gep(data, [args[1]])))
-
-    return _lanes(signal, types.intp), codegen
+def _loaded(context, builder, array_type, array, row):
+    """A row of a table as one vector, or a number of a flat array."""
+    pointer = _row_pointer(context, builder, array_type, array, row)
+    return builder.load(pointer, align=8)
 
 
 @intrinsic
@@ -87,24 +76,19 @@ def load(typingctx, table, row):
     """Row of a C-contiguous (rows, LANES) table as one vector, or a number of a flat one."""
 
     def codegen(context, builder, signature, args):
-        pointer = _row_pointer(context, builder, signature.args[0], args[0], args[1])
-        return builder.load(pointer, align=8)
+        return _loaded(context, builder, signature.args[0], *args)
 
     return _entry_type(table)(table, types.intp), codegen
 
 
 @intrinsic
 def load_either(typingctx, source, row):
-    """:func:`load` of a table, :func:`sample` of a signal."""
+    """Row of a table, or all lanes equal to ``source[row]`` of a signal; not checked."""
     table = source.ndim == 2
 
     def codegen(context, builder, signature, args):
-        array_type = signature.args[0]
-        if table:
-            pointer = _row_pointer(context, builder, array_type, args[0], args[1])
-            return builder.load(pointer, align=8)
-        data = context.make_array(array_type)(context, builder, args[0]).data
-        return _splat(builder, builder.load(builder.gep(data, [args[1]])))
+        found = _loaded(context, builder, signature.args[0], *args)
+        return found if table else _splat(builder, found)
 
     return _lanes(source, types.intp), codegen
 
@@ -141,44 +125,31 @@ def fma(typingctx, x, y, z):
     return x(x, x, x), codegen
 
 
-@intrinsic
-def square_root(typingctx, x):
-    """Square root of every lane."""
+def _unary(name):
+    @intrinsic
+    def operation(typingctx, x):
+        def codegen(context, builder, signature, args):
+            return _call(builder, name, args)
 
-    def codegen(context, builder, signature, args):
-        return _call(builder, "sqrt", args)
+        return _lanes(_lanes), codegen
 
-    return _lanes(_lanes), codegen
-
-
-@intrinsic
-def magnitude(typingctx, x):
-    """Absolute value of every lane."""
-
-    def codegen(context, builder, signature, args):
-        return _call(builder, "fabs", args)
-
-    return _lanes(_lanes), codegen
+    return operation
 
 
-@intrinsic
-def add(typingctx, x, y):
-    """``x + y``."""
+def _binary(instruction):
+    @intrinsic
+    def operation(typingctx, x, y):
+        def codegen(context, builder, signature, args):
+            return getattr(builder, instruction)(*args)
 
-    def codegen(context, builder, signature, args):
-        return builder.fadd(*args)
+        return _lanes(_lanes, _lanes), codegen
 
-    return _lanes(_lanes, _lanes), codegen
+    return operation
 
 
-@intrinsic
-def divide(typingctx, x, y):
-    """``x / y``."""
-
-    def codegen(context, builder, signature, args):
-        return builder.fdiv(*args)
-
-    return _lanes(_lanes, _lanes), codegen
+# Of every lane.
+square_root, magnitude = _unary("sqrt"), _unary("fabs")
+add, divide = _binary("fadd"), _binary("fdiv")
 
 
 def lanes_table(rows: int) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evopem.estimation.search.root_recombination import (
+from evopem.estimation.search.sections import (
     product_of,
     recombined_polynomials,
     sections_of,

@@ -1,4 +1,4 @@
-"""Roots inside a circle: the step-down (Schur-Cohn) test, and a barrier at its edge."""
+"""Single polynomials: roots inside a circle, a barrier at its edge, products, filters."""
 
 from __future__ import annotations
 
@@ -134,3 +134,80 @@ def stability_barriers(coefficients, radius):
         values[model] = barrier(x, radius, work, gradients[model])
         barrier_curvature(x, radius, work, slopes, next_slopes, curvatures[model])
     return values, gradients, curvatures
+
+
+@cached_njit
+def products_of_sections(reflections, radius):
+    """Coefficients of products of sections, and their derivatives.
+
+    A section is ``1 + radius k_1 (1 + k_2) q^-1 + radius^2 k_2 q^-2``: its roots lie within
+    ``radius`` where both reflection coefficients lie between -1 and 1.  The last of an odd number
+    is a single root, ``1 + radius k q^-1``.
+
+    ``reflections`` (models, m), C-contiguous: ``k_1`` and ``k_2`` of each section in turn.
+    Returns coefficients (models, m), without the leading 1, and their derivatives by the
+    reflections (models, m, m).
+    """
+    count, m = reflections.shape
+    coefficients, derivatives = np.empty((count, m)), np.zeros((count, m, m))
+    factors, product = np.empty(((m + 1) // 2, 2)), np.empty(m + 1)
+    for model in range(count):
+        for section in range(m // 2):
+            one, two = reflections[model, 2 * section], reflections[model, 2 * section + 1]
+            factors[section, 0] = radius * one * (1.0 + two)
+            factors[section, 1] = radius * radius * two
+        if m % 2:
+            factors[m // 2, 0], factors[m // 2, 1] = radius * reflections[model, m - 1], 0.0
+        _product(factors, -1, product)
+        for i in range(m):
+            coefficients[model, i] = product[i + 1]
+        for section in range((m + 1) // 2):
+            _product(factors, section, product)
+            first = 2 * section
+            last = first + 1 == m
+            one = 0.0 if last else reflections[model, first]
+            two = 0.0 if last else reflections[model, first + 1]
+            for i in range(m):
+                derivatives[model, i, first] = radius * (1.0 + two) * product[i]
+                if not last:
+                    before = product[i - 1] if i else 0.0
+                    derivatives[model, i, first + 1] = radius * (one * product[i] + radius * before)
+    return coefficients, derivatives
+
+
+@njit
+def _product(factors, left_out, product):
+    """Product of all sections but one, with the leading 1, into ``product``."""
+    product[:] = 0.0
+    product[0] = 1.0
+    for k in range(factors.shape[0]):
+        if k == left_out:
+            continue
+        for i in range(product.size - 1, 0, -1):
+            product[i] += factors[k, 0] * product[i - 1]
+            if i > 1:
+                product[i] += factors[k, 1] * product[i - 2]
+
+
+@cached_njit
+def filter_rows(signals, denominator, states):
+    """Filter each row of ``signals`` through ``1/denominator`` in place, and update its state.
+
+    The transposed direct form, operation by operation that of ``scipy.signal.lfilter``, whose
+    import takes longer than a small estimate.
+
+    ``signals`` (rows, samples) and ``states`` (rows, m), both C-contiguous; ``denominator``
+    (m + 1,) with its leading 1.
+    """
+    m = states.shape[1]
+    z = np.zeros(m + 1)
+    for row in range(signals.shape[0]):
+        for i in range(m):
+            z[i] = states[row, i]
+        for t in range(signals.shape[1]):
+            filtered = z[0] + signals[row, t]
+            for i in range(m):
+                z[i] = z[i + 1] - filtered * denominator[i + 1]
+            signals[row, t] = filtered
+        for i in range(m):
+            states[row, i] = z[i]

@@ -1,0 +1,331 @@
+"""The prediction-error problem of a polynomial model, its points and the region of its roots.
+
+A *point* holds the coefficients ``[a, b_1 ... b_m, c, d, f_1 ... f_m]`` (chapter eq. 18), a level
+for each recording where levels are estimated, and for each stretch the states of all plants
+``B_i / F_i`` (nf_i entries each), then for each stretch the noise state (``max(nc, nd)`` entries).
+The states are what the unknown past adds to the first equations of ``F_i x_i = -B_i u_i + g_i``
+and ``C e = D v + s``.  Estimated along, they leave no transient, however slow the roots of C.  A
+population of points is an (M, n) array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.config.settings import ScoringWindow
+from evopem.errors import NoModelError
+from evopem.estimation.pem.kernels.record import Objective
+from evopem.estimation.pem.stretch_errors import (
+    PLANT_STATE_WEIGHT,
+    STATE_WEIGHT,
+    StretchErrors,
+)
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomials import reflect_into_disc
+from evopem.models.structures import Orders
+from evopem.signals.recording import Segment
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+
+# Roots are moved this share of the radius inside it.
+MARGIN = 1e-6
+
+
+class PolynomialErrors:
+    """Objective, gradient and curvature of the models of some orders, over one or more stretches.
+
+    ``stretches``: with one output; those too short for the orders are left out.  ``objective``
+    {"absolute", "quadratic"}: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``) or
+    ``100 sum e**2 / sum y**2`` (eq. 22).  ``plant_radius``, ``noise_radius``: largest radius of the
+    roots of A and F, and of those of C and D.  ``level``: whether a constant is estimated for each
+    recording: ``A y = (B/F) u + (C/D) e + level``.  ``window``: first residual of each stretch and
+    first one that counts; by default the first whose past is measured.  One window for all orders
+    that are compared makes a smaller model a special case of a larger one.  NoModelError when no
+    stretch is long enough for the orders.
+    """
+
+    def __init__(
+        self,
+        stretches: Sequence[Segment],
+        orders: Orders,
+        objective: str,
+        plant_radius: float,
+        noise_radius: float,
+        level: bool = False,
+        window: ScoringWindow | None = None,
+    ) -> None:
+        self.window = window or ScoringWindow(orders.first_residual, orders.first_residual)
+        first = self.window.loss_start
+        needed = first + sum(orders.nf) + orders.noise_states
+        self.stretches = tuple(each for each in stretches if each.samples > needed)
+        if not self.stretches:
+            raise NoModelError(f"no stretch has the {needed + 1} samples that {orders} needs")
+        self.orders, self.objective = orders, objective
+        self.plant_radius, self.noise_radius = plant_radius, noise_radius
+        # Numbers of the recordings, in the order of their levels.
+        self.recordings = tuple(dict.fromkeys(each.recording for each in self.stretches))
+        self.levels = len(self.recordings) if level else 0
+        longest = max(self.stretches, key=lambda each: each.samples)
+        self.inputs, self.output = longest.inputs[:, : orders.inputs], longest.output
+        counted = [each.output[first:] for each in self.stretches]
+        losses = [np.sum(np.abs(y)) if objective == "absolute" else y @ y for y in counted]
+        self._scales = np.maximum(losses, np.finfo(float).tiny)
+        self._scale = float(np.sum(self._scales))
+        self.scored_samples = sum(map(len, counted))
+        self._of_stretches = list(zip(self._errors(), self._places(), strict=True))
+
+    def _errors(self) -> Iterator[StretchErrors]:
+        """The part of the objective of each stretch."""
+        factor, absolute = self.loss_factor, self.objective == "absolute"
+        for each, scale in zip(self.stretches, self._scales, strict=True):
+            # A square in the unit of the loss.
+            unit = float(scale) / (each.samples - self.window.loss_start) if absolute else 1.0
+            objective = Objective(
+                absolute=absolute,
+                factor=factor,
+                plant_state_weight=PLANT_STATE_WEIGHT * factor / unit,
+                noise_state_weight=STATE_WEIGHT * factor / unit,
+                plant_radius=self.plant_radius,
+                noise_radius=self.noise_radius,
+            )
+            inputs = each.inputs[:, : self.orders.inputs]
+            yield StretchErrors(
+                inputs, each.output, self.orders, self.window, objective, self.level
+            )
+
+    def _places(self) -> Iterator[Places]:
+        """Where the point of each stretch alone stands in the point of all."""
+        parts, o = self.parts(), self.orders
+        nf, states = sum(o.nf), o.noise_states
+        for number, stretch in enumerate(self.stretches):
+            level = parts["level"].start + self.recordings.index(stretch.recording)
+            plant = parts["plant"].start + number * nf
+            noise = parts["noise"].start + number * states
+            yield np.r_[
+                np.arange(o.parameters),
+                [level] if self.levels else [],
+                np.arange(plant, plant + nf),
+                np.arange(noise, noise + states),
+            ].astype(np.intp)
+
+    @property
+    def samples(self) -> int:
+        """Of the longest stretch, which ``inputs`` and ``output`` are of."""
+        return len(self.output)
+
+    @property
+    def level(self) -> bool:
+        """Whether a constant is estimated for each recording."""
+        return self.levels > 0
+
+    @property
+    def parameters(self) -> int:
+        """Number of coefficients and levels, without the states."""
+        return self.orders.parameters + self.levels
+
+    @property
+    def dimension(self) -> int:
+        """Length of a point."""
+        states = sum(self.orders.nf) + self.orders.noise_states
+        return self.parameters + len(self.stretches) * states
+
+    def parts(self) -> dict[str, slice]:
+        """Where a, c, d, all b, all f, the levels, plant and noise states stand in a point."""
+        o, count = self.orders, len(self.stretches)
+        lengths = {"a": o.na, "b": sum(o.nb), "c": o.nc, "d": o.nd, "f": sum(o.nf)}
+        lengths["level"] = self.levels
+        lengths |= {"plant": count * sum(o.nf), "noise": count * o.noise_states}
+        parts, first = {}, 0
+        for name, length in lengths.items():
+            parts[name] = slice(first, first + length)
+            first += length
+        return parts
+
+    def polynomials(self) -> list[tuple[str, slice]]:
+        """Letter and place in a point of each of A, C, D and F_i that has coefficients."""
+        o = self.orders
+        found = [(name, o.part(name)) for name in "acd"]
+        found += [("f", o.part("f", place)) for place in range(o.inputs)]
+        return [(name, part) for name, part in found if part.stop > part.start]
+
+    def linear(self, *names: str) -> NDArray[np.bool_]:
+        """Which entries of a point some parts are."""
+        chosen = np.zeros(self.dimension, dtype=bool)
+        for name in names:
+            chosen[self.parts()[name]] = True
+        return chosen
+
+    def radius_of(self, name: str) -> float:
+        """Largest allowed radius of the roots of a polynomial, "a", "c", "d" or "f"."""
+        return self.plant_radius if name in "af" else self.noise_radius
+
+    @property
+    def signals(self) -> tuple[Array, Array]:
+        """All inputs, (N, m), and all outputs, of one stretch after the other."""
+        inputs = np.concatenate([each.inputs for each, _ in self._of_stretches])
+        return inputs, np.concatenate([each.output for each in self.stretches])
+
+    def scaled(self, input_scales: Array, output_scale: float) -> PolynomialErrors:
+        """The same problem with divided signals; one scale for each input."""
+        divided = [
+            Segment(own.inputs / input_scales, each.outputs / output_scale, each.recording)
+            for each, (own, _) in zip(self.stretches, self._of_stretches, strict=True)
+        ]
+        return self._with(stretches=divided)
+
+    def of_orders(self, orders: Orders) -> PolynomialErrors:
+        """The problem of other orders, whose residuals may have to start later."""
+        return self._with(orders=orders, window=self.window.from_first(orders.first_residual))
+
+    def within_radius(self, radius: float, noise_radius: float | None = None) -> PolynomialErrors:
+        """The same problem with another allowed radius of all roots, or of C and D another one."""
+        return self._with(plant_radius=radius, noise_radius=noise_radius or radius)
+
+    def _with(self, **changes: object) -> PolynomialErrors:
+        names = ("stretches", "orders", "objective", "plant_radius", "noise_radius", "level")
+        given = {name: getattr(self, name) for name in (*names, "window")}
+        return PolynomialErrors(**(given | changes))
+
+    def of_stretches(self, point: Array) -> list[tuple[StretchErrors, Array]]:
+        """The errors of each stretch alone, and its point."""
+        return [(errors, point[at]) for errors, at in self._of_stretches]
+
+    def places(self) -> list[tuple[StretchErrors, Places]]:
+        """The errors of each stretch alone, and where its point stands in the point of all."""
+        return self._of_stretches
+
+    def residual_counts(self) -> list[int]:
+        """Number of residuals that count in each stretch."""
+        return [each.samples - self.window.loss_start for each in self.stretches]
+
+    @property
+    def loss_factor(self) -> float:
+        """What the objective multiplies the sum of losses by."""
+        return 100.0 / self._scale
+
+    def state_weights(self) -> Array:
+        """Weights of the squares of a point's entries in the objective, (n,): of its states."""
+        weights, o = np.zeros(self.dimension), self.orders
+        for errors, at in self._of_stretches:
+            of_noise = len(at) - o.noise_states
+            weights[at[of_noise - sum(o.nf) : of_noise]] = errors.objective.plant_state_weight
+            weights[at[of_noise:]] = errors.objective.noise_state_weight
+        return weights
+
+    def values(self, points: Array) -> Array:
+        """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.
+
+        The weak squares of the states are part of it.
+        """
+        total = np.zeros(len(points))
+        for errors, at in self._of_stretches:
+            total += errors.values(points[:, at])
+        return total
+
+    def values_and_gradients(
+        self, points: Array, smoothing: Array, barriers: Array
+    ) -> tuple[Array, Array]:
+        """Smoothed objective of each row and its gradient; infeasible rows are inf and 0.
+
+        ``smoothing`` (M,), in the unit of the output, is the width over which the absolute value
+        is smoothed, ``sqrt(e**2 + smoothing**2)``.  ``barriers`` (M,), in percent, are the weights
+        of a barrier that grows towards the edge of the stability region.
+        """
+        total, gradients = np.zeros(len(points)), np.zeros(points.shape)
+        for (errors, at), share in zip(self._of_stretches, self._shares(), strict=True):
+            found = errors.values_and_gradients(points[:, at], smoothing, share * barriers)
+            total += found[0]
+            gradients[:, at] += found[1]
+        return total, gradients
+
+    @property
+    def advance_descents(self) -> Callable[..., tuple[int, int]] | None:
+        """The compiled loop over the trials of descents, which one stretch has."""
+        (errors, _), *others = self._of_stretches
+        return None if others else errors.advance_descents
+
+    def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
+        """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""
+        matrices = np.zeros((*points.shape, points.shape[1]))
+        for (errors, at), share in zip(self._of_stretches, self._shares(), strict=True):
+            found = errors.curvatures(points[:, at], smoothing, share * barriers)
+            matrices[:, at[:, None], at] += found
+        return matrices
+
+    def _shares(self) -> Array:
+        """Of the barriers of the whole problem that are counted with each stretch."""
+        return self._scales / self._scale
+
+    def mean_absolute_residuals(self, values: Array) -> Array:
+        """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
+        mean = values / 100.0 * self._scale / self.scored_samples
+        return mean if self.objective == "absolute" else np.sqrt(mean)
+
+    def residuals(self, point: Array) -> Array:
+        """Residuals of one point that count, of all stretches one after the other."""
+        return np.concatenate(self.residuals_of_stretches(point))
+
+    def residuals_of_stretches(self, point: Array) -> list[Array]:
+        """Residuals of one point that count, stretch by stretch."""
+        first = self.window.loss_start
+        return [errors.residuals(own)[first:] for errors, own in self.of_stretches(point)]
+
+    def scored_outputs(self) -> Array:
+        """The outputs of the residuals that count, of all stretches one after the other."""
+        return np.concatenate([each.output[self.window.loss_start :] for each in self.stretches])
+
+    def scored_inputs(self) -> Array:
+        """The first input of the residuals that count; zeros without one."""
+        first = self.window.loss_start
+        return np.concatenate([each.inputs[first:, :1].sum(axis=1) for each in self.stretches])
+
+    def jacobian(self, point: Array) -> Array:
+        """Derivatives of the residuals that count by a point, (N, n)."""
+        return np.concatenate(list(self.jacobian_blocks(point)))
+
+    def jacobian_blocks(self, point: Array) -> Iterator[Array]:
+        """Consecutive rows of :meth:`jacobian`, which long records need."""
+        for errors, at in self._of_stretches:
+            before = self.window.loss_start - self.window.residual_start
+            for own in errors.jacobian_blocks(point[at]):
+                block = np.zeros((max(len(own) - before, 0), self.dimension))
+                block[:, at] = own[before:]
+                before = max(before - len(own), 0)
+                yield block
+
+    def completed_by_states(self, model: PolynomialModel) -> Array:
+        """The point of a model, with the levels and states of least squared residuals."""
+        point = np.zeros(self.dimension)
+        point[: self.orders.parameters] = model.parameters
+        linear = slice(self.orders.parameters, None)
+        columns = self.jacobian(point)[:, linear]
+        if columns.shape[1]:
+            point[linear] = np.linalg.lstsq(columns, -self.residuals(point), rcond=1e-10)[0]
+        return point
+
+    def feasible(self, points: Array) -> NDArray[np.bool_]:
+        """Whether all roots of A, C, D and F_i of each row lie within their radii."""
+        errors, at = self._of_stretches[0]
+        return errors.feasible(points[:, at]) & np.all(np.isfinite(points), axis=1)
+
+    def repair(self, points: Array) -> Array:
+        """Move the roots of infeasible rows inside by reflection at the unit circle.
+
+        It leaves the magnitude of a frequency response as it was but for a constant, and that of a
+        root of C the spectrum of the noise (Söderström & Stoica 1989, section 6.2).  Roots between
+        the allowed radius and the unit circle go to that radius.
+        """
+        moved = points.copy()
+        rows = np.flatnonzero(~self.feasible(points))
+        if not len(rows):
+            return moved
+        finite = np.where(np.isfinite(points[rows]), points[rows], 0.0)
+        for name, part in self.polynomials():
+            inside = self.radius_of(name) * (1.0 - MARGIN)
+            finite[:, part] = reflect_into_disc(finite[:, part], inside)
+        moved[rows] = finite
+        return moved
