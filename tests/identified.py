@@ -106,7 +106,12 @@ def with_output_name(results: DatasetResults, name: str, **changes: Any) -> Data
         is not None
     }
     recording = replace(results.recording, output_names=(name,), **changes)
-    return replace(results, recording=recording, validation_tables=ValidationTables(**tables))
+    return replace(
+        results,
+        recording=recording,
+        validation_tables=ValidationTables(**tables),
+        frequency_response=results.frequency_response.assign(output=name),
+    )
 
 
 def with_judged_modes(results: DatasetResults, modes: Sequence[Mode]) -> DatasetResults:

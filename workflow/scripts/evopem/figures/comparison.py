@@ -25,10 +25,11 @@ from evopem.figures.chart import (
     nothing,
     rows_of,
 )
-from evopem.figures.frequency_domain import GAIN_BINS, Pair, model_source
+from evopem.figures.frequency_domain import GAIN_BINS, model_source
 from evopem.figures.style import extremes, with_unit
+from evopem.figures.tables import Channel
 from evopem.figures.time_domain import shown_samples
-from evopem.figures.view import Channel, Results, View, view_of
+from evopem.figures.view import Pair, Results, View, view_of
 from evopem.models.mode_matching import match_modes
 from evopem.models.modes import Mode
 from evopem.validation.checks import failed_checks

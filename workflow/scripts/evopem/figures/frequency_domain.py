@@ -24,7 +24,7 @@ from evopem.figures.chart import (
     small,
 )
 from evopem.figures.style import extremes, with_unit
-from evopem.figures.view import Channel, View
+from evopem.figures.view import Pair, View
 from evopem.signals.spectral.summary import SpectralPeak
 
 PLANT, NOISE_FILTER = "model G", "noise filter H"
@@ -37,8 +37,6 @@ UNBOUNDED = 1e6
 # Points of a Nyquist diagram; neighbours of the estimate from the data are almost the same.
 NYQUIST_POINTS, FEWEST_NYQUIST = 1200, 150
 MOST_NYQUIST = 12
-
-Pair = tuple[Channel, Channel | None]
 
 
 def model_source(view: View) -> tuple[str, str]:
@@ -105,10 +103,8 @@ def gain(view: View) -> Chart:
         rows.iloc[extremes(rows["gain"], GAIN_BINS)]
         for _, rows in kept[columns].groupby(keys, sort=False)
     ]
-    marks = [
-        Mark(frequency, "" if place else "trusted modes")
-        for place, frequency in enumerate(view.trusted_frequencies)
-    ]
+    trusted = [m for m, kept in zip(view.modes, view.trusted, strict=True) if kept]
+    marks = [Mark(m.frequency_hz, "" if k else "trusted modes") for k, m in enumerate(trusted)]
     together = pd.concat(thin, ignore_index=True)
     for name in ("gain_lower", "gain_upper"):
         together[name] = together.get(name, np.nan)

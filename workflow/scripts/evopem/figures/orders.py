@@ -29,7 +29,7 @@ from evopem.figures.chart import (
 )
 from evopem.figures.draw import FRAME
 from evopem.figures.frequency_domain import true_modes
-from evopem.figures.view import View, stabilization_table
+from evopem.figures.view import View
 
 CRITERIA = (("rss", "RSS (%)"), ("bic", "BIC"))
 ORDERS = list(ORDER_NAMES)
@@ -187,7 +187,7 @@ def convergence(view: View) -> Chart:
 
 def stabilization(view: View) -> Chart:
     """Natural frequencies over the model order, the spectrum of the output behind."""
-    table = stabilization_table(view)
+    table = view.stabilization
     if table.empty:
         return nothing("No candidate has an oscillating mode.")
     panel = Panel(

@@ -1,9 +1,7 @@
-"""Mode shapes as SVG text: entries, assurance criterion, and over a geometry, still and moving."""
+"""Mode shapes over a geometry as SVG text, still and moving."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -54,7 +52,7 @@ class ShapeDrawing:
         content += f'<path class="back" d="{self._outline(self._moved(-_in_phase(shape).real))}"/>'
         front = self._moved(_in_phase(shape).real)
         content += f'<path class="front" d="{self._outline(front)}"/>{self._dots(front)}'
-        return _svg(WIDTH, HEIGHT, label, content, "shape")
+        return _svg(label, content)
 
     def moving(self, shape: NDArray[np.complex128], label: str) -> str:
         """The structure moving through a period of a shape, again and again."""
@@ -69,7 +67,7 @@ class ShapeDrawing:
             f'<path class="front" d="{frames[0]}"><animate attributeName="d" dur="{SECONDS:g}s"'
             f' repeatCount="indefinite" values="{";".join(frames)}"/></path>'
         )
-        return _svg(WIDTH, HEIGHT, label, content, "shape")
+        return _svg(label, content)
 
     def _moved(self, entries: Array) -> Array:
         """Points displaced in the directions of their channels, (points, 3)."""
@@ -128,79 +126,8 @@ def _view(flat: NDArray[np.bool_]) -> Array:
     )
 
 
-def _svg(width: float, height: float, label: str, content: str, kind: str) -> str:
+def _svg(label: str, content: str) -> str:
     return (
-        f'<svg class="{kind}" viewBox="0 0 {width:g} {height:g}" role="img"'
+        f'<svg class="shape" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img"'
         f' aria-label="{escape(label, quote=True)}">{content}</svg>'
     )
-
-
-def _short(value: float) -> str:
-    """A number of a drawing, to a tenth of a unit."""
-    return f"{value:.1f}".removesuffix(".0")
-
-
-ROW = 15.0
-NAME_WIDTH, BAR_WIDTH = 96.0, 190.0
-
-
-def shape_bars(
-    names: Sequence[str], shape: NDArray[np.complex128], errors: Array, label: str
-) -> str:
-    """The entries of a shape: real parts as bars with 95 % intervals, imaginary parts as marks.
-
-    `shape`, complex (ny,), has a largest entry of 1; `errors` are of its real parts.
-    """
-    middle = NAME_WIDTH + BAR_WIDTH / 2
-    half = BAR_WIDTH / 2 - 6
-    height = ROW * len(names) + 16
-    parts = [f'<path class="axis" d="M{middle:g} 0V{height - 16:g}"/>']
-    for row, (name, entry, error) in enumerate(zip(names, shape, errors, strict=True)):
-        y = ROW * (row + 0.5)
-        shown = name if len(name) <= 14 else f"{name[:13]}…"
-        parts.append(
-            f'<text x="{NAME_WIDTH - 6:g}" y="{y + 3.5:g}" text-anchor="end">{escape(shown)}</text>'
-        )
-        end = middle + half * float(np.clip(entry.real, -1.0, 1.0))
-        parts.append(f'<path class="bar" d="M{middle:g} {y:g}H{_short(end)}"/>')
-        if math.isfinite(error) and error > 0.0:
-            reach = half * min(1.96 * float(error), 1.0)
-            parts.append(
-                f'<path class="error" d="M{_short(end - reach)} {y:g}h{_short(2 * reach)}"/>'
-            )
-        imaginary = middle + half * float(np.clip(entry.imag, -1.0, 1.0))
-        parts.append(f'<circle class="imaginary" cx="{_short(imaginary)}" cy="{y:g}" r="2.6"/>')
-    foot = height - 3
-    for x, text in ((middle - half, "−1"), (middle, "0"), (middle + half, "1")):
-        parts.append(f'<text x="{x:g}" y="{foot:g}" text-anchor="middle">{text}</text>')
-    width = NAME_WIDTH + BAR_WIDTH
-    return _svg(width, height, label, "".join(parts), "bars")
-
-
-CELL, HEAD = 34.0, 58.0
-
-
-def assurance_matrix(assurance: Sequence[Sequence[float]], names: Sequence[str], label: str) -> str:
-    """Modal assurance criterion of all pairs of shapes, as shades with their values."""
-    width, height = HEAD + CELL * len(names), 24 + CELL * len(names)
-    parts = []
-    for row, (name, values) in enumerate(zip(names, assurance, strict=True)):
-        y = 20 + CELL * row
-        parts.append(
-            f'<text x="{HEAD - 6:g}" y="{y + CELL / 2 + 4:g}" text-anchor="end">'
-            f"{escape(name)}</text>"
-            f'<text x="{HEAD + CELL * (row + 0.5):g}" y="14" text-anchor="middle">{row + 1}</text>'
-        )
-        for column, value in enumerate(values):
-            known = value if math.isfinite(value) else 0.0
-            x = HEAD + CELL * column
-            text = f"{value:.2f}" if math.isfinite(value) else "–"
-            parts.append(
-                f'<rect class="cell" x="{x + 0.5:g}" y="{y + 0.5:g}" width="{CELL - 1:g}"'
-                f' height="{CELL - 1:g}" fill-opacity="{0.06 + 0.74 * known:.2f}"/>'
-                f'<text class="{"strong" if known > 0.55 else ""}" x="{x + CELL / 2:g}"'
-                f' y="{y + CELL / 2 + 4:g}" text-anchor="middle">{text}</text>'
-            )
-    drawn = _svg(width, height, label, "".join(parts), "assurance")
-    # In its own size: a matrix of few modes would fill the page.
-    return drawn.replace("<svg ", f'<svg width="{width:g}" ', 1)

@@ -25,7 +25,7 @@ from evopem.figures.chart import (
     small,
 )
 from evopem.figures.style import with_unit
-from evopem.figures.view import Channel, View
+from evopem.figures.view import View
 from evopem.models.modes import Mode
 
 # So many periods of the lowest mode are shown, between the two limits in samples.
@@ -90,10 +90,10 @@ def _first_samples(view: View, columns: list[str]) -> pd.DataFrame:
 def simulation(view: View) -> Chart:
     """Measured, simulated and predicted samples, and the errors."""
     outputs = [output for output, _ in view.worst_first[:MOST_OUTPUTS]]
-    table = _with_errors(view, outputs)
     kept = shown_samples(view.modes, view.sampling_rate)
-    until = float(table["time_s"].iloc[: kept or len(table)].max()) if len(table) else 0.0
+    times = view.simulation["time_s"].iloc[: kept or len(view.simulation)]
     panels: list[Panel] = []
+    columns = ["time_s"]
     for output in outputs:
         name = output.name
         signals = [
@@ -105,6 +105,7 @@ def simulation(view: View) -> Chart:
             signals.append(Curve("simulated", f"simulated_{name}", "error", dashed=True))
             error = Curve("of simulation", f"simulation_error_{name}", "error", dashed=True)
             errors.insert(0, error)
+        columns += [curve.column for curve in (*signals, *errors)]
         for title, y_label, height, curves in (
             ("" if view.is_single else name, output.label, 240, signals),
             ("Errors", "", 200, errors),
@@ -114,38 +115,34 @@ def simulation(view: View) -> Chart:
                     *(title, "time_s", VALIDATION_TIME, y_label, tuple(curves)),
                     height=height,
                     linked="validation",
-                    shown=until,
+                    shown=float(times.max()) if len(times) else 0.0,
                 )
             )
-    return Chart(table, tuple(panels), 1 if len(outputs) == 1 else 2)
-
-
-def _with_errors(view: View, outputs: Sequence[Channel]) -> pd.DataFrame:
-    """The computed signals and their errors, then the measured one, of each output."""
-    table, columns = view.simulation, ["time_s"]
-    kinds = {"predicted": "prediction_error", "simulated": "simulation_error"}
-    for output in outputs:
-        for kind, error in list(kinds.items())[: 1 + view.has_input]:
-            values = table[f"output_{output.name}"] - table[f"{kind}_{output.name}"]
-            table = table.assign(**{f"{error}_{output.name}": values})
-            columns += [f"{kind}_{output.name}", f"{error}_{output.name}"]
-        columns.append(f"output_{output.name}")
-    return table[columns]
+    return Chart(view.simulation[columns], tuple(panels), 1 if len(outputs) == 1 else 2)
 
 
 def simulation_as_recorded(view: View) -> Chart:
     """The same in the units of the recording."""
-    if view.recorded_simulation is None:
-        return nothing("The transforms leave the units of the recording.")
-    curves: tuple[Curve, ...] = (
-        Curve("measured", "recorded_output", "ink"),
-        Curve("predicted one step ahead", "recorded_predicted", "model", dashed=True),
-        Curve("simulated", "recorded_simulated", "error", dashed=True),
+    kinds: tuple[tuple[str, str, Role], ...] = (
+        ("measured", "output", "ink"),
+        ("predicted one step ahead", "predicted", "model"),
+        ("simulated", "simulated", "error"),
     )
-    label = view.outputs[0].recorded_label
-    shown = curves if view.has_input else curves[:2]
-    panel = Panel("", "time_s", VALIDATION_TIME, label, shown, height=240, linked="validation")
-    return Chart(view.recorded_simulation, (panel,))
+    panels = tuple(
+        Panel(
+            "" if view.is_single else output.name,
+            *("time_s", VALIDATION_TIME, output.recorded_label),
+            tuple(
+                Curve(label, f"recorded_{kind}_{output.name}", role, dashed=role != "ink")
+                for label, kind, role in kinds[: 2 + view.has_input]
+            ),
+            height=240,
+            linked="validation",
+        )
+        for output, _ in view.worst_first[:MOST_OUTPUTS]
+    )
+    columns = [curve.column for panel in panels for curve in panel.curves]
+    return Chart(view.simulation[["time_s", *columns]], panels, min(len(panels), 2))
 
 
 def record(view: View) -> Chart:
@@ -336,7 +333,7 @@ FIGURES = (
         "Validation samples with all transforms inverted.",
         ("simulation.csv",),
         simulation_as_recorded,
-        lambda view: view.recorded_simulation is not None,
+        lambda view: view.changes_output,
     ),
     ReportFigure(
         *("record", "recording", "Signals"),

@@ -1,7 +1,4 @@
-"""What figures and pages show of results: l outputs and m inputs in one form, as plain tables.
-
-Channels stand in the columns ``output`` and ``input`` of a table; one of each is l = m = 1.
-"""
+"""What figures and pages show of results: l outputs and m inputs in one form, l = m = 1 as well."""
 
 from __future__ import annotations
 
@@ -14,23 +11,19 @@ import numpy as np
 import pandas as pd
 
 from evopem.config.structures import plant_order
-from evopem.figures import view_tables
 from evopem.figures.style import ratio_unit, with_unit
-from evopem.figures.view_tables import Channel, by_output, spectrum_of
-from evopem.models.mode_matching import StabilizationPole
+from evopem.figures.tables import Channel, Tables
 from evopem.results.dataset import DatasetResults
 from evopem.signals.prepared_data import Transforms
 from evopem.validation.checks.inputs import input_rests
 from evopem.validation.checks.residuals import white
 
 if TYPE_CHECKING:
-    from evopem.signals.spectral.summary import SpectralPeak
     from evopem.validation.checks import Check
     from evopem.validation.validation import RecordedErrors
 
 Results = DatasetResults
-# Length of the transforms of the residual spectrum: coarse, since white noise has no lines.
-RESIDUAL_NFFT = 1024
+Pair = tuple[Channel, Channel | None]
 
 
 @dataclass(frozen=True)
@@ -45,25 +38,31 @@ class OutputErrors:
     outliers: float  # percent of the residuals
 
 
-class View:
-    """Results in one form; tables are made when they are asked for."""
+class View(Tables):
+    """Results in one form."""
 
     def __init__(self, results: DatasetResults) -> None:
-        self.results = results
         recording, record, validation = results.recording, results.model, results.validation
         transforms, count = record.transforms, record.model.inputs
-        self.outputs = tuple(
+        # A power transform leaves the output without a unit.
+        outputs = [
             Channel(
                 *(name, unit, _output_name(transforms, name)),
-                _output_unit(transforms, unit),
+                unit if transforms.box_cox is None else "",
             )
             for name, unit in zip(recording.output_names, recording.output_units, strict=True)
-        )
-        inputs = list(zip(recording.input_names, recording.input_units, strict=True))[:count]
-        self.inputs = tuple(
-            Channel(name, unit, _input_name(transforms, name), unit) for name, unit in inputs
-        )
+        ]
+        given = zip(recording.input_names[:count], recording.input_units[:count], strict=True)
+        inputs = [
+            Channel(name, unit, _differenced(transforms.difference_input, name), unit)
+            for name, unit in given
+        ]
+        super().__init__(results, outputs, inputs)
+        self.name, self.sampling_rate = results.name, float(record.sampling_rate)
         self.model_text, self.structure, self.truth = record.text, record.structure, results.truth
+        self.has_input, self.is_single = bool(inputs), len(outputs) == 1 and len(inputs) <= 1
+        # Whether the model claims anything of the noise.
+        self.has_noise_model = record.has_noise_model
         # Modes with what the data say of each, and those of the noise filter alone.
         judged = validation.modes.modes
         self.modes = [each.mode for each in judged]
@@ -73,7 +72,8 @@ class View:
         self.noise_modes = [mode for mode in record.noise_modes if mode.pole not in shared]
         self.white = white(validation)  # None where it is not known
         self.input_rests = bool(count) and input_rests(validation)
-        self.is_transformed = transforms.changes_output or transforms.difference_input > 0
+        self.changes_output = transforms.changes_output
+        self.is_transformed = self.changes_output or transforms.difference_input > 0
         self.order_name = "of the plant" if record.orders else "n"
         self.candidates: pd.DataFrame | None = None
         self.recorded: RecordedErrors | None = None  # errors in recorded units, where others
@@ -83,37 +83,16 @@ class View:
             self.candidates = results.candidates
             by_recipe = self.structure != "fir" if results.decisions else "joint" in results.phases
             self.has_poles_of_orders = by_recipe
-            if transforms.changes_output:
+            if self.changes_output:
                 self.recorded = validation.outputs[0].recorded
-
-    @property
-    def name(self) -> str:
-        """Name of the data set."""
-        return str(self.results.name)
 
     @property
     def checks(self) -> list[Check]:
         """The checks of the model."""
-        found: list[Check] = self.results.checks
-        return found
+        return self.results.checks
 
     @property
-    def has_input(self) -> bool:
-        """Whether the model has an input."""
-        return bool(self.inputs)
-
-    @property
-    def is_single(self) -> bool:
-        """Whether there is one output and at most one input."""
-        return len(self.outputs) == 1 and len(self.inputs) <= 1
-
-    @property
-    def sampling_rate(self) -> float:
-        """Of the prepared samples, Hz."""
-        return float(self.results.model.sampling_rate)
-
-    @property
-    def pairs(self) -> list[tuple[Channel, Channel | None]]:
+    def pairs(self) -> list[Pair]:
         """Every output with every input; each output alone where there is no input."""
         sources = self.inputs or (None,)
         return [(output, source) for output in self.outputs for source in sources]
@@ -139,36 +118,6 @@ class View:
         return with_unit("Power spectral density", f"({unit})²/Hz" if unit else "per Hz")
 
     @cached_property
-    def residual_spectrum(self) -> pd.DataFrame:
-        """Spectra of the one-step errors on the validation samples, by output."""
-        tables = [
-            spectrum_of(self.residuals_of(output), self.sampling_rate, RESIDUAL_NFFT)
-            for output in self.outputs
-        ]
-        return by_output(self.outputs, tables)
-
-    def residuals_of(self, output: Channel) -> np.ndarray:
-        """One-step errors of an output on the validation samples."""
-        table = self.simulation
-        errors = table[f"output_{output.name}"] - table[f"predicted_{output.name}"]
-        return np.asarray(errors.dropna(), dtype=float)
-
-    @property
-    def autocorrelation(self) -> pd.DataFrame:
-        """Of the residuals, by output and lag."""
-        return self.results.validation_tables.residual_autocorrelation
-
-    @property
-    def cross_correlation(self) -> pd.DataFrame:
-        """Of residuals and inputs, by output, input and lag."""
-        return self.results.validation_tables.cross_correlation
-
-    @property
-    def horizons(self) -> pd.DataFrame:
-        """Errors of predictions by output and horizon."""
-        return self.results.validation_tables.horizons
-
-    @cached_property
     def errors(self) -> tuple[OutputErrors, ...]:
         """Of each output."""
         return tuple(
@@ -187,64 +136,13 @@ class View:
             return self.results.validation.modes.order
         return int(getattr(self.results.models_of_orders.orders.single, self.order_name))
 
-    @property
-    def simulation(self) -> pd.DataFrame:
-        """As in ``simulation.csv``."""
-        return self.results.validation_tables.simulation
-
     @cached_property
-    def recorded_simulation(self) -> pd.DataFrame | None:
-        """In recorded units; None where the transforms leave these."""
-        if self.recorded is None:
-            return None
-        (output,) = self.outputs
-        names = ["recorded_output", "recorded_simulated", "recorded_predicted"]
-        table = self.simulation[["time_s", *(f"{name}_{output.name}" for name in names)]]
-        return table.set_axis(["time_s", *names], axis="columns")
-
-    @cached_property
-    def frequency_response(self) -> pd.DataFrame:
-        """Of the model and the estimate from the data; without an input of the noise filter."""
-        return view_tables.frequency_response(self.results, self.outputs, self.inputs)
-
-    @cached_property
-    def time_response(self) -> pd.DataFrame:
-        """Responses to a step and an impulse."""
-        return view_tables.time_response(self.results, self.outputs, self.inputs)
-
-    @cached_property
-    def _spectra(self) -> tuple[pd.DataFrame, dict[str, Sequence[SpectralPeak]]]:
-        return view_tables.spectra(self.results, self.outputs)
-
-    @property
-    def spectrum(self) -> pd.DataFrame:
-        """Multitaper spectra of the prepared outputs."""
-        return self._spectra[0]
-
-    @property
-    def peaks(self) -> dict[str, Sequence[SpectralPeak]]:
-        """Of each spectrum, by the names of the outputs."""
-        return self._spectra[1]
-
-    @cached_property
-    def roots(self) -> pd.DataFrame:
-        """Roots of the polynomials or poles of the state-space model."""
-        return view_tables.roots(self.results)
-
-    @cached_property
-    def poles_of_orders(self) -> Sequence[StabilizationPole]:
-        """Poles over the orders, each compared with the next lower order."""
-        return view_tables.poles_of_orders(self.results)
-
-    @cached_property
-    def signals(self) -> pd.DataFrame:
-        """All channels as recorded and as used."""
-        return view_tables.signals(self.results, self.outputs, self.inputs)
-
-    @cached_property
-    def scores(self) -> pd.DataFrame:
-        """Errors on held-out samples by structure and order, the choice selected."""
-        return view_tables.scores(self.results)
+    def stabilization(self) -> pd.DataFrame:
+        """Poles over the orders, each with its status."""
+        columns = ["order", "frequency_hz", "damping_ratio", "status"]
+        table = pd.DataFrame([asdict(pole) for pole in self.poles_of_orders], columns=columns)
+        table.insert(2, "damping_percent", 100 * table.pop("damping_ratio"))
+        return table
 
     @cached_property
     def convergence(self) -> Sequence[tuple[int, float]]:
@@ -260,11 +158,6 @@ class View:
             return False
         structures = self.results.phases.get("structures")
         return len(structures.candidates if structures else self.scores) > 1
-
-    @property
-    def has_noise_model(self) -> bool:
-        """Whether the model claims anything of the noise."""
-        return bool(self.results.model.has_noise_model)
 
     @property
     def standard_errors(self) -> np.ndarray:
@@ -290,45 +183,21 @@ class View:
 
         return sorted(zip(self.outputs, self.errors, strict=True), key=severity)
 
-    @property
-    def trusted_frequencies(self) -> list[float]:
-        """Natural frequencies of the modes that nothing speaks against, in Hz."""
-        return [m.frequency_hz for m, kept in zip(self.modes, self.trusted, strict=True) if kept]
-
 
 def view_of(results: Results | View) -> View:
     """The view of results, of whatever channels."""
     return results if isinstance(results, View) else View(results)
 
 
-def stabilization_table(view: View) -> pd.DataFrame:
-    """Poles over the orders, each with its status."""
-    columns = ["order", "frequency_hz", "damping_ratio", "status"]
-    table = pd.DataFrame([asdict(pole) for pole in view.poles_of_orders], columns=columns)
-    table.insert(2, "damping_percent", 100 * table.pop("damping_ratio"))
-    return table
-
-
-_ORDINALS = {1: "first", 2: "second", 3: "third"}
-
-
-def _differences(count: int) -> str:
-    """Name of a difference: "second difference"."""
-    return f"{_ORDINALS.get(count, f'{count}th')} difference"
+def _differenced(count: int, name: str) -> str:
+    """What the difference of a channel is called: "second difference of torque"."""
+    if not count:
+        return name
+    ordinal = {1: "first", 2: "second", 3: "third"}.get(count, f"{count}th")
+    return f"{ordinal} difference of {name}"
 
 
 def _output_name(transforms: Transforms, name: str) -> str:
-    """Name of the output after its transforms."""
+    """Name of an output after its transforms."""
     shown = name if transforms.box_cox is None else f"Box-Cox transformed {name}"
-    return f"{_differences(transforms.difference)} of {shown}" if transforms.difference else shown
-
-
-def _output_unit(transforms: Transforms, unit: str) -> str:
-    """Unit of the output after its transforms; empty after a power transform."""
-    return unit if transforms.box_cox is None else ""
-
-
-def _input_name(transforms: Transforms, name: str) -> str:
-    """Name of the input after its transforms."""
-    count = transforms.difference_input
-    return f"{_differences(count)} of {name}" if count else name
+    return _differenced(transforms.difference, shown)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from evopem.figures.chart import Chart
 from evopem.figures.comparison import (
     Comparison,
     MatchedMode,
@@ -16,48 +15,33 @@ from evopem.figures.comparison import (
 )
 from evopem.figures.draw import draw
 from evopem.figures.style import svg_text
-from evopem.report.figures import DrawnFigure
-from evopem.report.numbers import MISSING, THIN, fixed, percent, with_error
-from evopem.report.templates import environment
+from evopem.report.numbers import MISSING, THIN, aligned, fixed, percent, with_error
 from evopem.report.verdict import verdict
-from evopem.validation.checks import failed_checks
 
 SAME = "All models were validated on the same samples."
 DIFFERENT = (
     "The models were validated on different samples: their errors are no ranking of the models."
 )
+FIGURES = (
+    (
+        ("simulations", "Measured and simulated"),
+        "Validation samples; the drawing has the first of them.",
+        compared_simulations,
+    ),
+    (
+        ("responses", "Frequency responses"),
+        "Gain with 95 % bands, and phase.",
+        compared_responses,
+    ),
+    (
+        ("mode_map", "Modes"),
+        "Modes with 95 % intervals; those with open marks are not to be trusted.",
+        compared_modes,
+    ),
+)
 
 
-@dataclass(frozen=True)
-class ModelRow:
-    """A model of a comparison."""
-
-    label: str
-    model: str
-    samples: int  # for estimation
-    sampling_rate: float  # Hz
-    simulation_error_percent: float
-    prediction_error_percent: float
-    failed: int  # checks
-    verdict: str
-
-
-def _rows(comparison: Comparison) -> list[ModelRow]:
-    rows = []
-    for label, view in zip(comparison.labels, comparison.views, strict=True):
-        validation = view.results.validation
-        rows.append(
-            ModelRow(
-                *(label, view.model_text, view.results.model.transforms.estimation_samples),
-                *(view.sampling_rate, validation.simulation_error_percent),
-                *(validation.prediction_error_percent, len(failed_checks(view.checks))),
-                verdict(view).sentence,
-            )
-        )
-    return rows
-
-
-def _validated_on(comparison: Comparison) -> str:
+def _remark(comparison: Comparison) -> str:
     """Whether the errors of the models can be compared."""
     return SAME if comparison.has_same_validation else DIFFERENT
 
@@ -85,81 +69,61 @@ def _spread(matched: MatchedMode) -> str:
 
 def comparison_text(comparison: Comparison) -> str:
     """Errors of the models, and their modes, one line for each."""
-    errors = [
-        ("", "model", "simulation", "one step", "failed checks"),
-        *(
-            (
-                *(row.label, row.model, percent(row.simulation_error_percent)),
-                *(percent(row.prediction_error_percent), str(row.failed)),
-            )
-            for row in _rows(comparison)
-        ),
+    errors = [("", "model", "simulation", "one step", "failed checks")]
+    errors += [
+        (
+            *(str(label), row["model"], percent(row["simulation_error_percent"])),
+            *(percent(row["prediction_error_percent"]), str(row["failed_checks"])),
+        )
+        for label, row in comparison.table.iterrows()
     ]
-    modes = [
-        ("mode", *comparison.labels, "spread"),
-        *(
+    lines = [*aligned(errors), "", _remark(comparison)]
+    if comparison.modes:
+        modes = [("mode", *comparison.labels, "spread")]
+        modes += [
             (str(place), *(frequency for frequency, _ in _cells(each)), _spread(each))
             for place, each in enumerate(comparison.modes, start=1)
-        ),
-    ]
-    lines = [*_aligned(errors), "", _validated_on(comparison)]
-    if comparison.modes:
+        ]
         lines += ["", "Natural frequencies in Hz; in brackets: not to be trusted."]
-        lines += _aligned(modes)
+        lines += aligned(modes)
     return "\n".join(lines)
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
 
 
 def build_comparison(
     comparison: Comparison, template_directory: Path, pages: Mapping[str, str] | None = None
 ) -> str:
     """One HTML page that loads no other file; `pages` are addresses of reports by label."""
-    page = environment(template_directory).get_template("comparison.html.j2")
-    return page.render(
-        rows=_rows(comparison),
-        remark=_validated_on(comparison),
-        sections=_sections(comparison),
-        modes=[(each.modes, _cells(each), _spread(each)) for each in comparison.modes],
-        checks=_checks(comparison),
-        pages=pages or {},
+    from evopem.report.templates import environment
+
+    sentences = [verdict(view).sentence for view in comparison.views]
+    outcomes = [{check.name: check.word for check in view.checks} for view in comparison.views]
+    names = dict.fromkeys(name for outcome in outcomes for name in outcome)
+    return (
+        environment(template_directory)
+        .get_template("comparison.html.j2")
+        .render(
+            rows=comparison.table.assign(verdict=sentences, label=comparison.labels).to_dict(
+                "records"
+            ),
+            remark=_remark(comparison),
+            sections=_sections(comparison),
+            modes=[(each.modes, _cells(each), _spread(each)) for each in comparison.modes],
+            # The outcome of every check for each model, in words; empty where it has none.
+            checks={name: [each.get(name, "").lower() for each in outcomes] for name in names},
+            pages=pages or {},
+        )
     )
 
 
-def _checks(comparison: Comparison) -> dict[str, list[str]]:
-    """The outcome of every check for each model, in words; empty where it has none."""
-    outcomes = [{check.name: check.word for check in each.checks} for each in comparison.views]
-    names = dict.fromkeys(name for outcome in outcomes for name in outcome)
-    return {name: [outcome.get(name, "").lower() for outcome in outcomes] for name in names}
+def _sections(comparison: Comparison) -> list[Any]:
+    from evopem.report.figures import DrawnFigure
 
-
-def _sections(comparison: Comparison) -> list[DrawnFigure]:
-    figures: list[tuple[str, str, str, Callable[[Comparison], Chart]]] = [
-        (
-            *("responses", "Frequency responses", "Gain with 95 % bands, and phase."),
-            compared_responses,
-        ),
-        (
-            *("mode_map", "Modes"),
-            "Modes with 95 % intervals; those with open marks are not to be trusted.",
-            compared_modes,
-        ),
-    ]
-    if comparison.has_same_validation:
-        caption = "Validation samples; the drawing has the first of them."
-        figures.insert(0, ("simulations", "Measured and simulated", caption, compared_simulations))
     drawn = []
-    for name, title, caption, chart_of in figures:
+    for words, caption, chart_of in FIGURES[0 if comparison.has_same_validation else 1 :]:
         chart = chart_of(comparison)
         drawn.append(
             DrawnFigure.of(
-                *(chart, svg_text(draw(chart)), (name, title, caption)),
+                *(chart, svg_text(draw(chart)), (*words, caption)),
                 *("-".join(comparison.labels)[:80], ("CSV of each data set",)),
             )
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable
 from dataclasses import asdict
 from itertools import repeat
 from typing import Any
@@ -14,7 +13,9 @@ from markupsafe import Markup
 
 from evopem.config.structures import STRUCTURES
 from evopem.models.polynomial import PolynomialModel
-from evopem.report.numbers import enumeration, number
+from evopem.report.numbers import enumeration
+
+Term = tuple[str, float, int]  # sign, size and lag
 
 
 def equation(model: PolynomialModel) -> Markup:
@@ -25,18 +26,6 @@ def equation(model: PolynomialModel) -> Markup:
             lambda found: f"<i>{found[1]}</i>{_below(found[2])}(<i>{found[3]}</i>)",
             _plain_equation(model),
         )
-    )
-
-
-def state_space_equation(has_input: bool, has_noise_model: bool) -> Markup:
-    """The innovations form, one line for its states and one for the outputs."""
-    of_inputs = ("<i>B</i> <i>u</i>(<i>t</i>) + ", "<i>D</i> <i>u</i>(<i>t</i>) + ")
-    state, output = of_inputs if has_input else ("", "")
-    noise = "<i>K</i> <i>e</i>(<i>t</i>)" if has_noise_model else ""
-    driven = f" + {state}{noise}".removesuffix(" + ")
-    return Markup(
-        f"<i>x</i>(<i>t</i> + 1) = <i>A</i> <i>x</i>(<i>t</i>){driven}"
-        f"<br><i>y</i>(<i>t</i>) = <i>C</i> <i>x</i>(<i>t</i>) + {output}<i>e</i>(<i>t</i>)"
     )
 
 
@@ -86,61 +75,44 @@ def _polynomials(model: PolynomialModel) -> list[tuple[str, list[float], int]]:
     ]
 
 
-def polynomials(model: PolynomialModel) -> list[tuple[str, Markup]]:
+def polynomials(model: PolynomialModel) -> list[tuple[str, list[Term]]]:
     """The polynomials of the structure in the backshift operator, each with its name."""
+    return [(name, _terms(values, first)) for name, values, first in _polynomials(model)]
+
+
+def _terms(coefficients: list[float], first: int) -> list[Term]:
     return [
-        (name, _signed([(value, lag) for lag, value in enumerate(coefficients, start=first)]))
-        for name, coefficients, first in _polynomials(model)
+        ("-" if value < 0 else "+" if place else "", abs(value), first + place)
+        for place, value in enumerate(coefficients)
     ]
-
-
-def _signed(terms: Iterable[tuple[float, int]]) -> Markup:
-    """Coefficients and lags joined by their signs; a line breaks between terms alone."""
-    shown: list[Markup] = []
-    for coefficient, lag in terms:
-        lead = "−" if coefficient < 0 else "+" if shown else ""
-        power = Markup(" <i>q</i><sup>−{}</sup>").format(lag) if lag else ""
-        space = " " if shown else ""
-        size = f"{lead}{space}{number(abs(coefficient), 5)}"
-        shown.append(Markup('<span class="term">{}{}</span>').format(size, power))
-    return Markup(" ").join(shown)
 
 
 def orders_note(model: PolynomialModel) -> Markup:
     """What the orders are, by their symbols."""
-    orders = model.orders
-    names = STRUCTURES[model.orders.structure]
-
-    def of_inputs(name: str) -> list[str]:
-        given = zip(_indices(model), getattr(orders, name), strict=True)
-        return [f"{symbol(f'{name}{index}')} = {value}" for index, value in given]
-
-    degrees = [
-        f"{symbol(name)} = {getattr(orders, name)}" for name in ("na", "nc", "nd") if name in names
-    ]
-    degrees += of_inputs("nf") if "nf" in names else []
+    degrees, counts = [], []
+    for name, values, first in _polynomials(model):
+        order = symbol(f"n{name.lower()}")
+        if name[0] != "B":
+            degrees.append(f"{order} = {len(values) - 1}")
+            continue
+        counts.append(
+            f"{order} = {len(values)} is the <em>number</em> of {symbol(name)} coefficients,"
+            f" the first at lag {symbol(f'nk{name[1:]}')} = {first}"
+        )
     verb = "are degrees" if len(degrees) > 1 else "is a degree"
-    parts = [f"{enumeration(degrees)} {verb}"] if degrees else []
-    parts += [
-        f"{count} is the <em>number</em> of {symbol(f'B{index}')} coefficients,"
-        f" the first at lag {lag}"
-        for index, count, lag in zip(_indices(model), of_inputs("nb"), of_inputs("nk"), strict=True)
-    ]
+    parts = [*([f"{enumeration(degrees)} {verb}"] if degrees else []), *counts]
     return Markup("; ".join(parts) + ".")
 
 
 def text(model: PolynomialModel) -> str:
     """The equation and its polynomials in plain characters, ten significant digits."""
     lines = [_plain_equation(model)]
-    for name, coefficients, first in _polynomials(model):
-        terms: list[str] = []
-        for lag, coefficient in enumerate(coefficients, start=first):
-            size = f"{abs(coefficient):.10g}" + (f" q^-{lag}" if lag else "")
-            if not terms:
-                terms.append(f"-{size}" if coefficient < 0 else size)
-            else:
-                terms.append(f"{'-' if coefficient < 0 else '+'} {size}")
-        lines.append(f"{name}(q) = {' '.join(terms) or '0'}")
+    for name, terms in polynomials(model):
+        shown = [
+            f"{sign}{' ' if place else ''}{size:.10g}{f' q^-{lag}' if lag else ''}"
+            for place, (sign, size, lag) in enumerate(terms)
+        ]
+        lines.append(f"{name}(q) = {' '.join(shown) or '0'}")
     if model.level:
         lines.append(f"level = {model.level:.10g}")
     lines.append(f"variance of e = {model.noise_variance:.10g}")

@@ -6,6 +6,7 @@ What is missing or not finite is printed as a dash, or as "not known" where it i
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TypeGuard
 
 # Narrow no-break space, between a number and its unit.
@@ -121,6 +122,15 @@ def enumeration(items: list[str]) -> str:
 def plural(amount: int, singular: str, several: str = "") -> str:
     """An amount with its noun."""
     return f"{count(amount)} {singular if amount == 1 else several or singular + 's'}"
+
+
+def aligned(rows: Sequence[Sequence[str]], gap: str = "  ") -> list[str]:
+    """Rows of words as lines, their columns one below the other."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        gap.join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
 
 
 def p_value(value: float | None) -> str:

@@ -6,7 +6,7 @@ import re
 import textwrap
 from html import escape
 
-from evopem.report.numbers import count, is_number, number, percent, plural, with_error
+from evopem.report.numbers import aligned, count, is_number, number, percent, plural, with_error
 from evopem.results.fleet import DatasetSummary
 
 _WIDTH = 96
@@ -91,14 +91,7 @@ def _mode_rows(summary: DatasetSummary) -> list[tuple[str, ...]]:
 
 def _mode_lines(summary: DatasetSummary) -> list[str]:
     rows = _mode_rows(summary)
-    if len(rows) == 1:
-        return [f"  {_NO_MODE}"]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  "
-        + "   ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+    return [f"  {line}" for line in (aligned(rows, "   ") if rows[1:] else [_NO_MODE])]
 
 
 def _wrapped(text: str, head: str) -> list[str]:

@@ -41,7 +41,7 @@ def _summary(view: View) -> dict[str, Any]:
 def _model(view: View) -> dict[str, Any]:
     record = view.results.model
     content = {
-        "equation": equations.state_space_equation(record.has_input, record.has_noise_model),
+        "equation": "",
         "polynomials": [],
         "constraints": list(constraint_rows(record.fit)),
     }

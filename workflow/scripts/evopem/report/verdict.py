@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 
 from evopem.figures.frequency_domain import model_source
-from evopem.figures.view import Channel, Results, View, view_of
+from evopem.figures.tables import Channel
+from evopem.figures.view import Results, View, view_of
 from evopem.models.modes import Mode
 from evopem.report.numbers import (
     THIN,
