@@ -234,7 +234,8 @@ def with_coefficients(results, a, b, c, covariance=None):
     frequencies = np.linspace(0.0, 50.0, 8193)
     gain = np.abs(model.frequency_response(frequencies)[:, 0, 0])
     table = results.frequency_response.iloc[:0].reindex(range(len(gain)))
-    table = table.assign(frequency_hz=frequencies, gain=gain)
+    pair = {"output": "output", "input": "input"}
+    table = table.assign(frequency_hz=frequencies, gain=gain, **pair)
     record = identified.with_model(results.model, model)
     return replace(results, model=record, frequency_response=table)
 
