@@ -622,3 +622,38 @@ def test_held_out_outputs_determine_no_state_of_a_simulation():
     y[200:] += disturbance
     found = truth.simulate_from_first(u, y, 200)
     np.testing.assert_allclose((y - found)[200:], disturbance, atol=1e-6)
+
+
+def last_order(recording, orders, **options):
+    return list(estimates_of_orders(recording, orders, **options))[-1]
+
+
+def test_a_predictor_that_forgets_goes_on_behind_the_samples():
+    """Three poles in noise with one, and six states: two draw waves through the noise."""
+    generator = np.random.default_rng(4)
+    f = np.poly([0.9 * np.exp(0.6j), 0.9 * np.exp(-0.6j), 0.5]).real
+    gains = generator.standard_normal((1, 2, 2))[0]
+    u = generator.standard_normal((500, 2))
+    x = sum(lfilter([0.0, *b], f, each) for b, each in zip(gains, u.T, strict=True))
+    y = x + 0.1 * x.std() * lfilter([1.0], [1.0, -0.8], generator.standard_normal(500))
+    y = y[:, None]
+    known, error = Recording(u[:400], y[:400], 10.0), {}
+    for forgets in (False, True):
+        model = last_order(known, range(1, 7), forgets=forgets).model
+        radius = np.abs(model.predictor_poles()).max()
+        assert (radius <= np.exp(-3.0 / 400)) == forgets
+        residuals = model.residuals(u, y, model.prediction_state(u[:400], y[:400]))[400:]
+        error[forgets] = np.linalg.norm(residuals) / np.linalg.norm(y[400:] - y[400:].mean())
+    assert error[True] < 0.13 < error[False]
+
+
+def test_forgetting_costs_an_undamped_mode_the_likelihood_of_a_few_parameters():
+    generator = np.random.default_rng(1)
+    u = generator.standard_normal(600)
+    pole = 0.9998 * np.exp(0.5j)
+    x = lfilter([0.0, 1.0], np.poly([pole, pole.conjugate()]).real, u)
+    recording = Recording(u, x + 0.2 * x.std() * generator.standard_normal(600), 1.0)
+    free, forgetting = (last_order(recording, (1, 2), forgets=each) for each in (False, True))
+    assert 0.0 <= 600 * np.log(forgetting.objective / free.objective) < 6.0
+    for found in (free, forgetting):
+        assert np.abs(found.model.poles()) == pytest.approx([0.9998] * 2, abs=5e-4)

@@ -114,6 +114,7 @@ def estimate_candidate(
             delays=candidate.delays,
             weighting=weighting_of(structure, settings),
             settings=own,
+            forgets=True,
             focus=fit.focus if fit else "prediction",
             constraints=fit.constraints if fit else None,
             starts=(start,),

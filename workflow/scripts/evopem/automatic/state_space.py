@@ -89,6 +89,7 @@ def fits_in_state_space(
         delays=delays,
         weighting=weighting_of(structure, settings),
         settings=search_settings(settings),
+        forgets=True,
         width=LARGE_WIDTH if large else FINAL_WIDTH,
         steps=LARGE_STEPS if large else STEPS,
         log=log,
@@ -173,4 +174,5 @@ def task_of(
         delays,
         weighting=weighting_of(structure, settings),
         settings=search_settings(settings, evaluations),
+        forgets=True,
     )

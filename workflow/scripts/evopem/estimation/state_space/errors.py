@@ -45,6 +45,10 @@ REGRESSOR_RANK = 1e-9
 # Added to the variances of the errors, relative to the power of the outputs: errors of less than a
 # ten-millionth of an output carry no information, and a determinant would seek them out.
 ROUNDING = 1e-14
+# A predictor that forgets has e**-3 of its initial state left at the end of the longest segment.
+# Waves and drifts of others may be fitted to the noise, and go on behind the samples; a predictor
+# that has to forget loses the likelihood of a few parameters at most.
+FORGETTING = 3.0
 # A pole moved to the radius stops just inside it.
 EDGE = 1e-9
 
@@ -204,6 +208,9 @@ class StateSpaceErrors:
     structure: PlainStructure
     weighting: OutputWeighting = "determinant"
     radius: float = 0.9999
+    forgets: bool = (
+        False  # whether a predictor has to forget its initial state, in innovations form
+    )
 
     @property
     def innovations(self) -> bool:
@@ -242,6 +249,13 @@ class StateSpaceErrors:
     def derivatives(self) -> StateDerivatives:
         """Derivatives of the states by the coordinates."""
         return StateDerivatives(self.layout)
+
+    @property
+    def section_radius(self) -> float:
+        """The largest radius of the sections, poles of the predictor."""
+        if not (self.forgets and self.innovations):
+            return self.radius
+        return min(self.radius, float(np.exp(-FORGETTING / np.diff(self.data.bounds).max())))
 
     @property
     def parameters(self) -> int:
@@ -315,7 +329,7 @@ class StateSpaceErrors:
 
     def value(self, point: Array) -> float:
         """Criterion of a point; infinite where it is not feasible."""
-        if not np.isfinite(point).all() or largest_radius(self.layout, point) > self.radius:
+        if not np.isfinite(point).all() or largest_radius(self.layout, point) > self.section_radius:
             return float("inf")
         projection = self.projection(point)
         return self.criterion(projection.covariance) if self.stable(projection) else float("inf")
@@ -358,12 +372,14 @@ class StateSpaceErrors:
 
     def begun(self, start: Array) -> Array:
         """A start whose poles lie within the radius, in its normal form."""
-        return normalised(self.layout, inside(self.layout, start, self.radius * (1.0 - EDGE)))
+        return normalised(
+            self.layout, inside(self.layout, start, self.section_radius * (1.0 - EDGE))
+        )
 
     def moved(self, point: Array, step: Array) -> Array:
         """A point after a step, its poles within the radius."""
         after = moved(self.layout, point, step)
-        return inside(self.layout, after, self.radius * (1.0 - EDGE))
+        return inside(self.layout, after, self.section_radius * (1.0 - EDGE))
 
     def normal_equations(self, projection: Projection) -> tuple[Array, Array]:
         """Gradient and Gauss-Newton Hessian of the criterion, s of each section held."""

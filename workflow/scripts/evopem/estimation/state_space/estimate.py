@@ -54,6 +54,7 @@ def estimate_state_space(
     constraints: Constraints | None = None,
     weighting: OutputWeighting = "determinant",
     settings: SearchSettings | None = None,
+    forgets: bool = False,
     starts: Sequence[StateSpaceModel] = (),
     log: Log | None = None,
 ) -> StateSpaceEstimate:
@@ -68,7 +69,7 @@ def estimate_state_space(
     constraints and structure contradict each other; ValueError when the recording is too short, or
     a setting outside its range.
     """
-    task = StateSpaceTask.of(recording, structure, delays, level, weighting, settings)
+    task = StateSpaceTask.of(recording, structure, delays, level, weighting, settings, forgets)
     horizon = _horizon(focus, structure, constraints)
     if structure == "ss_bj":
         free = _beside(recording, order, task, horizon, starts, log)
@@ -152,6 +153,7 @@ def estimates_of_orders(
     level: bool = True,
     weighting: OutputWeighting = "determinant",
     settings: SearchSettings | None = None,
+    forgets: bool = False,
     width: int = FINAL_WIDTH,
     steps: int = STEPS,
     log: Log | None = None,
@@ -170,7 +172,7 @@ def estimates_of_orders(
         Of each descent at most: too small orders, which do not describe the recording, converge
         slowly, and nothing depends on their last digits.
     """
-    task = StateSpaceTask.of(recording, structure, delays, level, weighting, settings)
+    task = StateSpaceTask.of(recording, structure, delays, level, weighting, settings, forgets)
     if structure != "ss_bj":
         yield from plain_estimates(recording, orders, task, width, steps, log)
         return

@@ -52,6 +52,7 @@ class StateSpaceTask:
     weighting: OutputWeighting = "determinant"
     settings: SearchSettings = QUADRATIC
     drift_period: float | None = None
+    forgets: bool = False  # as of StateSpaceErrors
 
     def __post_init__(self) -> None:
         given = (
@@ -74,6 +75,7 @@ class StateSpaceTask:
         level: bool = True,
         weighting: OutputWeighting = "determinant",
         settings: SearchSettings | None = None,
+        forgets: bool = False,
     ) -> StateSpaceTask:
         """The task of a structure.
 
@@ -89,6 +91,7 @@ class StateSpaceTask:
             weighting,
             settings or QUADRATIC,
             recording.longest.samples / DRIFT_PERIODS if structure == "ss_oe_drift" else None,
+            forgets and structure == "ss",
         )
 
     def errors(self, recording: Recording, order: int) -> StateSpaceErrors:
@@ -101,7 +104,7 @@ class StateSpaceTask:
                 "an output-error model needs an input; without one, use innovations form"
             )
         radius = self.settings.max_root_radius
-        errors = StateSpaceErrors(data, order, self.structure, self.weighting, radius)
+        errors = StateSpaceErrors(data, order, self.structure, self.weighting, radius, self.forgets)
         needed = errors.estimated
         available = data.outputs.size
         if available <= needed or data.samples <= 2 * (order + data.inputs.shape[1]) + 2:

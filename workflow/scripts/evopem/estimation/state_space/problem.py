@@ -96,7 +96,7 @@ class StateSpaceProblem:
 
     def repair(self, points: Array) -> Array:
         """Move poles beyond the radius to it."""
-        limit = self.plain.radius * (1.0 - 1e-6)
+        limit = self.plain.section_radius * (1.0 - 1e-6)
         return np.array([inside(self.plain.layout, point, limit) for point in points])
 
     def values(self, points: Array) -> Array:
@@ -240,7 +240,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
     def _value(self, point: Array) -> float:
         if not np.isfinite(point).all():
             return float("inf")
-        if largest_radius(self.plain.layout, self.coordinates(point)) > self.plain.radius:
+        if largest_radius(self.plain.layout, self.coordinates(point)) > self.plain.section_radius:
             return float("inf")
         if not self.is_stable(point):
             return float("inf")

@@ -117,7 +117,7 @@ def from_poles(errors: StateSpaceErrors, poles: Complex) -> Array:
     the row by which the signals drive that pole.  Poles beyond the radius are moved inside.
     """
     layout = errors.layout
-    point = inside(layout, poles_only(layout, poles), errors.radius * (1.0 - 1e-6))
+    point = inside(layout, poles_only(layout, poles), errors.section_radius * (1.0 - 1e-6))
     return _with_inputs(errors, point, errors.data.outputs)
 
 
@@ -178,7 +178,7 @@ def from_matrices(errors: StateSpaceErrors, A: Array, B: Array) -> Array:
     """Point of a predictor's A, (n, n), and the columns of its signals, (n, driving); at rest."""
     pulses = np.zeros((errors.order, errors.data.segments))
     point = point_of(errors.layout, A, np.column_stack([B, pulses]))
-    point = inside(errors.layout, point, errors.radius * (1.0 - 1e-6))
+    point = inside(errors.layout, point, errors.section_radius * (1.0 - 1e-6))
     return with_initial_states(errors, normalised(errors.layout, point))
 
 
