@@ -30,7 +30,7 @@ from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import covariance_of
 from evopem.models.response_tables import response_standard_errors
 from evopem.signals.recording import Recording, Segment
-from evopem.synthesis.polynomial import polynomial_record
+from evopem.synthesis.armax import polynomial_record
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evopem import Constraints, SearchSettings, estimate
 from evopem.models.polynomial import PolynomialModel
-from evopem.synthesis.polynomial import polynomial_record
+from evopem.synthesis.armax import polynomial_record
 
 RECORDS, SAMPLES, NOISE = 100, 600, 20.0
 ONE = np.ones(1)

@@ -31,7 +31,7 @@ from filtered_polynomials import FilteredPolynomials  # noqa: E402
 from polynomial_structures import QUADRATIC, TRUTHS, named  # noqa: E402
 
 from evopem import Orders, PolynomialModel, estimate  # noqa: E402
-from evopem.synthesis.polynomial import polynomial_record  # noqa: E402
+from evopem.synthesis.armax import polynomial_record  # noqa: E402
 
 Array = NDArray[np.float64]
 # The coefficients a, b, c, d, f without leading ones.

@@ -30,7 +30,7 @@ from evopem import PolynomialModel, SearchSettings, estimate  # noqa: E402
 from evopem.config.settings import ScoringWindow  # noqa: E402
 from evopem.models.modes import Mode  # noqa: E402
 from evopem.models.response_tables import response_standard_errors  # noqa: E402
-from evopem.synthesis.polynomial import polynomial_record  # noqa: E402
+from evopem.synthesis.armax import polynomial_record  # noqa: E402
 
 Array = NDArray[np.float64]
 

@@ -33,7 +33,7 @@ from evopem.config.structures import ORDER_NAMES  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.models.structures import orders_of  # noqa: E402
 from evopem.signals.recording import Segment  # noqa: E402
-from evopem.synthesis.polynomial import polynomial_record  # noqa: E402
+from evopem.synthesis.armax import polynomial_record  # noqa: E402
 
 Array = NDArray[np.float64]
 

@@ -51,7 +51,7 @@ from evopem.estimation.search.global_search import (  # noqa: E402
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.structures import Orders, orders_of  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
-from evopem.synthesis.polynomial import polynomial_record  # noqa: E402
+from evopem.synthesis.armax import polynomial_record  # noqa: E402
 
 Row = dict[str, Any]
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
-from evopem.synthesis.polynomial import polynomial_record
+from evopem.synthesis.armax import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
 FS = 50.0

@@ -10,7 +10,7 @@ from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import STRUCTURES
 from evopem.signals.recording import Segment
-from evopem.synthesis.polynomial import polynomial_record
+from evopem.synthesis.armax import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
 ONE = np.ones(1)

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from evopem import SearchSettings, estimate
 from evopem.models.polynomial import PolynomialModel
-from evopem.synthesis.polynomial import polynomial_record
+from evopem.synthesis.armax import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
 ONE = np.ones(1)

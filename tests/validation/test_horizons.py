@@ -8,7 +8,7 @@ import pytest
 from evopem import PolynomialModel, SearchSettings, estimate
 from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.signals.recording import Recording
-from evopem.synthesis.polynomial import polynomial_record
+from evopem.synthesis.armax import polynomial_record
 from evopem.validation.responses import HeldOut
 from evopem.validation.scores import error_percent
 

@@ -12,7 +12,7 @@ import evopem
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.fleet import DatasetSummary
-from evopem.synthesis.polynomial import polynomial_record
+from evopem.synthesis.armax import polynomial_record
 
 from .conftest import Folder
 

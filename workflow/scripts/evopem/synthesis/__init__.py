@@ -14,19 +14,8 @@ from evopem.synthesis.truth import Truth
 def synthesize(source: SyntheticSource, transforms: TransformSettings) -> tuple[Recording, Truth]:
     """Simulate a recording of a known system.
 
-    Parameters
-    ----------
-    source : SyntheticSource
-    transforms : TransformSettings
-        An ARMAX recording is made non-stationary in the way that these transforms undo.
+    An ARMAX recording is made non-stationary in the way that the transforms undo.
 
-    Raises
-    ------
-    InputError
-        When the system or the Box-Cox parameter is not known.
-
-    Examples
-    --------
     >>> source = SyntheticSource("armax", seed=1, samples=1000)
     >>> recording, truth = synthesize(source, TransformSettings(box_cox="none", difference=0))
     >>> recording.output.shape

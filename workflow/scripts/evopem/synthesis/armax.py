@@ -1,4 +1,4 @@
-"""A recording made by a known ARMAX model: the chapter's identified system as a truth for tests."""
+"""Records of polynomial models with known parameters, and the chapter's ARMAX model."""
 
 from __future__ import annotations
 
@@ -28,19 +28,15 @@ NOISE_ZEROS = (
     -0.55 - 0.60j,
     0.30,
 )
+# Samples before a record, for the transients to decay.
 WARM_UP = 2000
 
 
 def true_model(sampling_rate: float = 100.0) -> PolynomialModel:
     """ARMAX(7,6,7,3) with the poles of the chapter's table 2; noise variance not set.
 
-    Examples
-    --------
-    >>> model = true_model()
-    >>> print(model.orders)
+    >>> print(true_model().orders)
     ARMAX(7,6,7,3)
-    >>> [round(mode.frequency_hz, 2) for mode in model.modes()]
-    [5.36, 16.65, 37.0]
     """
     upper = [true_mode(frequency, damping, sampling_rate).pole for frequency, damping in MODES]
     poles = np.concatenate([upper, np.conj(upper), [REAL_POLE]])
@@ -63,38 +59,19 @@ def armax(
 ) -> tuple[Recording, Truth]:
     """White noise through the true model, with ARMAX noise, made non-stationary on request.
 
-    Parameters
-    ----------
-    seed : int
-    samples : int
-        Samples of the recording.
-    sampling_rate : float
-        Hz; the modes keep their frequencies.
-    noise : float
-        Standard deviation of the innovations over that of the noise-free output.
-    box_cox, difference : float or None, int
-        The output is summed ``difference`` times and put through the inverse Box-Cox transform,
-        so that a preparation with the same values gives the ARMAX record back.
-
-    Returns
-    -------
-    Recording, Truth
-
-    Examples
-    --------
-    >>> recording, truth = armax(seed=1, samples=1000)
-    >>> recording.output.shape, recording.sampling_rate
-    ((1000,), 100.0)
-    >>> print(truth.orders)
-    ARMAX(7,6,7,3)
+    ``noise`` is the standard deviation of the innovations over that of the noise-free output.  The
+    output is summed ``difference`` times and put through the inverse Box-Cox transform, so that a
+    preparation with the same values gives the ARMAX record back.
     """
+    from scipy.signal import lfilter
+
     model = true_model(sampling_rate)
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
     total = samples + WARM_UP
     u = generator.standard_normal(total)
     clean = model.simulate(u)
     deviation = noise * float(np.std(clean[WARM_UP:]))
-    output = clean + _filtered(model, deviation * generator.standard_normal(total))
+    output = clean + lfilter(model.c, model.a, deviation * generator.standard_normal(total))
     output = undo_stationarity(output[WARM_UP:], box_cox, difference)
     recording = Recording(
         inputs=u[WARM_UP:],
@@ -120,11 +97,7 @@ def armax(
 
 
 def undo_stationarity(signal: Array, box_cox: float | None, difference: int) -> Array:
-    """Sum a signal and transform it so that Box-Cox and differencing bring it back.
-
-    The summed signal is lifted to be positive before the inverse Box-Cox transform; differencing
-    removes the lift, and without differencing the subtraction of means does.
-    """
+    """Sum a signal, lift it above zero and transform it; Box-Cox and differencing bring it back."""
     from scipy.special import inv_boxcox
 
     summed = signal
@@ -132,12 +105,26 @@ def undo_stationarity(signal: Array, box_cox: float | None, difference: int) -> 
         summed = np.cumsum(summed)
     if box_cox is None:
         return summed
-    lifted: Array = inv_boxcox(summed - summed.min() + np.std(summed), box_cox)
-    return lifted
+    return inv_boxcox(summed - summed.min() + np.std(summed), box_cox)
 
 
-def _filtered(model: PolynomialModel, innovations: Array) -> Array:
+def polynomial_record(
+    model: PolynomialModel, samples: int, noise_percent: float, generator: np.random.Generator
+) -> tuple[Array, Array, float]:
+    """Input, (N,), output, (N,), and variance of the innovations of a record of a stable model.
+
+    The input is white noise of unit variance; the innovations are Gaussian, so large that the noise
+    in the output has ``noise_percent`` of the standard deviation of the noise-free output.  Without
+    an input the innovations have unit variance.
+    """
     from scipy.signal import lfilter
 
-    noise: Array = lfilter(model.c, model.a, innovations)
-    return noise
+    u, e = generator.standard_normal((2, WARM_UP + samples))
+    simulated = model.simulate(u)
+    noise = lfilter(model.c, model.noise_denominator, e)
+    scale = 1.0
+    if len(model.b):
+        ratio = float(np.std(simulated[WARM_UP:]) / np.std(noise[WARM_UP:]))
+        scale = noise_percent / 100.0 * ratio
+    output = simulated + scale * noise
+    return u[WARM_UP:], output[WARM_UP:], scale**2

@@ -1,11 +1,9 @@
-"""A physical flexible arm on a servomotor: the synthetic stand-in for the chapter's apparatus.
+"""A flexible arm on a servomotor: the synthetic stand-in for the chapter's apparatus.
 
-A continuous-time model, so that no discrete model class is handed the answer: a velocity-controlled
-hub (a resonant servo loop) carries a flexible arm in modal coordinates, driven through the hub's
-angular acceleration; a sensor with drift measures the transverse acceleration of the tip.  The
-record arrives through a zero-order hold, a transport delay, and a sensor whose drift and
-slightly compressive characteristic make it non-stationary in mean and variance, as the chapter
-reports of its own record.
+A continuous-time model, so that no discrete model class is handed the answer: a resonant servo loop
+carries a flexible arm in modal coordinates, driven through the hub's angular acceleration.  The
+record of the tip's acceleration arrives through a zero-order hold, a transport delay, and a sensor
+whose drift and slightly compressive characteristic make it non-stationary in mean and variance.
 """
 
 from __future__ import annotations
@@ -40,28 +38,11 @@ WARM_UP_SECONDS = 60.0
 
 
 def flexible_arm(seed: int, samples: int, sampling_rate: float = 100.0) -> tuple[Recording, Truth]:
-    """White velocity commands in, tip acceleration out.
+    """White velocity commands in, tip acceleration out; modes must lie below half the rate (Hz).
 
-    Parameters
-    ----------
-    seed : int
-    samples : int
-        Samples of the recording.
-    sampling_rate : float
-        Hz, more than twice the highest mode.
-
-    Returns
-    -------
-    Recording, dict
-        The truth: modes, delay, noise and the transforms that undo the sensor.
-
-    Examples
-    --------
     >>> recording, truth = flexible_arm(seed=1, samples=500)
     >>> [mode.frequency_hz for mode in truth.modes]
     [2.0, 5.36, 16.65, 37.0]
-    >>> truth.delay_samples
-    3
     """
     from scipy.linalg import expm
     from scipy.special import inv_boxcox

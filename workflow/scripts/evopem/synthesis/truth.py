@@ -15,36 +15,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What a synthetic recording was made from.
+    """What a synthetic recording was made from."""
 
-    Attributes
-    ----------
-    kind : str
-        ``flexible_arm`` or ``armax``.
-    seed : int
-    delay_samples : int
-        Delay from input to output.
-    modes : tuple of Mode
-    noise : dict
-        Levels of the disturbances, by their names.
-    box_cox : float, optional
-        Parameter of the Box-Cox transform that the output was made for.
-    difference : int
-        Number of differences that the output was made for.
-    orders : Orders, optional
-        Of the ARMAX model; None where the system is no ARMAX model.
-    a, b, c : array, optional
-        Its coefficients.
-    """
-
-    kind: str
+    kind: str  # flexible_arm or armax
     seed: int
-    delay_samples: int
+    delay_samples: int  # from input to output
     modes: tuple[Mode, ...]
-    noise: dict[str, float]
-    box_cox: float | None
+    noise: dict[str, float]  # levels of the disturbances, by their names
+    box_cox: float | None  # the transform and the differences that the output was made for
     difference: int
-    orders: Orders | None = None
+    orders: Orders | None = None  # of an ARMAX model, and its coefficients
     a: Array | None = None
     b: Array | None = None
     c: Array | None = None

@@ -15,20 +15,11 @@ RUN_IN = 2000
 
 @dataclass(frozen=True, eq=False)
 class VibratingStructure:
-    """A linear structure: ``q_k'' + 2 z_k w_k q_k' + w_k^2 q_k = phi_k' f`` for each mode.
+    """A linear structure: ``q_k'' + 2 z_k w_k q_k' + w_k^2 q_k = phi_k' f`` for each mode."""
 
-    Attributes
-    ----------
-    frequencies_hz : (m,) array
-        Undamped natural frequencies, ``w_k / 2 pi``.
-    damping_ratios : (m,) array
-    shapes : (ny, m) array
-        Real mode shapes phi_k at the sensors, one in each column.
-    """
-
-    frequencies_hz: Array
-    damping_ratios: Array
-    shapes: Array
+    frequencies_hz: Array  # (m,) undamped natural frequencies, w_k / 2 pi
+    damping_ratios: Array  # (m,)
+    shapes: Array  # (ny, m) real mode shapes phi_k at the sensors, one in each column
 
     def softened(self, stiffness: float) -> VibratingStructure:
         """The structure with all stiffnesses multiplied by a factor."""
@@ -37,24 +28,12 @@ class VibratingStructure:
         )
 
     def ambient_record(
-        self,
-        samples: int,
-        sampling_rate: float,
-        noise: float,
-        generator: np.random.Generator,
+        self, samples: int, sampling_rate: float, noise: float, generator: np.random.Generator
     ) -> Array:
         """Velocities under independent white forces at the sensors, with sensor noise, (N, ny).
 
-        The samples have exactly the distribution of the continuous structure (Van Loan 1978).
-
-        Parameters
-        ----------
-        samples : int
-        sampling_rate : float
-            Hz.
-        noise : float
-            Standard deviation of the white sensor noise, relative to that of each velocity.
-        generator : numpy.random.Generator
+        The samples have exactly the distribution of the continuous structure (Van Loan 1978);
+        ``noise`` is the sensors' standard deviation relative to that of each velocity.
         """
         dynamics, forces = self._continuous()
         transition, covariance = _sampled(dynamics, forces, 1.0 / sampling_rate)
@@ -71,30 +50,15 @@ class VibratingStructure:
         noise: float,
         generator: np.random.Generator,
     ) -> tuple[Array, Array]:
-        """Measured white forces at the first sensors and velocities with sensor noise.
+        """Measured white forces at the first sensors, (N, inputs), and velocities, (N, ny).
 
         Forces are held between samples, and the velocities are those of the continuous structure.
-
-        Parameters
-        ----------
-        samples : int
-        sampling_rate : float
-            Hz.
-        inputs : int
-            Number of forces.
-        noise : float
-            As of :meth:`ambient_record`.
-        generator : numpy.random.Generator
-
-        Returns
-        -------
-        (N, inputs) array
-            Forces.
-        (N, ny) array
-            Velocities.
         """
+        from scipy.signal import cont2discrete
+
         dynamics, forces = self._continuous()
-        transition, entry = _held(dynamics, forces[:, :inputs], 1.0 / sampling_rate)
+        held = dynamics, forces[:, :inputs], dynamics, forces[:, :inputs]
+        transition, entry, *_ = cont2discrete(held, 1.0 / sampling_rate)
         u = generator.standard_normal((RUN_IN + samples, inputs))
         return u[RUN_IN:], self._measured(_states(transition, u @ entry.T), noise, generator)
 
@@ -127,12 +91,6 @@ def random_structure(
     """A structure with random shapes, of which some modes have a neighbour within 2 to 5 %.
 
     Other frequencies differ by at least 8 %; damping ratios lie between 0.5 and 3 %.
-
-    Parameters
-    ----------
-    generator : numpy.random.Generator
-    modes, sensors, close_pairs : int
-    band_hz : (low, high)
     """
     while True:
         low, high = np.log(band_hz)
@@ -159,16 +117,6 @@ def _sampled(dynamics: Array, forces: Array, step: float) -> tuple[Array, Array]
     transition = exponential[n:, n:].T
     covariance = transition @ exponential[:n, n:]
     return transition, 0.5 * (covariance + covariance.T)
-
-
-def _held(dynamics: Array, forces: Array, step: float) -> tuple[Array, Array]:
-    """Transition matrix and entry of forces that are constant between samples."""
-    from scipy.linalg import expm
-
-    n, inputs = forces.shape
-    block = np.block([[dynamics, forces], [np.zeros((inputs, n + inputs))]])
-    exponential = expm(block * step)
-    return exponential[:n, :n], exponential[:n, n:]
 
 
 def _states(transition: Array, pushes: Array) -> Array:
