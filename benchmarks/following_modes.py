@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 from evopem.estimation.state_space.estimate import estimates_of_orders  # noqa: E402
 from evopem.report.index_page import movements  # noqa: E402
 from evopem.results.followed_modes import RecordedMode, follow_modes  # noqa: E402
-from evopem.signals.recording import without_input  # noqa: E402
+from evopem.signals.recording import recording_of  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
 from evopem.validation.level_changes import find_levels  # noqa: E402
 
@@ -38,7 +38,7 @@ def recorded_modes(structure: VibratingStructure, fleet: int, number: int) -> li
     """The modes of one recording, order known; those damped by more than 20 % are not trusted."""
     generator = np.random.default_rng(np.random.SeedSequence(22, spawn_key=(fleet, number)))
     y = structure.ambient_record(SAMPLES, RATE, 0.15, generator)
-    (estimated,) = estimates_of_orders(without_input(y, RATE), [ORDER], width=3)
+    (estimated,) = estimates_of_orders(recording_of(None, y, RATE), [ORDER], width=3)
     return [
         RecordedMode(
             mode.frequency_hz,

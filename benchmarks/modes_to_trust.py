@@ -201,7 +201,7 @@ def stable_groups(result, reach):  # type: ignore[no-untyped-def]
 def run_own(folder: Path, count: int) -> None:
     from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.files.json_form import save
-    from evopem.signals.recording import Recording, without_input
+    from evopem.signals.recording import recording_of
     from evopem.validation.mode_evidence import mode_table
 
     for file in unfinished(folder, count, OWN):
@@ -211,7 +211,7 @@ def run_own(folder: Path, count: int) -> None:
         study = AMBIENT if u is None else DRIVEN
         kept = 3 * len(y) // 4
         begun = time.process_time()
-        recording = without_input(y, RATE) if u is None else Recording(u, y, RATE)
+        recording = recording_of(u, y, RATE)
         estimates = estimates_of_orders(
             recording.between(0, kept),
             study.orders,

@@ -21,7 +21,7 @@ from covered_intervals import CoveredIntervals  # noqa: E402
 
 from evopem import SearchSettings, estimate  # noqa: E402
 from evopem.estimation.state_space.estimate import estimates_of_orders  # noqa: E402
-from evopem.signals.recording import without_input  # noqa: E402
+from evopem.signals.recording import recording_of  # noqa: E402
 from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
 
 RATE = 100.0
@@ -51,7 +51,7 @@ def coverage(records: int) -> None:
                     None, y[:, 0], (order, order), RATE, structure="arma", settings=settings
                 ).model.modes()
             else:
-                (estimated,) = estimates_of_orders(without_input(y, RATE), [order])
+                (estimated,) = estimates_of_orders(recording_of(None, y, RATE), [order])
                 modes = estimated.model.modes()
             counted.begin_record()
             truths = zip(

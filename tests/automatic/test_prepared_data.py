@@ -10,10 +10,10 @@ from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord, p
 from evopem.automatic.preparation.prepared_data import prepared_data
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
-from evopem.signals.joining import joined
 from evopem.signals.preparation import prepare as divide
 from evopem.signals.prepared_data import measured_inputs, measured_outputs
 from evopem.signals.recording import Recording
+from evopem.signals.recording_checks import joined
 
 UNCHANGED = TransformSettings("none", 0, 0)
 

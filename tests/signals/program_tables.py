@@ -273,7 +273,7 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
         "time,u,y\n" + rows(texts("12:{:04.1f}", T), U, Y), STAMPED, "line 2, column 1"),
     "excel_formula": (with_line(rows(U, Y), 30, '="1.5",1.2'), PLAIN, "line 30, column 1"),
     "excel_empty_row_between": (
-        with_line("u,y\n" + rows(U, Y), 30, ","), NAMED, "line 30, column 1: the field is empty"),
+        with_line("u,y\n" + rows(U, Y), 30, ","), NAMED, 'input "u", sample 29: the value is'),
     "excel_empty_row_below_the_headings": ("u,y\n,\n" + rows(U, Y), NAMED, "line 2: the row"),
     "excel_truth": (rows(["TRUE", "FALSE"] * (N // 2), Y), PLAIN, "line 1, column 1"),
     # LabVIEW
@@ -283,7 +283,7 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
         "line 93: the row has 4 fields where the others have 3",
     ),
     "labview_lvm_no_x": (LVM_NO_X, NAMED, "set header_lines"),
-    "labview_nan": (with_line(LVM, 40, "0.05\tNaN\t1.0"), NAMED, 'line 40, column 2: "NaN"'),
+    "labview_nan": (with_line(LVM, 40, "0.05\tNaN\t1.0"), NAMED, 'input "u", sample 17: '),
     # MATLAB
     "matlab_timetable": (
         "Time,u,y\n" + rows(texts("{:g} sec", T), U, Y),
@@ -298,7 +298,7 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
     "pandas_missing": (
         FRAME.assign(y=FRAME.y.where(FRAME.index != 7)).to_csv(index=False),
         NAMED,
-        "line 9, column 2: the field is empty",
+        'output "y", sample 8: the value is missing',
     ),
     "pandas_null": (
         FRAME.assign(y=FRAME.y.where(FRAME.index != 7)).to_csv(index=False, na_rep="NULL"),

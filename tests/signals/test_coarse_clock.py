@@ -10,11 +10,9 @@ from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.results.layout import DatasetFiles
-from evopem.signals.coarse_clock import coarse_clock
-from evopem.signals.even_grid import even_grid
 from evopem.signals.recording import load_recording
 from evopem.signals.recording_info import RecordingInfo
-from evopem.signals.timestamps import sampling_rate_of
+from evopem.signals.timestamps import coarse_clock, timing
 
 SAMPLES = 2000
 
@@ -39,7 +37,7 @@ def test_the_rate_is_known_to_a_tick_over_the_record(step, phase, scale):
         return
     assert clock.tick == pytest.approx(scale)
     assert abs(clock.step / (scale * step) - 1.0) <= clock.relative_error < 0.01
-    assert sampling_rate_of(stamps, "log.csv", "time", time_unit="s") == pytest.approx(
+    assert timing(stamps, "log.csv", "time", time_unit="s").rate == pytest.approx(
         1.0 / clock.step, rel=1e-8
     )
 
@@ -47,27 +45,27 @@ def test_the_rate_is_known_to_a_tick_over_the_record(step, phase, scale):
 @pytest.mark.parametrize(("step", "tick"), [(3.3, 1.0), (8.5, 1.0), (12.4, 5.0)])
 def test_ticks_shorter_than_a_step(step, tick):
     stamps = stamped(step, tick, 0.3)
-    rate = sampling_rate_of(stamps, "log.csv", "time_ms")
+    rate = timing(stamps, "log.csv", "time_ms").rate
     assert rate == pytest.approx(1e3 / step, rel=tick / stamps[-1])
 
 
 def test_a_clock_of_15_6_ms_printed_in_milliseconds():
     stamps = np.floor(stamped(10.0, 15.625, 0.2))
     assert set(np.diff(stamps)) == {0.0, 15.0, 16.0}
-    assert sampling_rate_of(stamps, "log.csv", "time_ms") == pytest.approx(100.0, rel=1e-3)
+    assert timing(stamps, "log.csv", "time_ms").rate == pytest.approx(100.0, rel=1e-3)
 
 
 def test_dates_in_whole_seconds():
     tenths = np.arange(3000) * np.timedelta64(100, "ms")
     stamps = (np.datetime64("2026-03-01T10:00:00.35", "ms") + tenths).astype("datetime64[s]")
-    assert sampling_rate_of(stamps, "log.csv", "date") == pytest.approx(10.0, rel=1e-4)
+    assert timing(stamps, "log.csv", "date").rate == pytest.approx(10.0, rel=1e-4)
 
 
 def test_a_stated_rate_is_kept_where_the_stamps_allow_it():
     stamps = stamped(3.0, 10.0, 0.0)
-    assert sampling_rate_of(stamps, "log.csv", "t_ms", stated_rate=333.0) == 333.0
+    assert timing(stamps, "log.csv", "t_ms", stated_rate=333.0).rate == 333.0
     with pytest.raises(InputError, match="the time stamps give 333"):
-        sampling_rate_of(stamps, "log.csv", "t_ms", stated_rate=300.0)
+        timing(stamps, "log.csv", "t_ms", stated_rate=300.0)
 
 
 EVEN = np.arange(SAMPLES) * 20.0
@@ -93,7 +91,7 @@ EVEN = np.arange(SAMPLES) * 20.0
 )
 def test_lost_and_repeated_samples_are_no_coarse_clock(stamps, expected):
     with pytest.raises(InputError, match=expected):
-        sampling_rate_of(stamps, "log.csv", "time_ms")
+        timing(stamps, "log.csv", "time_ms")
 
 
 def test_irregular_sampling_is_no_coarse_clock():
@@ -119,5 +117,6 @@ def test_the_samples_are_used_as_they_are_and_the_report_says_so(tmp_path, state
 
 def test_uneven_stamps_are_interpolated_and_not_taken_for_those_of_a_coarse_clock():
     """Every twelfth sample is lost: a clock of 20 ms would give the same stamps at 45.8 Hz."""
-    grid = even_grid(np.delete(EVEN, slice(5, None, 12)), "log.csv", "time")
-    assert (grid.step, grid.unevenness.tick) == (20.0, 0.0)
+    stamps = np.delete(EVEN, slice(5, None, 12))
+    grid = timing(stamps, "log.csv", "time_ms", interpolate=True)
+    assert (grid.rate, grid.unevenness.tick) == (50.0, 0.0)

@@ -13,10 +13,10 @@ from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.results.layout import DatasetFiles
-from evopem.signals.even_grid import LONGEST_GAP, even_grid
 from evopem.signals.reading import read_measured
 from evopem.signals.recording import load_recording
 from evopem.signals.recording_info import RecordingInfo
+from evopem.signals.timestamps import LONGEST_GAP, timing
 
 RATE = 50.0
 EVEN = np.arange(400) / RATE
@@ -24,7 +24,7 @@ LOST = [7, 8, 9, 100, 251]
 
 
 def grid_of(stamps):
-    return even_grid(np.asarray(stamps), "r.csv", "time")
+    return timing(np.asarray(stamps), "r.csv", "time", time_unit="s", interpolate=True)
 
 
 @given(
@@ -38,9 +38,9 @@ def test_a_signal_linear_in_time_is_that_of_even_times(lost, jitter, scale, star
     shifts[[0, -1]] = 0.0
     kept = np.delete(EVEN + shifts, sorted(lost))
     grid = grid_of(start + scale * kept)
-    assert grid.samples == EVEN.size
-    assert grid.step * RATE == pytest.approx(scale, rel=1e-6)
-    np.testing.assert_allclose(grid.interpolated(3.0 - kept), 3.0 - EVEN, atol=1e-4)
+    assert grid.on_grid(kept).size == EVEN.size
+    assert grid.rate * scale == pytest.approx(RATE, rel=1e-6)
+    np.testing.assert_allclose(grid.on_grid(3.0 - kept), 3.0 - EVEN, atol=1e-4)
     assert grid.unevenness.largest_shift <= jitter / 2 + 1e-3
 
 
@@ -55,7 +55,7 @@ def test_how_uneven_stamps_are():
 def test_dates():
     stamps = np.datetime64("2026-03-01", "ns") + (np.arange(90) * 20).astype("timedelta64[ms]")
     grid = grid_of(np.delete(stamps, 40))
-    assert (grid.samples, grid.step) == (90, pytest.approx(0.02, rel=1e-12))
+    assert (grid.on_grid(np.ones(89)).size, grid.rate) == (90, pytest.approx(50.0, rel=1e-12))
 
 
 @pytest.mark.parametrize(
@@ -132,7 +132,7 @@ def test_one_channel(tmp_path):
 def test_several_channels(tmp_path):
     file = written(tmp_path, np.arange(EVEN.size) * 20.0, "time_ms")
     lists = ChannelSettings(("u",), ("y", "w"), time="time_ms", uneven_time="interpolate")
-    recording, unevenness = read_measured(file, lists)
+    recording, unevenness, _ = read_measured(file, lists)
     assert unevenness.in_gaps == len(LOST)
     assert (recording.sampling_rate, recording.outputs.shape) == (RATE, (EVEN.size, 2))
     np.testing.assert_allclose(recording.outputs @ [1.0, 2.0], 0.0, atol=1e-7)

@@ -14,7 +14,7 @@ from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.results.layout import DatasetFiles
-from evopem.signals import joining
+from evopem.signals import recording_checks
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import load_prepared, measured_outputs, save_prepared
 from evopem.signals.recording import Recording, concatenated, load_recording
@@ -99,7 +99,7 @@ def test_other_units_and_rates_are_refused(tmp_path):
     tables = [table(0, 120), table(1, 80)]
     first, second = recording(0, 120), replace(recording(1, 80), output_units=("", "g", ""))
     with pytest.raises(InputError, match=r'^b\.csv: the unit of its output acc_1 is "g" here and'):
-        joining.joined([first, second], NAMES[:2])
+        recording_checks.joined([first, second], NAMES[:2])
     timed = [
         each.assign(time=np.arange(len(each)) / rate)
         for each, rate in zip(tables, (50, 40), strict=True)

@@ -12,7 +12,6 @@ from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.results.layout import DatasetFiles
-from evopem.signals.joining import joined
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import (
     load_prepared,
@@ -21,6 +20,7 @@ from evopem.signals.prepared_data import (
     save_prepared,
 )
 from evopem.signals.recording import Recording, load_recording
+from evopem.signals.recording_checks import joined
 from evopem.signals.recording_info import RecordingInfo
 
 NAMES = ("a.csv", "b.csv", "c.csv")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from evopem.errors import InputError
-from evopem.signals.joining import check_independent, shared_start
 from evopem.signals.recording import Recording
+from evopem.signals.recording_checks import check_independent, shared_start
 
 
 def recording(rows):

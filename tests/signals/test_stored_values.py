@@ -112,9 +112,9 @@ def test_packed_and_missing_values_of_netcdf(tmp_path):
 
     path = hdf5(tmp_path / "r.h5", build)
     assert "packed: the attribute scale_factor is 0.001" in refusal(path, "packed", "y")
-    assert 'dataset "filled", sample 8: the value is missing' in refusal(path, "filled", "y")
-    assert 'dataset "marked", sample 10: the value is missing' in refusal(path, "marked", "y")
-    assert "overflow or a missing value" in refusal(path, "default", "y")
+    assert read_recording(path, "filled", "y", RATE).samples == N - 8
+    assert read_recording(path, "marked", "y", RATE).samples == N - 10
+    assert read_recording(path, "default", "y", RATE).samples == N - 10
     assert read_recording(path, "plain", "y", RATE).samples == N
 
 
@@ -169,7 +169,7 @@ def test_kinds_of_parquet_columns(tmp_path):
     assert_read(read_recording(path, "u", "y", RATE))
     for name in ("nested", "list"):
         assert "text or objects" in refusal(path, name, "y")
-    assert 'input "nan", sample 5: the value is nan' in refusal(path, "nan", "y")
+    assert read_recording(path, "nan", "y", RATE).samples == N - 5
 
 
 # numpy

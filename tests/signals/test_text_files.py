@@ -147,11 +147,11 @@ def refusal(path: Path, *channels, **settings) -> str:
         ("3,2\n3,4\n5\n" + "6,7\n" * 9, "line 3: the row has 1 fields where the others have 2"),
         ("3,2\n3,4\n5,6,7\n" + "6,7\n" * 9, "line 3"),
         ("1.5,2\n" * 9 + "1.5", "line 10"),
-        ("1.5,2\n" * 9 + "1.5,\n", "line 10, column 2: the field is empty"),
+        ("1.5,2\n" * 9 + "1.5,\n", 'output "output", sample 10: the value is missing'),
         ("u,y\n" + "1.5,2\n" * 5 + "1.5,bad\n" + "1,2\n" * 9, 'line 7, column 2: "bad"'),
         ("1.5,2\n" * 5 + "1_5,2\n" + "1,2\n" * 9, 'line 6, column 1: "1_5"'),
-        ("1.5,2\n" * 5 + "NaN,2\n" + "1,2\n" * 9, 'line 6, column 1: "NaN"'),
-        ("1.5;2\n" * 5 + "1;-inf\n" + "1;2\n" * 9, 'line 6, column 2: "-inf"'),
+        ("1.5,2\n" * 5 + "NaN,2\n" + "1,2\n" * 9, 'input "input", sample 6: the value is missing'),
+        ("1.5;2\n" * 5 + "1;-inf\n" + "1;2\n" * 9, 'output "output", sample 6: the value is -inf'),
         ("1,234;2,345\n" * 9, "decimal comma or a thousands separator"),
         ("1,234 2,345\n" * 9, "decimal comma or a thousands separator"),
         ("1.234,5;2\n" * 9, 'column 1: "1.234,5"'),
@@ -229,7 +229,7 @@ def test_a_trailing_separator_in_headings_and_rows(tmp_path):
         np.testing.assert_array_equal(recording.output, Y)
     with_note = write(tmp_path, "V1,V2,note\n" + rows)
     assert read_recording(with_note, "V1", "V2", 1.0).samples == N
-    assert "column 3: the field is empty" in refusal(with_note, "V1", "note")
+    assert 'output "note", sample 1: the value is missing' in refusal(with_note, "V1", "note")
 
 
 def test_long_fields_are_refused_at_once(tmp_path):

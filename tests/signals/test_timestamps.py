@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from evopem.errors import InputError
-from evopem.signals.timestamps import sampling_rate_of
+from evopem.signals.timestamps import timing
 
 
 def rate(stamps, name="time", **settings) -> float:
-    return sampling_rate_of(np.asarray(stamps), "r.csv", name, **settings)
+    return timing(np.asarray(stamps), "r.csv", name, **settings).rate
 
 
 @pytest.mark.parametrize("frequency", [0.1, 1.25, 100.0, 125.0, 2500.0, 44100.0])

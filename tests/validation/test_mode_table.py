@@ -10,7 +10,7 @@ from evopem.files.json_form import from_json, to_json
 from evopem.models.mode_matching import OrderModel
 from evopem.models.mode_shapes import assurance
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.recording import Recording, without_input
+from evopem.signals.recording import Recording, recording_of
 from evopem.synthesis.vibrating_structure import VibratingStructure
 from evopem.validation.mode_evidence import (
     ModeTable,
@@ -33,7 +33,7 @@ def ambient():
     """The table of a record of outputs alone with 20 % of sensor noise."""
     y = CLOSE.ambient_record(3000, RATE, 0.2, np.random.default_rng(3))
     orders = range(2, 13, 2)
-    recording = without_input(y, RATE)
+    recording = recording_of(None, y, RATE)
     estimates = list(estimates_of_orders(recording.between(0, 2200), orders, width=3))
     return estimates, mode_table(estimates, recording, 2200)
 
@@ -62,7 +62,7 @@ def test_a_table_keeps_its_json_form(ambient):
 def test_without_held_out_samples_a_mode_is_not_judged(ambient):
     estimates, table = ambient
     y = np.zeros((2200, 3))
-    unjudged = mode_table(estimates, without_input(y, RATE))
+    unjudged = mode_table(estimates, recording_of(None, y, RATE))
     assert {each.origin for each in unjudged.modes} == {"not judged"}
     assert len(unjudged.modes) == len(table.modes)
 
@@ -88,7 +88,7 @@ def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
             for mode in models[2].modes
         ]
         mixed = [replace(each, modes=tuple(modes)) if each.order == 6 else each for each in models]
-        recording = without_input(y, RATE)
+        recording = recording_of(None, y, RATE)
         return table_of_models(mixed, 6, lambda model: divided(model, recording, 0))
 
     table = changed(equal_poles_p=0.3)

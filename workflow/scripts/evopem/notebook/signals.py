@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.files.archive import save_arrays
-from evopem.signals.timestamps import RATE_TOLERANCE, sampling_rate_of
+from evopem.signals.timestamps import RATE_TOLERANCE, timing
 
 DATA = "data"
 """What an error calls the first argument of :func:`evopem.identify`."""
@@ -157,13 +157,13 @@ def _of_table(table: Any, wanted: Wanted, source: str) -> GivenSignals:
             )
     if wanted.time is not None:
         stamps = np.asarray(_column(table, wanted.time, "time", source))
-        rate: float | None = sampling_rate_of(
+        rate: float | None = timing(
             stamps,
             source,
             str(wanted.time),
             stated_rate=checked_rate(wanted.sampling_rate),
             time_unit=wanted.time_unit,
-        )
+        ).rate
     else:
         rate = _rate(table.index, wanted, source)
     stacked = [_samples(each, source, "input") for each in columns]
@@ -291,9 +291,9 @@ def _rate(index: Any, wanted: Wanted, source: str) -> float | None:
     name = "index" if getattr(index, "name", None) is None else str(index.name)
     if stamps.dtype.kind in "Mm" or hasattr(index, "tz"):
         dates = index.tz_convert(None) if getattr(index, "tz", None) is not None else index
-        return sampling_rate_of(np.asarray(dates), source, name, stated_rate=stated)
+        return timing(np.asarray(dates), source, name, stated_rate=stated).rate
     if stated is None and stamps.dtype.kind == "f":
-        return sampling_rate_of(stamps, source, name, time_unit=wanted.time_unit or "s")
+        return timing(stamps, source, name, time_unit=wanted.time_unit or "s").rate
     return stated
 
 

@@ -11,9 +11,9 @@ from evopem.config.settings import TransformSettings
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.channel_roles import ChannelRoles, roles_of
-from evopem.signals.joining import joined
 from evopem.signals.reading import read_measured, with_time_told
 from evopem.signals.recording import Recording, save_recording
+from evopem.signals.recording_checks import joined
 from evopem.signals.recording_info import (
     RecordingInfo,
     check_measured_places,
@@ -84,8 +84,10 @@ def _read(
     recordings = [each.recording for each in measured]
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
     origins = [
-        describe_file(name, each.samples, channels.inputs, channels.outputs, folder)
-        for name, each in zip(recorded, recordings, strict=True)
+        describe_file(
+            *(name, each.recording, each.left_out, channels.inputs, channels.outputs, folder)
+        )
+        for name, each in zip(recorded, measured, strict=True)
     ]
     time_told = timed[0].time if channels.time is None else None
     uneven = tuple(each.unevenness for each in measured if each.unevenness is not None)

@@ -107,7 +107,7 @@ def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> Transf
     found = stretches_as_recorded(recording, given.start)
     return decide_transforms(
         [each.segment for each in found],
-        [each.begin for each in found],
+        [recording.segments[each.place].first + each.begin for each in found],
         box_cox=given.box_cox,
         trend=given.differences is not None,
         continued=len(origins) == 1 and divided.transforms.validation_source == "cut",
@@ -120,13 +120,12 @@ def _without_trend(
     """Both parts of one recording whose trends are taken away, from its first sample on."""
     rate = divided.transforms.sampling_rate
     slopes = (plan.input_trend * rate,), (plan.output_trend * rate,)  # per second
-    times = np.arange(recording.samples) / recording.sampling_rate
     # Where they are divided may depend on where the input rests, which a slope hides.
     split = replace(settings.split, estimation=divided.transforms.estimation_samples)
     level = replace(
         recording,
-        inputs=recording.inputs - np.outer(times, slopes[0]),
-        outputs=recording.outputs - np.outer(times, slopes[1]),
+        inputs=recording.inputs - np.outer(recording.times, slopes[0]),
+        outputs=recording.outputs - np.outer(recording.times, slopes[1]),
     )
     found = prepare(level, replace(settings, split=split))
     transforms = replace(found.transforms, input_trends=slopes[0], output_trends=slopes[1])

@@ -6,6 +6,7 @@ The template ``section_<id>.html.j2`` of a part sets its content; parts of figur
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -108,15 +109,18 @@ def recording_rows(results: DatasetResults) -> list[tuple[str, int, int, int, fl
     without an input of predictions.  There are no rows where there is only one recording.
     """
     transforms, has_input = results.model.transforms, results.model.has_input
-    used = {each.recording: each.samples for each in transforms.estimation}
-    held_out = {each.recording: each.samples for each in transforms.validation}
-    errors = {
-        place: each.simulation_error_percent if has_input else each.prediction_error_percent
-        for place, each in zip(held_out, results.validation.stretches, strict=False)
-    }
+    used, held_out = Counter[int](), Counter[int]()
+    for counted, origins in ((used, transforms.estimation), (held_out, transforms.validation)):
+        for each in origins:
+            counted[each.recording] += each.samples
+    errors: dict[int, float] = {}
+    for origin, found in zip(transforms.validation, results.validation.stretches, strict=False):
+        percent = found.simulation_error_percent if has_input else found.prediction_error_percent
+        share = origin.samples / held_out[origin.recording]
+        errors[origin.recording] = errors.get(origin.recording, 0.0) + share * percent
     return [
         (
-            *(file.path, file.samples, used.get(place, 0), held_out.get(place, 0)),
+            *(file.path, file.samples, used[place], held_out[place]),
             errors.get(place, math.nan),
         )
         for place, file in enumerate(results.files if transforms.several_recordings else ())

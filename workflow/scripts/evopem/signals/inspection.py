@@ -12,7 +12,8 @@ from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.channels import Channel, Reference
-from evopem.signals.timestamps import STEP_TOLERANCE, names_time, sampling_rate_of
+from evopem.signals.time_units import names_time
+from evopem.signals.timestamps import has_even_steps, timing
 
 MOST_INCREASE = 0.95
 """Larger share of the steps of a time that do not decrease."""
@@ -115,9 +116,7 @@ def _is_time(channel: Channel) -> bool:
         return values.size > 1
     if values.dtype.kind not in "fiu" or values.size < 3:
         return False
-    steps = np.diff(values.astype(np.float64))
-    usual = float(np.median(steps))
-    return usual > 0.0 and bool((np.abs(steps - usual) <= STEP_TOLERANCE * usual).all())
+    return has_even_steps(values.astype(np.float64))
 
 
 def _is_named_time(channel: Channel) -> bool:
@@ -131,7 +130,7 @@ def _is_named_time(channel: Channel) -> bool:
 
 def _time_column(channel: Channel, reference: Reference, source: str) -> TimeColumn:
     try:
-        rate = sampling_rate_of(channel.values, source, channel.name, channel.unit)
+        rate = timing(channel.values, source, channel.name, channel.unit).rate
     except InputError as error:
         return TimeColumn(reference, None, f"{error.problem}; {error.remedy}.")
     return TimeColumn(reference, rate, "")

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import Channel, Reference, refuse_unreadable
+from evopem.signals.readers.channels import Channel, Contents, Reference, refuse_unreadable
 
 T = TypeVar("T")
 
@@ -55,7 +55,7 @@ def channel_names(path: str | Path) -> list[str]:
 
     A channel without a name has an empty one.
     """
-    return _read(Path(path), lambda reader, local: reader.names(local))
+    return _read(Path(path), {}, lambda contents: contents.listed)
 
 
 def read_channels(
@@ -69,8 +69,10 @@ def read_channels(
     ``header_lines`` and ``decimal_mark`` are those of a text table, where they are stated.
     """
     path = Path(path)
-    options = _text_options(format_of(path), str(path), header_lines, decimal_mark)
-    return _read(path, lambda reader, local: reader.read(local, list(references), **options))
+    options = _text_options(path, header_lines, decimal_mark)
+    if format_of(path) == "text":
+        options["references"] = references
+    return _read(path, options, lambda contents: contents.read(references))
 
 
 def sha256(path: str | Path) -> str:
@@ -104,31 +106,38 @@ def local_path(path: Path) -> Path:
     return path
 
 
-def _text_options(
-    format_name: str, source: str, header_lines: int | None, decimal_mark: str | None
-) -> dict[str, Any]:
+def _text_options(path: Path, header_lines: int | None, decimal_mark: str | None) -> dict[str, Any]:
     """The options that are given, which must fit the format."""
     stated = {"header_lines": header_lines, "decimal_mark": decimal_mark}
     options = {key: value for key, value in stated.items() if value is not None}
-    if options and format_name != "text":
-        raise InputError(
-            source, f"{next(iter(options))} is stated for a file that is no text table", "remove it"
+    problem = remedy = ""
+    if options and format_of(path) != "text":
+        problem, remedy = (
+            f"{next(iter(options))} is stated for a file that is no text table",
+            "remove it",
         )
-    if header_lines is not None and header_lines < 0:
-        raise InputError(source, f"header_lines is {header_lines}", "give 0 or a number above")
-    if decimal_mark not in (None, ".", ","):
-        raise InputError(source, f'the decimal mark is "{decimal_mark}"', 'give "." or ","')
+    elif header_lines is not None and header_lines < 0:
+        problem, remedy = f"header_lines is {header_lines}", "give 0 or a number above"
+    elif decimal_mark not in (None, ".", ","):
+        problem, remedy = f'the decimal mark is "{decimal_mark}"', 'give "." or ","'
+    if problem:
+        raise InputError(str(path), problem, remedy)
     return options
 
 
-def _read(path: Path, use: Callable[[ModuleType, Path], T]) -> T:
-    """Call a function with the reader of a file and the path as the system's calls take it."""
+def _read(path: Path, options: dict[str, Any], use: Callable[[Contents], T]) -> T:
+    """Use the contents of a file, which is opened by its path as the system's calls take it."""
     local = local_path(path)
+
+    def opened() -> T:
+        with reader.opened(local, **options) as contents:
+            return use(contents)
+
     try:
         reader = _reader_of(local)
         if format_of(local) in COMPILED and hasattr(os, "fork"):
-            _refuse_crashing(reader, local, use)
-        return use(reader, local)
+            _refuse_crashing(opened, local)
+        return opened()
     except InputError as refused:
         if local == path or refused.source != str(local):
             raise
@@ -164,9 +173,7 @@ def _reader_of(path: Path) -> ModuleType:
     return importlib.import_module(f"evopem.signals.readers.{format_name}")
 
 
-def _refuse_crashing(
-    reader: ModuleType, path: Path, use: Callable[[ModuleType, Path], object]
-) -> None:
+def _refuse_crashing(opened: Callable[[], object], path: Path) -> None:
     """Refuse a file that crashes its reader, by reading it first in a separate process.
 
     A damaged file can make compiled code access invalid memory, as in scipy's reader of MATLAB
@@ -181,7 +188,7 @@ def _refuse_crashing(
             signal.signal(fatal, signal.SIG_DFL)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
         with contextlib.suppress(BaseException):
-            use(reader, path)
+            opened()
         os._exit(0)
     if os.waitpid(child, 0)[1] != 0:
-        refuse_unreadable(path, f"{COMPILED[reader.__name__.rpartition('.')[2]]} file")
+        refuse_unreadable(path, f"{COMPILED[format_of(path)]} file")

@@ -26,37 +26,40 @@ RANK_TOLERANCE = 1e-10
 def output_levels(recording: Recording) -> tuple[float, ...]:
     """Level of each output at which inputs at their means would hold it, in its unit.
 
-    The mean of an output is this level for a long record only. What the inputs before the record
-    add to its beginning, and what the response to their end lacks, shift the mean by about the
-    memory of the system over the number of samples. That counts where the noise is weak: the
-    innovations then have a mean that no noise model has, and the zeros of C move towards 1.
-
-    A regression of the output on past inputs, past outputs and a constant is free of these ends
-    (Ljung 1999, section 14.1). Its level takes the place of the mean where its constant differs
-    from that of the mean, and its sum of output coefficients from zero, at 1 %: an output that
-    drifts has no level.
+    The mean of an output is this level for a long record only: what the inputs before the record
+    add to its beginning, and what the response to their end lacks, shift it by about the memory of
+    the system over the number of samples. A regression of the output on past inputs, past outputs
+    and a constant is free of these ends (Ljung 1999, section 14.1). Its level takes the place of
+    the mean where its constant differs from that of the mean, and its sum of output coefficients
+    from zero, at 1 %: an output that drifts has no level.
     """
     u = recording.inputs - recording.inputs.mean(axis=0)
     deviations = u.std(axis=0)
     u = u[:, deviations > 0.0] / deviations[deviations > 0.0]
-    return tuple(_level(u, np.ascontiguousarray(y)) for y in recording.outputs.T)
+    starts = recording.segment_starts[1:]
+    return tuple(_level(u, np.ascontiguousarray(y), starts) for y in recording.outputs.T)
 
 
-def _level(u: Array, output: Array) -> float:
+def _level(u: Array, output: Array, starts: tuple[int, ...]) -> float:
     mean, deviation = float(output.mean()), float(output.std())
     coefficients = 1 + max(u.shape[1], 1)
     lags = min(MOST_LAGS, len(output) // (coefficients * SAMPLES_PER_COEFFICIENT))
     if lags < 1 or not deviation > 0.0:
         return mean
+    segments = zip(np.split(u, starts), np.split((output - mean) / deviation, starts), strict=True)
     # The bits must not depend on how many threads the machine's BLAS would take.
     with one_blas_thread():
-        triangle = _triangle(u, (output - mean) / deviation, lags)
-        return mean + deviation * _shift(triangle, lags, len(output) - lags)
+        triangle = np.empty((0, lags + u.shape[1] * (lags + 1) + 2))
+        for segment in segments:
+            triangle = _triangle(triangle, *segment, lags)
+        return mean + deviation * _shift(triangle, lags, len(output) - lags * (1 + len(starts)))
 
 
-def _triangle(u: Array, y: Array, lags: int) -> Array:
-    """R of the QR decomposition of past outputs, present and past inputs, 1 and the output."""
-    triangle = np.empty((0, lags + u.shape[1] * (lags + 1) + 2))
+def _triangle(triangle: Array, u: Array, y: Array, lags: int) -> Array:
+    """R of the QR decomposition of past outputs, present and past inputs, 1 and the output.
+
+    ``triangle`` is that of other samples, to which these are added.
+    """
     for first in range(lags, len(y), ROWS):
         stop = min(first + ROWS, len(y))
         columns = [y[first - k : stop - k] for k in range(1, lags + 1)]

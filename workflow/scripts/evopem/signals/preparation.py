@@ -4,26 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
-from evopem.config.settings import PreparationSettings
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.errors import InputError
-from evopem.signals.joining import check_independent, check_same_rate
 from evopem.signals.output_level import output_levels
-from evopem.signals.prepared_data import PreparedData, StretchOrigin, Transforms
-from evopem.signals.recording import Recording
-from evopem.signals.recording_checks import check_recording
+from evopem.signals.prepared_data import PreparedData, Source, StretchOrigin, Transforms
+from evopem.signals.recording import MINIMUM_SAMPLES, Recording, Segment
+from evopem.signals.recording_checks import check_recording, check_validation
 from evopem.signals.resampling import resample_recording
-from evopem.signals.sections import (
-    Range,
-    check_differences,
-    divided_ranges,
-    prepared_samples,
-    transform_outputs,
-)
-from evopem.signals.transforms import difference
+from evopem.signals.transforms import box_cox, difference, likeliest_box_cox, positive_shift
 
-Levels = tuple[tuple[float, ...], tuple[float, ...]]
-"""Means of the inputs and levels of the outputs."""
+Range = tuple[int, int, int]
+"""A stretch of consecutive samples, the first sample of it and the one after the last."""
+
+
+class _Stretch(NamedTuple):
+    """Consecutive samples of a recording, at the rate that is prepared."""
+
+    recording: Recording  # one segment
+    number: int  # of its recording; the files for validation go on counting
+    start: float  # time (s) of its first sample in its recording
+
+
+class _Ranges(NamedTuple):
+    """The samples for estimation and for validation, and where the latter come from."""
+
+    estimation: list[Range]
+    validation: list[Range]
+    source: Source
 
 
 def prepare(
@@ -41,44 +53,65 @@ def prepare(
     validation recording passes through the same transforms with the same parameters. An
     automatic Box-Cox parameter is found from the estimation samples alone.
 
-    Several recordings are resampled and differenced each by itself, ``discard`` applies to each,
-    and each is freed of its own means and levels. Without a validation recording the last
+    Each segment is resampled and differenced by itself. ``discard`` applies to each recording, and
+    each of several is freed of its own means and levels. Without a validation recording the last
     recordings validate, or, with ``split.by`` of ``samples``, the last samples of each.
 
-    `recording`: The measured signals, with one segment for each recording; not modified.
-    `settings`: With a validation recording, ``split.estimation`` of 1.0 takes all samples.
-    `validation_recording`: One or several independent recordings to validate on.
+    With a validation recording, ``split.estimation`` of 1.0 takes all samples. ``place`` and
+    ``recorded`` are the key of the data set and all files, for errors.
     """
     key = f"{place}." if place else ""
-    given = recording.separated
-    others = () if validation_recording is None else validation_recording.separated
     if validation_recording is not None:
-        _check_validation(recording, validation_recording, f"{key}validation_file")
-    records = [*given, *others]
-    if settings.resample is not None:
-        records = [
-            resample_recording(each, settings.resample, f"{key}resample") for each in records
-        ]
+        check_validation(recording, validation_recording, f"{key}validation_file")
+    own = 1 + max(recording.segment_recordings)
+    stretches = _stretches(recording, settings, 0, key)
+    if validation_recording is not None:
+        stretches += _stretches(validation_recording, settings, own, key)
     transforms = settings.transforms
-    check_differences(transforms, f"{key}transforms")
     counts = (transforms.difference, transforms.difference_input)
-    ranges = divided_ranges(records, len(given), settings.split, max(counts), f"{key}split")
-    records, parameter, shift = transform_outputs(
-        records, transforms.box_cox, ranges.estimation, f"{key}transforms.box_cox"
+    for name, count in zip(("difference", "difference_input"), counts, strict=True):
+        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+            raise InputError(
+                f"{key}transforms.{name}",
+                f"{count!r} is not a number of differences",
+                "give a whole number of at least 0",
+            )
+    ranges = _divided(stretches, own, settings.split, max(counts), f"{key}split")
+    stretches, parameter, shift = _transformed(
+        stretches, transforms.box_cox, ranges.estimation, f"{key}transforms.box_cox"
     )
-    alone = len(given) == 1 and len(others) <= 1
-    levels: dict[int, Levels] = {}
+    alone = own == 1 and stretches[-1].number <= 1
+    levels: dict[int, tuple[tuple[float, ...], tuple[float, ...]]] = {}
 
-    def sections(part: str) -> tuple[Recording, tuple[StretchOrigin, ...]]:
-        found = [_section(records, each, counts, levels, alone) for each in ranges.of(part)]
-        for each, origin in found:
-            called = prepared_samples(f"{key}{part}", recorded, origin.recording)
-            check_recording(each, called, alone and part == "validation")
-        segments = [replace(each.segments[0], recording=origin.recording) for each, origin in found]
-        return found[0][0].with_segments(segments), tuple(origin for _, origin in found)
+    def part(name: str, samples: Sequence[Range]) -> tuple[Recording, tuple[StretchOrigin, ...]]:
+        segments: list[Segment] = []
+        origins: list[StretchOrigin] = []
+        for number in dict.fromkeys(stretches[each[0]].number for each in samples):
+            ours = [each for each in samples if stretches[each[0]].number == number]
+            found = [_section(stretches[each[0]], *each[1:], counts) for each in ours]
+            together = recording_like.with_segments([segment for segment, _ in found])
+            # The means and levels of the first samples of a recording that are asked for.
+            known = 0 if alone else number
+            if known not in levels:
+                means = together.inputs.mean(axis=0)
+                levels[known] = tuple(means.tolist()), output_levels(together)
+            called = recorded[number] if recorded else f"recording {number + 1}"
+            called = f"{key}{name} (the samples of {called} as prepared)"
+            check_recording(together, called, alone and name == "validation")
+            for segment, origin in found:
+                inputs, outputs = (
+                    segment.inputs - levels[known][0],
+                    segment.outputs - levels[known][1],
+                )
+                segments.append(replace(segment, inputs=inputs, outputs=outputs))
+                origins.append(
+                    replace(origin, input_means=levels[known][0], output_means=levels[known][1])
+                )
+        return recording_like.with_segments(segments), tuple(origins)
 
-    estimation, origins = sections("estimation")
-    validation, held_out = sections("validation")
+    recording_like = stretches[0].recording
+    estimation, estimation_origins = part("estimation", ranges.estimation)
+    validation, validation_origins = part("validation", ranges.validation)
     rates = estimation.sampling_rate, recording.sampling_rate
     return PreparedData(
         estimation,
@@ -86,8 +119,8 @@ def prepare(
         Transforms(
             sampling_rate=rates[0],
             resampled_from=rates[1] if rates[0] != rates[1] else None,
-            estimation=origins,
-            validation=held_out,
+            estimation=estimation_origins,
+            validation=validation_origins,
             validation_source=ranges.source,
             box_cox=parameter,
             shift=shift,
@@ -97,43 +130,213 @@ def prepare(
     )
 
 
-def _check_validation(recording: Recording, validation: Recording, place: str) -> None:
-    """Refuse a validation recording of another rate, of other channels, or of the same samples."""
-    check_same_rate(recording, validation, place)
-    for role in ("input", "output"):
-        expected, given = (len(getattr(each, f"{role}_names")) for each in (recording, validation))
-        if given != expected:
-            raise InputError(
-                place,
-                f"it has {given} {role}s and the estimation recording {expected}",
-                "validate on a recording of the same channels",
-            )
-    check_independent(recording, validation, place)
+def _stretches(
+    recording: Recording, settings: PreparationSettings, before: int, key: str
+) -> list[_Stretch]:
+    """The segments of recordings at the rate that is prepared; ``before`` them others count."""
+    found = []
+    for each, segment in zip(recording.separated, recording.segments, strict=True):
+        start = segment.first / recording.sampling_rate
+        if settings.resample is not None:
+            each = resample_recording(each, settings.resample, f"{key}resample")
+        found.append(_Stretch(each, before + segment.recording, start))
+    return found
 
 
 def _section(
-    records: Sequence[Recording],
-    samples: Range,
-    counts: tuple[int, int],
-    levels: dict[int, Levels],
-    alone: bool,
-) -> tuple[Recording, StretchOrigin]:
-    """Differenced samples less the means and levels of their recording, or of the estimation ones.
+    stretch: _Stretch, first: int, stop: int, counts: tuple[int, int]
+) -> tuple[Segment, StretchOrigin]:
+    """Differenced samples and where they come from, their means and levels still unknown.
 
-    Those are of the first samples of it that are asked for. The differences begin as many samples
-    before the first as they cost, so that inputs and outputs stay aligned.
+    The differences begin as many samples before the first as they cost, so that inputs and outputs
+    stay aligned.
     """
-    number, first, stop = samples
-    record = records[number]
-    outputs, output_initial = difference(record.outputs[first - counts[0] : stop], counts[0])
-    inputs, input_initial = difference(record.inputs[first - counts[1] : stop], counts[1])
-    section = replace(record, inputs=inputs, outputs=outputs)
-    known = 0 if alone else number
-    if known not in levels:
-        levels[known] = tuple(inputs.mean(axis=0).tolist()), output_levels(section)
-    means = levels[known]
+    recording, number, start = stretch
+    rate = recording.sampling_rate
+    outputs, output_initial = difference(recording.outputs[first - counts[0] : stop], counts[0])
+    inputs, input_initial = difference(recording.inputs[first - counts[1] : stop], counts[1])
+    place = round(start * rate) + first
     origin = StretchOrigin(
-        *(number, first, first / record.sampling_rate, len(outputs)),
-        *(*means, input_initial, output_initial),
+        *(number, place, start + first / rate, len(outputs), (), ()),
+        *(input_initial, output_initial),
     )
-    return replace(section, inputs=inputs - means[0], outputs=outputs - means[1]), origin
+    return Segment(inputs, outputs, number, place), origin
+
+
+def _divided(
+    stretches: Sequence[_Stretch], own: int, split: SplitSettings, lost: int, key: str
+) -> _Ranges:
+    """The samples of recordings for estimation and for validation.
+
+    The recordings of files for validation stand last, after the ``own`` ones of the data set;
+    ``lost`` first samples of each stretch go to its differences.
+    """
+    count = 1 + stretches[-1].number
+    places = [[i for i, each in enumerate(stretches) if each.number == n] for n in range(count)]
+    lengths = [max(each.recording.samples - lost, 0) for each in stretches]
+    available = [sum(lengths[place] for place in group) for group in places]
+
+    def ranges(number: int, first: int, stop: int) -> list[Range]:
+        """The samples from one to before another of all that a recording has."""
+        found, begin = [], 0
+        for place in places[number]:
+            low, high = max(first - begin, 0), min(stop - begin, lengths[place])
+            begin += lengths[place]
+            # What a gap cuts off may be too short for anything.
+            if high - low >= (1 if len(places[number]) == 1 else MINIMUM_SAMPLES):
+                found.append((place, lost + low, lost + high))
+        if not found:
+            raise InputError(
+                key, "a gap leaves too few samples", "divide the recording at another sample"
+            )
+        return found
+
+    def whole(numbers: range) -> list[Range]:
+        first = [discarded(available[n], split, key) for n in numbers]
+        found = [ranges(n, f, available[n]) for n, f in zip(numbers, first, strict=True)]
+        return [each for of_one in found for each in of_one]
+
+    def cut(numbers: range) -> tuple[list[Range], list[Range]]:
+        estimation, validation = [], []
+        for number in numbers:
+            first, stop = estimation_range(available[number], split, True, key)
+            if count == 1 and split.estimation == SplitSettings().estimation:
+                inputs = np.concatenate([each.recording.inputs[lost:] for each in stretches])
+                stop = before_last_change(inputs, first, stop) if inputs.shape[1] else stop
+            estimation += ranges(number, first, stop)
+            validation += ranges(number, stop, available[number])
+        return estimation, validation
+
+    if own < count:
+        held_out = whole(range(own, count))
+        if own > 1 or count > 2:
+            return _Ranges(whole(range(own)), held_out, "file")
+        return _Ranges(
+            ranges(0, *estimation_range(available[0], split, False, key)), held_out, "file"
+        )
+    if own > 1 and split.by == "recordings":
+        totals = [sum(stretches[place].recording.samples for place in each) for each in places]
+        kept = own - held_out_recordings(totals, 1.0 - split.estimation)
+        return _Ranges(whole(range(kept)), whole(range(kept, own)), "recordings")
+    return _Ranges(*cut(range(own)), "cut" if len(stretches) == own else "gap")
+
+
+def estimation_range(
+    available: int, split: SplitSettings, cut: bool, source: str
+) -> tuple[int, int]:
+    """First estimation sample and the one after the last, among the differenced samples."""
+    if available < 1:
+        raise InputError(
+            source,
+            "the differences leave no sample of the recording",
+            "difference less often or give a longer recording",
+        )
+    first = discarded(available, split, source)
+    remaining = available - first
+    chosen = split.estimation
+    if not cut and isinstance(chosen, float) and chosen == 1.0:
+        return first, available
+    key = f"{source}.estimation"
+    samples = _number_of_samples(chosen, remaining, key, smallest=1)
+    if samples > remaining:
+        raise InputError(
+            key,
+            f"{samples} samples are asked for and {remaining} remain after the discarded ones",
+            "ask for fewer samples or a share such as 0.8",
+        )
+    if cut and samples == remaining:
+        raise InputError(
+            key,
+            f"all {remaining} samples are asked for, so none remain to validate on",
+            "ask for fewer samples or name a validation_file",
+        )
+    return first, first + samples
+
+
+def held_out_recordings(samples: Sequence[int], share: float) -> int:
+    """How many of the last recordings hold about a share of all samples; at least one."""
+    held = np.cumsum(samples[:0:-1])
+    return int(np.argmin(np.abs(held - share * sum(samples)))) + 1
+
+
+def before_last_change(inputs: NDArray[np.float64], first: int, stop: int) -> int:
+    """Where the validation samples begin when the built-in share is to test the inputs' response.
+
+    That is `stop`, the sample after the last estimation sample by the built-in share, unless all
+    inputs, (N, m), rest from there on. Then it is a tenth of the samples before their last change,
+    so that the state before it can be told from the response to it. At least half of the samples
+    have to remain for estimation, and an input has to change among them: of a sequence of steps the
+    last one is held out. After a single step or blow it stays `stop`.
+    """
+    if np.ptp(inputs[stop:], axis=0).any():
+        return stop
+    changes = first + np.flatnonzero(np.diff(inputs[first : stop + 1], axis=0).any(axis=1))
+    available = len(inputs) - first
+    begin = int(changes[-1]) - available // 10 if changes.size else first
+    if 2 * (begin - first) < available or changes[0] + 1 >= begin:
+        return stop
+    return begin
+
+
+def discarded(available: int, split: SplitSettings, source: str) -> int:
+    """Number of samples to leave out at the start of `available` ones."""
+    key = f"{source}.discard"
+    discard = _number_of_samples(split.discard, available, key, smallest=0)
+    if discard >= available:
+        raise InputError(
+            key,
+            f"{discard} samples are to be discarded and there are only {available}",
+            "discard fewer samples",
+        )
+    return discard
+
+
+def _number_of_samples(value: float, available: int, source: str, smallest: int) -> int:
+    """Turn a number of samples (int) or a share (float between 0 and 1) into samples."""
+    if isinstance(value, int) and not isinstance(value, bool) and value >= smallest:
+        return value
+    if isinstance(value, float) and 0.0 < value < 1.0:
+        return max(smallest, round(value * available))
+    raise InputError(
+        source,
+        f"{value!r} is neither a number of samples nor a share",
+        f"give a whole number from {smallest} or a fraction between 0 and 1",
+    )
+
+
+def _transformed(
+    stretches: list[_Stretch], setting: float | str, estimation: Sequence[Range], source: str
+) -> tuple[list[_Stretch], float | None, float]:
+    """The stretches with Box-Cox transformed outputs, the parameter, and the shift before it.
+
+    An automatic parameter is found from the ``estimation`` samples.
+    """
+    if setting == "none":
+        return stretches, None, 0.0
+    outputs = stretches[0].recording.outputs.shape[1]
+    if outputs > 1:
+        raise InputError(
+            source,
+            f"the Box-Cox transform bends the scale of one output, and there are {outputs}",
+            "use box_cox: none",
+        )
+    signals = [each.recording.output for each in stretches]
+    shift = positive_shift(*signals)
+    if setting == "auto":
+        known = [signals[place][first:stop] for place, first, stop in estimation]
+        parameter = likeliest_box_cox(np.concatenate(known), shift, source)
+    elif isinstance(setting, int | float) and not isinstance(setting, bool):
+        parameter = float(setting)
+    else:
+        raise InputError(
+            source, f"{setting!r} is not a Box-Cox parameter", 'give a number, "auto" or "none"'
+        )
+    bent = [
+        each._replace(
+            recording=replace(
+                each.recording, outputs=box_cox(each.recording.output, parameter, shift, source)
+            )
+        )
+        for each in stretches
+    ]
+    return bent, parameter, shift

@@ -14,34 +14,32 @@ from numpy.typing import NDArray
 
 from evopem.config.channels import ChannelSettings, UnitSettings, is_pattern
 from evopem.errors import InputError
-from evopem.signals.even_grid import Unevenness
 from evopem.signals.inspection import may_tell_time, time_told
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.channels import Channel, Reference, listing
 from evopem.signals.recording import Recording
-from evopem.signals.recording_checks import check_measured, check_recording
-from evopem.signals.sampling import sampled
-from evopem.signals.timestamps import is_time
+from evopem.signals.recording_checks import check_measured, check_recording, without_missing
+from evopem.signals.time_units import names_time
+from evopem.signals.timestamps import Timing, Unevenness, is_time, timing
 
 Array = NDArray[np.float64]
 
 
 class MeasuredRecording(NamedTuple):
-    """A recording, and how uneven its time stamps were where it was brought to an even grid."""
+    """A recording, and what was done to the file's samples before it."""
 
     recording: Recording
+    # of the stamps, where the signals were brought to an even grid, or the clock is coarse
     unevenness: Unevenness | None
+    left_out: int  # samples that are missing, and those of short stretches between such
 
 
 def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecording:
     """Read the input and output channels of a measured file, by the settings of a data set.
 
-    Raises
-    ------
-    InputError
-        When the file cannot be read as its format; a channel is not there or not a signal
-        of finite numbers; inputs, outputs and time are not different signals; the sampling rate is
-        unknown or contradicted by the time stamps; or units do not fit the channels.
+    `InputError` when the file cannot be read as its format; a channel is not there or no signal
+    of numbers; inputs, outputs and time are not different signals; the sampling rate is
+    unknown or contradicted by the time stamps; units do not fit; or too many samples are missing.
     """
     source = str(Path(path))
     rate = channels.sampling_rate
@@ -56,7 +54,13 @@ def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecord
         for number, each in enumerate(listed, 1)
     }
     roles = list(references)
-    _refuse_same_reference(references, source)
+    for first, second in itertools.combinations(roles, 2):
+        if references[first] == references[second]:
+            raise InputError(
+                source,
+                f"channel {references[first]!r} is named as the {first} and as the {second}",
+                "choose two different channels",
+            )
     if channels.time is not None:
         references["time"] = channels.time
     read = read_channels(
@@ -72,30 +76,38 @@ def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecord
                 f"the {first} has {values[first].size} samples and the {role} {each.size}",
                 f"choose {'two ' * (len(values) == 2)}channels that were sampled together",
             )
-    _refuse_same(found, references, source)
-    values, rate, unevenness = sampled(values, found, channels, source)
+    for one, other in itertools.combinations(found, 2):
+        if _are_equal(found[one].values, found[other].values):
+            raise InputError(
+                source,
+                f"the {one} ({references[one]!r}) and the {other}"
+                f" ({references[other]!r}) hold the same values",
+                "choose different channels",
+            )
+    timed = _timing(found, channels, source)
     for role in roles:
-        _refuse_other_start([found[first], found[role]], rate, source)
+        _refuse_other_start(found[first], found[role], timed.rate, source)
     read = read[: len(roles)]  # without the time
     names = _names(read, roles)
-    signals = np.column_stack([values[role] for role in roles])
+    signals = np.column_stack([timed.on_grid(values[role]) for role in roles])
     count = len(inputs)
-    recording = Recording(
-        *(signals[:, :count], signals[:, count:], rate, names[:count], names[count:]),
+    whole = Recording(
+        *(signals[:, :count], signals[:, count:], timed.rate, names[:count], names[count:]),
         _units(channels.input_units, read[:count], names[:count], source, "input_unit"),
         _units(channels.output_units, read[count:], names[count:], source, "output_unit"),
     )
+    recording = without_missing(whole, source)
     check_recording(recording, source)
     check_measured(recording, source)
-    for place, signal in recording.signals.items():
-        if is_time(signal, rate):
+    for place, signal in recording.longest.signals.items():
+        if is_time(signal, timed.rate):
             raise InputError(
                 source,
                 "the channel increases by the sampling period in every sample, as a time does",
                 "choose another channel",
                 place,
             )
-    return MeasuredRecording(recording, unevenness)
+    return MeasuredRecording(recording, timed.unevenness, whole.samples - recording.samples)
 
 
 def with_time_told(path: str | Path, channels: ChannelSettings) -> ChannelSettings:
@@ -106,55 +118,91 @@ def with_time_told(path: str | Path, channels: ChannelSettings) -> ChannelSettin
     return replace(channels, time=time_told(path, [*inputs, *outputs]))
 
 
-def _refuse_same_reference(roles: Mapping[str, Reference], source: str) -> None:
-    for (first, reference), (second, other) in itertools.combinations(roles.items(), 2):
-        if reference == other:
-            raise InputError(
-                source,
-                f"channel {reference!r} is named as the {first} and as the {second}",
-                "choose two different channels",
-            )
-
-
 def _signal(channel: Channel, role: str, source: str) -> Array:
     """The samples of an input or output channel as real numbers."""
-    if channel.values.dtype.kind not in "fiub":
-        kinds = {"c": "complex numbers", "M": "dates"}
+    kind = channel.values.dtype.kind
+    if kind not in "fiub":
+        held = {"c": "complex numbers", "M": "dates"}.get(kind, "text or objects")
         raise InputError(
             source,
-            f"the channel holds {kinds.get(channel.values.dtype.kind, 'text or objects')},"
-            " not real numbers",
+            f"the channel holds {held}, not real numbers",
             "choose another channel",
             f'{role} "{channel.name}"' if channel.name else role,
         )
     return channel.values.astype(np.float64)
 
 
-def _refuse_same(
-    channels: dict[str, Channel], references: dict[str, Reference], source: str
-) -> None:
-    """Refuse an input, an output and a time of which two hold the same values."""
-    for one, other in itertools.combinations(channels, 2):
-        first, second = channels[one].values, channels[other].values
-        if np.array_equal(first, second):
-            raise InputError(
-                source,
-                f"the {one} ({references[one]!r}) and the {other}"
-                f" ({references[other]!r}) hold the same values",
-                "choose different channels",
-            )
+def _are_equal(one: NDArray, other: NDArray) -> bool:
+    floats = one.dtype.kind == other.dtype.kind == "f"
+    return np.array_equal(one, other, equal_nan=floats)
 
 
-def _refuse_other_start(channels: list[Channel], rate: float, source: str) -> None:
-    """Refuse an input and an output that begin at different times."""
-    starts = [channel.start for channel in channels if channel.start is not None]
+def _refuse_other_start(first: Channel, other: Channel, rate: float, source: str) -> None:
+    """Refuse channels that begin at different times."""
+    if first.start is None or other.start is None:
+        return
+    late = other.start - first.start
     # A date in seconds since 1970 has a resolution of less than a microsecond as a float.
-    if len(starts) == 2 and abs(starts[1] - starts[0]) > max(0.5 / rate, 1e-6):
+    if abs(late) > max(0.5 / rate, 1e-6):
         raise InputError(
             source,
-            f"the output begins {starts[1] - starts[0]:g} s after the input",
+            f"the output begins {late:g} s after the input",
             "choose two channels that were sampled together",
         )
+
+
+def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: str) -> Timing:
+    """The rate that is stated, else that of the time stamps, else the file's own."""
+    signals = [channel for role, channel in channels.items() if role != "time"]
+    in_file = list(dict.fromkeys(channel.sampling_rate for channel in signals))
+    if len(in_file) > 1 and stated.sampling_rate is None:
+        rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
+        raise InputError(
+            source,
+            f"the file states different sampling rates for input and output ({rates})",
+            "choose two channels that were sampled together",
+        )
+    own = in_file[0] if len(in_file) == 1 else None
+    known = own if stated.sampling_rate is None else float(stated.sampling_rate)
+    if "time" in channels:
+        time, samples = channels["time"], signals[0].values.size
+        if time.values.size != samples:
+            raise InputError(
+                source,
+                f"there are {time.values.size} time stamps and {samples} samples",
+                "choose the time channel of these signals",
+                f'time "{time.name}"',
+            )
+        stamps, interpolate = time.values, stated.uneven_time == "interpolate"
+        return timing(stamps, source, time.name, time.unit, known, stated.time_unit, interpolate)
+    for key, is_stated in (
+        ("uneven_time", stated.uneven_time != "refuse"),
+        ("time_unit", stated.time_unit is not None),
+    ):
+        if is_stated:
+            raise InputError(
+                source,
+                f"{key} is stated without a time channel",
+                f"state time{_named_times(source)}, or remove {key}",
+            )
+    if known is None:
+        problem = next((one.rate_problem for one in signals if one.rate_problem), "")
+        raise InputError(
+            source,
+            f"the sampling rate is not known, since {problem or 'the file states none'}",
+            f"give sampling_rate in Hz or the name of a time channel{_named_times(source)}",
+        )
+    return Timing(known)
+
+
+def _named_times(path: str) -> str:
+    """The first channel whose name says that it holds times, in words; empty where none does.
+
+    LabVIEW's `X_Value` is mostly a time, which its name does not say.
+    """
+    names = channel_names(path)
+    named = [name for name in names if names_time(name)] or [n for n in names if n == "X_Value"]
+    return f', such as "{named[0]}"' if named else ""
 
 
 def _names(given: Sequence[Channel], roles: Sequence[str]) -> tuple[str, ...]:
@@ -197,54 +245,47 @@ def _expanded(
     A pattern stands for all channels whose names it matches and that no other entry names.  The
     very name of a channel is no pattern, whatever it holds.
     """
-    written = {"input": channels.inputs, "output": channels.outputs}
     everything = [*channels.inputs, *channels.outputs]
     everything += [] if channels.time is None else [channels.time]
     if not any(map(is_pattern, everything)):
         return channels.inputs, channels.outputs
     names = channel_names(path)
-    known = {*names, *(name.rpartition("/")[2] for name in names)}
-    literal = [each for each in everything if not is_pattern(each) or each in known]
+    short = [name.rpartition("/")[2] for name in names]
+    literal = [each for each in everything if not is_pattern(each) or each in {*names, *short}]
     named = {each for each in literal if isinstance(each, int)}
     named |= {number for number, name in enumerate(names, 1) if name in literal}
     taken: dict[int, str] = {}
-    chosen: dict[str, list[Reference]] = {"input": [], "output": []}
-    for role, references in written.items():
-        for reference in references:
-            if reference in literal:
-                chosen[role].append(reference)
-                continue
-            # A channel of a group is found by its own name as well, as one without a pattern is.
-            matching = _matching(str(reference), names, named) or _matching(
-                str(reference), [name.rpartition("/")[2] for name in names], named
+
+    def numbers(pattern: Reference, role: str) -> list[int]:
+        # A channel of a group is found by its own name as well, as one without a pattern is.
+        matching = _matching(str(pattern), names, named) or _matching(str(pattern), short, named)
+        if not matching:
+            raise InputError(
+                str(path),
+                f'no channel matches "{pattern}"',
+                f"choose among {listing(names)}" if any(names) else "give numbers",
+                role,
             )
-            if not matching:
+        for number in matching:
+            if number in taken:
                 raise InputError(
                     str(path),
-                    f'no channel matches "{reference}"',
-                    f"choose among {listing(names)}" if any(names) else "give numbers",
+                    f'the channel "{names[number - 1]}" matches "{pattern}" and {taken[number]}',
+                    "give patterns that share no channel",
                     role,
                 )
-            for number in matching:
-                if number in taken:
-                    raise InputError(
-                        str(path),
-                        f'the channel "{names[number - 1]}" matches "{reference}" and'
-                        f" {taken[number]}",
-                        "give patterns that share no channel",
-                        role,
-                    )
-                taken[number] = f'"{reference}" of {role}'
-            chosen[role] += matching
-    return tuple(chosen["input"]), tuple(chosen["output"])
+            taken[number] = f'"{pattern}" of {role}'
+        return matching
+
+    def expanded(role: str, references: Sequence[Reference]) -> tuple[Reference, ...]:
+        found = [[each] if each in literal else numbers(each, role) for each in references]
+        return tuple(itertools.chain.from_iterable(found))
+
+    return expanded("input", channels.inputs), expanded("output", channels.outputs)
 
 
 def _matching(pattern: str, names: Sequence[str], named: Collection[int]) -> list[int]:
-    """Numbers of the channels whose names fit a pattern, without those that are named."""
-    fits = [number for number, name in enumerate(names, 1) if _matches(pattern, name)]
+    """Numbers of the channels whose names fit a pattern, in which only ``*`` has a meaning."""
+    form = re.compile(".*".join(map(re.escape, pattern.split("*"))), re.DOTALL)
+    fits = [number for number, name in enumerate(names, 1) if form.fullmatch(name)]
     return [number for number in fits if number not in named]
-
-
-def _matches(pattern: str, name: str) -> bool:
-    """Whether a name fits a pattern, in which only ``*`` has a meaning."""
-    return re.fullmatch(".*".join(map(re.escape, pattern.split("*"))), name, re.DOTALL) is not None

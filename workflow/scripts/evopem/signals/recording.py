@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -54,14 +54,16 @@ class Segment(_Channels):
     # number of the recording, from 0.  Segments of one recording share their level; each segment
     # has its own initial state.
     recording: int = 0
+    first: int = 0  # its first sample in the recording, which counts the missing ones
 
     def __post_init__(self) -> None:
         for role in ("inputs", "outputs"):
-            object.__setattr__(self, role, columns(getattr(self, role)))
+            object.__setattr__(self, role, _columns(getattr(self, role)))
 
     def between(self, first: int, stop: int) -> Segment:
         """The samples from one to before another, counted from 0."""
-        return Segment(self.inputs[first:stop], self.outputs[first:stop], self.recording)
+        samples = self.inputs[first:stop], self.outputs[first:stop]
+        return Segment(*samples, self.recording, self.first + first)
 
 
 def total_samples(segments: Sequence[Segment]) -> int:
@@ -91,6 +93,8 @@ class Recording(_Channels):
         First sample of each segment of consecutive samples, from 0.
     segment_recordings : tuple of int
         Number of the recording that each segment is from; those of one share their level.
+    segment_firsts : tuple of int
+        First sample of each segment in its recording, which counts missing samples; left out, 0.
 
     Raises
     ------
@@ -107,10 +111,13 @@ class Recording(_Channels):
     output_units: tuple[str, ...] = ()
     segment_starts: tuple[int, ...] = (0,)
     segment_recordings: tuple[int, ...] = (0,)
+    segment_firsts: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
+        firsts = self.segment_firsts or (0,) * len(self.segment_starts)
+        object.__setattr__(self, "segment_firsts", firsts)
         for role in ("input", "output"):
-            values = columns(getattr(self, f"{role}s"))
+            values = _columns(getattr(self, f"{role}s"))
             count = values.shape[1]
             numbered = (role,) if count == 1 else tuple(f"{role} {n + 1}" for n in range(count))
             names = getattr(self, f"{role}_names") or numbered
@@ -127,29 +134,31 @@ class Recording(_Channels):
         return len(self.segment_starts) > 1
 
     @property
-    def bounds(self) -> tuple[int, ...]:
-        """First sample of each segment, and N."""
-        return (*self.segment_starts, self.samples)
-
-    @property
     def segments(self) -> tuple[Segment, ...]:
         """The segments of consecutive samples."""
+        bounds = (*self.segment_starts, self.samples)
         return tuple(
-            Segment(self.inputs[first:stop], self.outputs[first:stop], number)
-            for (first, stop), number in zip(
-                pairwise(self.bounds), self.segment_recordings, strict=True
+            Segment(self.inputs[begin:stop], self.outputs[begin:stop], number, first)
+            for (begin, stop), number, first in zip(
+                pairwise(bounds), self.segment_recordings, self.segment_firsts, strict=True
             )
         )
 
     @property
     def separated(self) -> tuple[Recording, ...]:
         """Each segment as a recording by itself."""
-        return tuple(self.between(first, stop) for first, stop in pairwise(self.bounds))
+        return tuple(self.with_segments([replace(each, recording=0)]) for each in self.segments)
 
     @property
     def longest(self) -> Recording:
         """The longest segment alone."""
         return max(self.separated, key=lambda each: each.samples)
+
+    @property
+    def times(self) -> Array:
+        """Time (s) of each sample from the first one of its recording on, (N,)."""
+        numbers = [each.first + np.arange(each.samples) for each in self.segments]
+        return np.concatenate(numbers) / self.sampling_rate
 
     def with_segments(self, segments: Sequence[Segment]) -> Recording:
         """The same channels with other samples: these segments, one after the other."""
@@ -160,29 +169,20 @@ class Recording(_Channels):
             outputs=np.concatenate([each.outputs for each in segments]),
             segment_starts=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
             segment_recordings=tuple(each.recording for each in segments),
+            segment_firsts=tuple(each.first for each in segments),
         )
 
     def between(self, first: int, stop: int) -> Recording:
         """The samples from one to before another, counted from 0, as one segment."""
-        return replace(
-            self,
-            inputs=self.inputs[first:stop],
-            outputs=self.outputs[first:stop],
-            segment_starts=(0,),
-            segment_recordings=(0,),
-        )
+        return self.with_segments([Segment(self.inputs[first:stop], self.outputs[first:stop])])
 
     @property
     def signals(self) -> dict[str, Array]:
         """Every channel, (N,), by what an error calls it."""
-        return {
-            f'{role} "{name}"': values
-            for role, names, channels in (
-                ("input", self.input_names, self.inputs),
-                ("output", self.output_names, self.outputs),
-            )
-            for name, values in zip(names, channels.T, strict=True)
-        }
+        named = zip(self.input_names, self.inputs.T, strict=True)
+        signals = {f'input "{name}"': values for name, values in named}
+        named = zip(self.output_names, self.outputs.T, strict=True)
+        return signals | {f'output "{name}"': values for name, values in named}
 
 
 def recording_of(
@@ -192,10 +192,7 @@ def recording_of(
 ) -> Recording:
     """Signals as a user gives them, as one recording; one is returned as it is.
 
-    Raises
-    ------
-    ValueError
-        When a signal is missing, complex, or of another length, or the rate is no number of Hz.
+    ValueError where a signal is missing, complex, or of another length, or the rate is none.
     """
     if isinstance(input, Recording):
         if output is not None:
@@ -216,7 +213,7 @@ def recording_of(
     return Recording(u, y, sampling_rate)
 
 
-def columns(values: Array) -> Array:
+def _columns(values: Array) -> Array:
     """Samples as an (N, channels) array of float64; a one-dimensional array is one column."""
     found = np.asarray(values, dtype=np.float64)
     return found[:, None] if found.ndim == 1 else found
@@ -239,15 +236,6 @@ def concatenated(recordings: Sequence[Recording]) -> Recording:
     )
 
 
-def without_input(
-    outputs: Array, sampling_rate: float, name: str = "", unit: str = ""
-) -> Recording:
-    """A recording of outputs alone, (N,) or (N, l); name and unit are those of a single one."""
-    names, units = ((name,) if name else ()), ((unit,) if unit else ())
-    empty = np.empty((len(outputs), 0))
-    return Recording(empty, outputs, sampling_rate, (), names, (), units)
-
-
 def save_recording(recording: Recording, path: str | Path) -> None:
     """Write a recording to an ``.npz`` file, atomically; equal recordings give equal bytes."""
     save_arrays(path, recording_arrays(recording))
@@ -258,29 +246,24 @@ def load_recording(path: str | Path) -> Recording:
     return recording_from_arrays(load_arrays(path, recording_names()))
 
 
-_NUMBERS = ("inputs", "outputs", "sampling_rate")
-_TEXTS = ("input_names", "output_names", "input_units", "output_units")
-_SEGMENTS = ("segment_starts", "segment_recordings")
+_FIELDS = tuple(each.name for each in fields(Recording))
 
 
 def recording_arrays(recording: Recording, prefix: str = "") -> dict[str, NDArray]:
     """The fields of a recording as arrays, each under its name after `prefix`."""
-    numbers = {prefix + name: np.asarray(getattr(recording, name)) for name in _NUMBERS + _SEGMENTS}
-    return numbers | {prefix + name: np.array(getattr(recording, name), str) for name in _TEXTS}
+    values = {name: getattr(recording, name) for name in _FIELDS}
+    return {
+        prefix + name: np.array(value, str if name.endswith(("_names", "_units")) else None)
+        for name, value in values.items()
+    }
 
 
 def recording_names(prefix: str = "") -> tuple[str, ...]:
     """The names of the arrays of `recording_arrays` with this prefix."""
-    return tuple(prefix + name for name in (*_NUMBERS, *_SEGMENTS, *_TEXTS))
+    return tuple(prefix + name for name in _FIELDS)
 
 
 def recording_from_arrays(arrays: dict[str, NDArray], prefix: str = "") -> Recording:
     """The recording whose fields `recording_arrays` gave as arrays."""
-    return Recording(
-        inputs=arrays[f"{prefix}inputs"],
-        outputs=arrays[f"{prefix}outputs"],
-        sampling_rate=float(arrays[f"{prefix}sampling_rate"]),
-        segment_starts=tuple(arrays[f"{prefix}segment_starts"].tolist()),
-        segment_recordings=tuple(arrays[f"{prefix}segment_recordings"].tolist()),
-        **{name: tuple(map(str, arrays[prefix + name])) for name in _TEXTS},
-    )
+    inputs, outputs, rate, *others = (arrays[prefix + name] for name in _FIELDS)
+    return Recording(inputs, outputs, float(rate), *(tuple(each.tolist()) for each in others))

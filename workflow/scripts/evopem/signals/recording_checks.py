@@ -1,12 +1,15 @@
-"""Refuse recordings from which nothing can be identified; how much of a signal is saturated."""
+"""Refuse recordings from which nothing can be identified, and those that do not belong together."""
 
 from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.recording import MINIMUM_SAMPLES, Recording
+from evopem.signals.recording import MINIMUM_SAMPLES, Recording, Segment, concatenated
 
 Array = NDArray[np.float64]
 
@@ -26,7 +29,13 @@ is refused. A smaller share is stated in the report."""
 
 OVERFLOW_CODES = (9.9e37, 9.91e37, float(np.finfo(np.float32).max), 9.969209968386869e36)
 """Numbers for overflow and "not a number" in SCPI (1999, 7.2.1), the largest number of single
-precision, and the value that netCDF fills in."""
+precision, and the value that netCDF fills in: no samples."""
+
+SHORTEST_STRETCH, MOST_MISSING = 50, 0.1
+"""Samples between missing ones that are used at least; the largest share of those that are not."""
+
+RATE_TOLERANCE = 1e-4
+"""Rates from the time stamps of equal clocks differ by no more than this share."""
 
 
 def check_recording(
@@ -50,8 +59,28 @@ def check_recording(
             f"give a longer recording, of at least {MINIMUM_SAMPLES} samples",
         )
     inputs = recording.inputs.shape[1]
+    several = max(inputs, recording.outputs.shape[1]) > 1
     for number, (channel, values) in enumerate(recording.signals.items()):
-        _check_signal(values, source, channel, constant_input and number < inputs)
+        problem, place = "", channel
+        remedy = f"{'leave it out or ' * several}choose a channel that varies"
+        finite = np.isfinite(values)
+        largest = np.max(np.abs(values))
+        if not finite.all():
+            first = int(np.argmin(finite))
+            problem = f"the value is {values[first]}, not a finite number"
+            remedy, place = "cut that part away", f"{channel}, sample {first + 1}"
+        elif np.ptp(values) == 0.0:
+            if constant_input and number < inputs:
+                continue
+            problem = f"every sample is {values[0]:g}, so there is nothing to identify"
+        elif not 1.0 / LARGEST < largest < LARGEST:
+            problem = (
+                f"the largest magnitude is {largest:g}, with which the squares of small residuals"
+                " leave the range of numbers"
+            )
+            remedy = "record in another unit or scale the channel"
+        if problem:
+            raise InputError(source, problem, remedy, place)
     if not (np.isfinite(recording.sampling_rate) and recording.sampling_rate > 0):
         raise InputError(
             source,
@@ -60,76 +89,61 @@ def check_recording(
         )
 
 
-def _check_signal(
-    values: NDArray[np.float64], source: str, channel: str, may_be_constant: bool = False
-) -> None:
-    """Refuse samples that are not finite, never change, or cannot be squared."""
-    finite = np.isfinite(values)
-    if not finite.all():
-        first = int(np.argmin(finite))
+def without_missing(recording: Recording, source: str) -> Recording:
+    """The stretches of a measured recording between samples that are missing in some channel.
+
+    Those are not finite, or numbers that instruments write for an overflow. A stretch of fewer than
+    `SHORTEST_STRETCH` samples is left out; of all samples up to the share `MOST_MISSING` may be.
+    """
+    good = {
+        place: np.isfinite(signal) & ~np.isin(np.abs(signal), OVERFLOW_CODES)
+        for place, signal in recording.signals.items()
+    }
+    kept = np.all(list(good.values()), axis=0)
+    if kept.all():
+        return recording
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], kept, [False])).astype(int)))
+    ranges = [pair for pair in edges.reshape(-1, 2).tolist() if np.ptp(pair) >= SHORTEST_STRETCH]
+    left = recording.samples - sum(stop - first for first, stop in ranges)
+    if left > MOST_MISSING * recording.samples:
+        first = int(np.argmin(kept))
+        place = next(each for each, of_channel in good.items() if not of_channel[first])
+        value = recording.signals[place][first]
+        what = "missing" if np.isnan(value) else f"{value:g}, which is none"
         raise InputError(
             source,
-            f"the value is {values[first]}, not a finite number",
+            f"the value is {what}; without the {np.count_nonzero(~kept)} such samples and what is"
+            f" left of fewer than {SHORTEST_STRETCH} in sequence"
+            f" {100.0 * left / recording.samples:.0f} % of the recording are lost, and up to"
+            f" {100.0 * MOST_MISSING:g} % may be",
             "repair the recording or cut that part away",
-            f"{channel}, sample {first + 1}",
+            f"{place}, sample {first + 1}",
         )
-    if np.ptp(values) == 0.0:
-        if may_be_constant:
-            return
-        raise InputError(
-            source,
-            f"every sample is {values[0]:g}, so there is nothing to identify",
-            "choose a channel that varies",
-            channel,
-        )
-    if not LARGEST**-1 < np.max(np.abs(values)) < LARGEST:
-        raise InputError(
-            source,
-            f"the largest magnitude is {np.max(np.abs(values)):g}, with which the squares of"
-            " small residuals leave the range of numbers",
-            "record in another unit or scale the channel",
-            channel,
-        )
+    (whole,) = recording.segments
+    return recording.with_segments([whole.between(*each) for each in ranges])
 
 
 def check_measured(recording: Recording, source: str) -> None:
-    """Refuse a measured recording with overflow codes or a stuck output.
-
-    An input may have two levels only. An output that hardly ever changes is refused.
-    """
-    for place, signal in recording.signals.items():
-        codes = np.isin(np.abs(signal), OVERFLOW_CODES)
-        if codes.any():
-            first = int(np.argmax(codes))
-            raise InputError(
-                source,
-                f"the value is {signal[first]:g}, which instruments write for an overflow or a"
-                " missing value",
-                "repair the recording or cut that part away",
-                f"{place}, sample {first + 1}",
-            )
-    several = len(recording.output_names) > 1
+    """Refuse a measured recording with an output that hardly ever changes; an input may."""
+    several = recording.outputs.shape[1] > 1
     for name, output in zip(recording.output_names, recording.outputs.T, strict=True):
-        _check_stuck(output, source, f'output "{name}"', several)
-
-
-def _check_stuck(output: Array, source: str, place: str, may_be_left_out: bool) -> None:
-    values, counts = np.unique(output, return_counts=True)
-    at_limits = np.count_nonzero((output == values[0]) | (output == values[-1])) / output.size
-    usual = int(np.argmax(counts))
-    for share, where in (
-        (counts[usual] / output.size, f"are the same value, {values[usual]:g}"),
-        (at_limits, f"lie at its smallest or largest value, {values[0]:g} or {values[-1]:g}"),
-    ):
-        if share > LARGEST_STUCK_SHARE:
-            raise InputError(
-                source,
-                f"{100 * share:.1f} % of its samples {where}, so the channel was saturated, cut off"
-                " or hardly ever changed",
-                f"{'leave the channel out, ' if may_be_left_out else ''}record again within the"
-                " range of the instrument, or cut that part away",
-                place,
-            )
+        values, counts = np.unique(output, return_counts=True)
+        usual = int(np.argmax(counts))
+        at_limits = np.count_nonzero((output == values[0]) | (output == values[-1]))
+        for equal, where in (
+            (counts[usual], f"are the same value, {values[usual]:g}"),
+            (at_limits, f"lie at its smallest or largest value, {values[0]:g} or {values[-1]:g}"),
+        ):
+            share = equal / output.size
+            if share > LARGEST_STUCK_SHARE:
+                raise InputError(
+                    source,
+                    f"{100 * share:.1f} % of its samples {where}, so the channel was saturated, cut"
+                    " off or hardly ever changed",
+                    f"{'leave the channel out, ' if several else ''}record again within the"
+                    " range of the instrument, or cut that part away",
+                    f'output "{name}"',
+                )
 
 
 def saturated_share(signal: NDArray[np.float64]) -> float:
@@ -147,3 +161,106 @@ def saturated_share(signal: NDArray[np.float64]) -> float:
     if not at_limit.all() and stays[~at_limit].mean() > 0.5:
         return 0.0
     return float(np.mean(at_limit & stays))
+
+
+def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording:
+    """Recordings of one system as one, each with its own number; refused where they disagree."""
+    first, expected = recordings[0], _in_common(recordings[0])
+    for number, (other, source) in enumerate(zip(recordings, sources, strict=True)):
+        found = _in_common(other)
+        for what, key in expected:
+            if found.get((what, key)) != expected[what, key]:
+                raise InputError(
+                    source,
+                    f'the {what} is "{found.get((what, key))}" here and "{expected[what, key]}" in'
+                    f" {sources[0]}",
+                    f"name under {key} what all recordings of the data set have, or take this file"
+                    " out of it",
+                )
+        if abs(other.sampling_rate - first.sampling_rate) > RATE_TOLERANCE * first.sampling_rate:
+            raise InputError(
+                source,
+                f"its sampling rate is {other.sampling_rate:g} Hz and that of {sources[0]}"
+                f" {first.sampling_rate:g} Hz",
+                "give recordings of one rate, or correct sampling_rate or time",
+            )
+        once = "give every recording of the data set once"
+        for earlier, earlier_source in zip(recordings[:number], sources, strict=False):
+            check_independent(earlier, other, source, earlier_source, once)
+    return concatenated(recordings)
+
+
+def _in_common(recording: Recording) -> dict[tuple[str, str], str]:
+    """What recordings of one data set share, by what it is and the key that says it."""
+    common: dict[tuple[str, str], str] = {}
+    for role, names, units in (
+        ("input", recording.input_names, recording.input_units),
+        ("output", recording.output_names, recording.output_units),
+    ):
+        what = role if len(names) <= 1 else f"list of its {role}s"
+        common[what, role] = ", ".join(names)
+        for name, unit in zip(names, units, strict=True):
+            called = role if len(names) == 1 else f"{role} {name}"
+            common[f"unit of its {called}", f"{role}_unit"] = unit
+    return common
+
+
+def check_validation(recording: Recording, validation: Recording, source: str) -> None:
+    """Refuse a validation recording of another rate, of other channels, or of the same samples."""
+    if recording.sampling_rate != validation.sampling_rate:
+        raise InputError(
+            source,
+            f"it was sampled at {validation.sampling_rate:g} Hz and the estimation recording at"
+            f" {recording.sampling_rate:g} Hz",
+            "validate on a recording of the same rate",
+        )
+    for role in ("inputs", "outputs"):
+        expected, given = (getattr(each, role).shape[1] for each in (recording, validation))
+        if given != expected:
+            raise InputError(
+                source,
+                f"it has {given} {role} and the estimation recording {expected}",
+                "validate on a recording of the same channels",
+            )
+    check_independent(recording, validation, source)
+
+
+def check_independent(
+    estimation: Recording,
+    validation: Recording,
+    source: str,
+    other: str = "the estimation recording",
+    remedy: str = "give an independent recording, or leave the key out to cut this one",
+) -> None:
+    """Refuse a recording with a segment that is a copy of one of another, or of a part of it."""
+    for one, two in itertools.product(estimation.segments, validation.segments):
+        start = shared_start(_signals(one), _signals(two))
+        if start is None:
+            continue
+        shorter = min(one.samples, two.samples)
+        part = f"samples {start + 1} to {start + shorter} of"
+        if one.samples == two.samples:
+            problem = f"its samples are those of {other}"
+        elif two.samples == shorter:
+            problem = f"its samples are {part} {other}"
+        else:
+            problem = f"{part} it are {other}"
+        raise InputError(source, problem, remedy)
+
+
+def shared_start(one: Array, other: Array) -> int | None:
+    """Find where all rows of the shorter array stand in the longer one; None where nowhere."""
+    shorter, longer = sorted((one + 0.0, other + 0.0), key=len)  # no -0.0, whose bits differ
+    # Searching bytes takes a time proportional to their number, however often samples repeat.
+    width = shorter.itemsize * shorter.shape[1]
+    content, sought = longer.tobytes(), shorter.tobytes()
+    place = content.find(sought)
+    while place % width > 0:  # between two samples; the modulus of -1 is positive as well
+        if place < 0:
+            return None
+        place = content.find(sought, place + 1)
+    return place // width
+
+
+def _signals(segment: Segment) -> Array:
+    return np.column_stack([segment.inputs, segment.outputs])

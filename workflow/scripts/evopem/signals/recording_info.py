@@ -10,11 +10,11 @@ from typing import Literal
 from evopem.config.channels import Geometry
 from evopem.errors import InputError
 from evopem.signals.channel_roles import ChannelRoles
-from evopem.signals.even_grid import Unevenness
 from evopem.signals.measured_files import format_of, local_path, sha256
 from evopem.signals.readers.channels import Reference, listing
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import saturated_share
+from evopem.signals.timestamps import Unevenness
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,9 @@ class FileOrigin:
     format: str
     inputs: tuple[Reference, ...]  # the channels as they were asked for
     outputs: tuple[Reference, ...]
-    samples: int
+    samples: int  # that are used
+    segments: int = 1  # stretches of consecutive samples
+    left_out: int = 0  # samples that are missing, and those of short stretches between such
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,8 @@ def describe_recording(
 
 def describe_file(
     name: str | Path,
-    samples: int,
+    recording: Recording,
+    left_out: int,
     inputs: tuple[Reference, ...],
     outputs: tuple[Reference, ...],
     folder: str | Path = "",
@@ -105,9 +108,13 @@ def describe_file(
     are the channels as they were asked for.
     """
     path = Path(folder) / name
-    size = local_path(path).stat().st_size
     return FileOrigin(
-        str(Path(name)), sha256(path), size, format_of(path), inputs, outputs, samples
+        *(str(Path(name)), sha256(path), local_path(path).stat().st_size, format_of(path)),
+        inputs,
+        outputs,
+        recording.samples,
+        len(recording.segments),
+        left_out,
     )
 
 

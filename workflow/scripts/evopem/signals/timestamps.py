@@ -1,15 +1,17 @@
-"""The sampling rate of time stamps, and the check that they are uniform."""
+"""The sampling rate of time stamps: uniform ones, those of a coarse clock, and uneven ones."""
 
 from __future__ import annotations
 
-import re
-from typing import NoReturn
+from dataclasses import dataclass
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.coarse_clock import CoarseClock, coarse_clock
+from evopem.signals.time_units import TIME_UNITS, stated_unit
+
+Array = NDArray[np.float64]
 
 STEP_TOLERANCE = 0.1
 """A step may differ from the median step by this share of it."""
@@ -17,136 +19,156 @@ GRID_TOLERANCE = 1e-3
 """A stamp may differ from the uniform grid by half a step or this share of the record."""
 RATE_TOLERANCE = 1e-3
 """A stated rate may differ from that of the stamps by this share."""
-
-TIME_UNITS = {
-    "s": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "ns": 1e-9,
-    "min": 60.0,
-    "h": 3600.0,
-    "d": 86400.0,
-}
-"""Seconds in each unit of time."""
-
-_SPELLINGS = {
-    "s": "s sec secs second seconds sek sekunde sekunden seconde secondes segundo segundos",
-    "ms": "ms msec msecs msek millis millisec millisecs millisecond milliseconds millisekunden",
-    "us": "us µs μs usec usecs µsec μsec micros microsec microsecs microsecond microseconds"
-    " mikrosekunden",
-    "ns": "ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden",
-    "min": "min mins minute minutes minuten",
-    "h": "h hr hrs hour hours stunde stunden",
-    "d": "d day days tag tage",
-}
-_UNIT_OF = {text: unit for unit, texts in _SPELLINGS.items() for text in texts.split()}
-
-_TIME_WORDS = {
-    "t", "time", "times", "zeit", "temps", "tiempo", "tempo", "timestamp", "timestamps", "stamp",
-    "stamps", "clock", "elapsed", "uptime", "runtime", "abszeit", "messzeit",
-}  # fmt: skip
-"""Words that begin the name of a time channel, and after which a unit may follow."""
-_OTHER_WORDS = {
-    "a", "abs", "absolute", "axis", "b", "base", "channel", "col", "column", "date", "daq", "gps",
-    "in", "index", "local", "log", "of", "raw", "rel", "relative", "sample", "sampling", "series",
-    "since", "sim", "start", "the", "utc", "value", "values", "vec", "vector", "x", "y", "unix",
-    "epoch", "measured", "measurement", "out", "data", "test",
-}  # fmt: skip
-"""Words in the name of a time channel that are no units."""
-
-_BRACKET = re.compile(r"[\[({<]\s*([^\[\](){}<>]*?)\s*[\])}>]\s*$")
-_CAMEL_CASE = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_JOINED = re.compile(r"(?:time|t)(ms|us|µs|ns|msec|usec|nsec|sec|min)")
 _SECONDS_1990, _SECONDS_2050 = 6.3e8, 2.5e9
 _LARGEST_UPTIME = 1e18
 """Whole numbers from here on are nanoseconds since 1970: they would be 31 years of uptime."""
 
+TICK_SPREAD = 0.1
+"""Ticks of one clock may differ by this share of a tick, as 15 and 16 ms do of one of 15.6 ms."""
+KNOWN = 0.01
+"""Largest relative error of a rate that stamps of a coarse clock may leave."""
+FEWEST, SMALLEST_SHARE = 10, 0.1
+"""Steps of each length, and their share, from which on they are no repeated or lost samples."""
+_HALVINGS = 60
+"""Of the interval in which the step is searched; as many as a double has digits."""
 
-def sampling_rate_of(
+LONGEST_GAP, MOST_IN_GAPS = 20, 0.1
+"""Steps between two stamps that are interpolated at most, and the largest share of samples."""
+GAP = 1.5
+"""Two stamps farther apart than so many usual steps have a gap between them."""
+BLOCKS, SHORTEST_BLOCK = 8, 25
+"""Parts of the stamps whose mean steps are compared, and their smallest number of steps."""
+LARGEST_CHANGE, SIGNIFICANT = 0.03, 6.0
+"""Mean steps that differ by more than this share, and this many standard errors, are of two
+rates."""
+CLOSEST = 1e-6
+"""Two stamps closer than this share of the usual step are the same time."""
+
+
+@dataclass(frozen=True)
+class Unevenness:
+    """How far time stamps are from even ones."""
+
+    in_gaps: int  # missing samples: between stamps that are more than :data:`GAP` usual steps apart
+    longest_gap: float  # largest distance of two neighbouring stamps, in steps
+    largest_shift: float  # largest distance of a stamp from the nearest sample, in steps
+    # resolution of a coarse clock whose stamps are otherwise even, in steps; 0.0 for others
+    tick: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """What time stamps say of the samples."""
+
+    rate: float  # Hz
+    # of stamps that an even grid took the place of, and of those of a coarse clock
+    unevenness: Unevenness | None = None
+    positions: Array | None = None  # (N,) the stamps on an even grid, in steps from the first one
+
+    def on_grid(self, values: Array) -> Array:
+        """A signal at even times: as it is, or linear between the stamps around each sample."""
+        if self.positions is None:
+            return values
+        return np.interp(np.arange(round(self.positions[-1]) + 1), self.positions, values)
+
+
+class CoarseClock(NamedTuple):
+    """A clock whose ticks are all that keeps the stamps of even samples from being even."""
+
+    tick: float  # resolution of the clock, in the unit of the stamps
+    step: float  # of the even times from which every stamp is less than a tick away
+    relative_error: float  # the step is known to this share of itself: a tick over the whole time
+
+
+_EVEN = (
+    "bring the recording to a constant rate (of a file: uneven_time: interpolate), or leave time"
+    " out and state sampling_rate"
+)
+
+
+class _RefusedError(Exception):
+    """Why stamps cannot be used: the problem, the sample (from 0), and a remedy but for the usual.
+
+    In the problem, {unit} stands for the unit of a number of time, where it is known.
+    """
+
+
+def timing(
     stamps: NDArray,
     source: str,
     name: str,
     unit: str = "",
     stated_rate: float | None = None,
     time_unit: str | None = None,
-    step: float | None = None,
-) -> float:
-    """Sampling rate (Hz) of uniform time stamps.
+    interpolate: bool = False,
+) -> Timing:
+    """What time stamps, (N,) numbers, dates (datetime64) or durations, say of the samples.
 
-    The unit of the stamps is `time_unit`; without it the one that the file states, as `unit` or
-    in the name ("time_ms", "t [µs]"). A unit that is stated and not known is refused. Where none
-    is stated, numbers with a fraction are seconds; whole numbers are taken in the unit in which
-    they agree with the stated rate, and as nanoseconds since 1970 where they are that large.
-    Other whole numbers are refused.
+    Their unit is `time_unit`; without it the one that the file states, as `unit` or in the name
+    ("time_ms", "t [µs]"). A unit that is stated and not known is refused. Where none is stated,
+    numbers with a fraction are seconds; whole numbers are taken in the unit in which they agree
+    with the stated rate, and as nanoseconds since 1970 where they are that large. Others are
+    refused. A stated rate (Hz) with which the stamps agree is returned.
 
-    The stamps must increase. Each step must be within 10 % of the median step, and each stamp
-    within half a step, or 0.1 % of the record, of the uniform grid from the first stamp to the
-    last. Or they are those of even times but for the ticks of a coarse clock
-    (:func:`.coarse_clock`), which neighbouring samples may share.
-
-    The stamps, (N,), are numbers, dates (datetime64) or durations (timedelta64). A stated rate (Hz)
-    with which they agree is returned. With the `step` of an even grid that uneven stamps are
-    brought to, in their unit, they need not be uniform.
+    Each step must be within 10 % of the median step, and each stamp within half a step, or 0.1 % of
+    the record, of the uniform grid from the first stamp to the last. Or they are those of even
+    times but for the ticks of a coarse clock, which neighbouring samples may share. With
+    `interpolate` others are brought to an even grid, if not too many samples are missing.
     """
-    place = _place(name)
+    place = f'time "{name}"' if name else "time"
     if time_unit is not None and time_unit not in TIME_UNITS:
-        raise InputError(
-            source,
-            f'"{time_unit}" is no known unit of time',
-            f"set time_unit to one of {', '.join(TIME_UNITS)}",
-            place,
-        )
-    ticks = _ticks(stamps, source, place)
+        choice = f"set time_unit to one of {', '.join(TIME_UNITS)}"
+        raise InputError(source, f'"{time_unit}" is no known unit of time', choice, place)
+    if stamps.size < 2:
+        raise InputError(source, "there are fewer than two time stamps", "give a longer recording")
+    if stamps.dtype.kind not in "iufMm":
+        raise InputError(source, "the channel holds no times", "choose another channel", place)
+    dates = stamps.dtype.kind in "Mm"
+    positions = unevenness = None
     tolerance = RATE_TOLERANCE
-    if step is None:
-        times = _from_first(ticks, stamps)
-        clock = clock_of_uneven(times)
-        step = clock.step if clock else _uniform_step(times, source, place, unit_of(stamps))
-        tolerance = max(tolerance, clock.relative_error) if clock else tolerance
-    if stamps.dtype.kind in "Mm":
+    try:
+        ticks = _ticks(stamps)
+        # From the first stamp on, so that dates in nanoseconds keep all their digits as floats.
+        times = (ticks - ticks[0]).astype(np.float64) * (TIME_UNITS["ns"] if dates else 1.0)
+        clock = _clock_of_uneven(times)
+        if clock:
+            step, tolerance = clock.step, max(tolerance, clock.relative_error)
+            tick = clock.tick / step
+            unevenness = Unevenness(0, float(np.diff(times).max()) / step, tick, tick)
+        elif interpolate:
+            step, unevenness = _even_grid(times)
+            positions = times / step
+        else:
+            step = _uniform_step(times)
+    except _RefusedError as refused:
+        problem, sample, *remedies = refused.args
+        remedy = remedies[0] if remedies else _EVEN
+        in_unit = problem.replace("{unit}", " s" if dates else "")
+        raise InputError(source, in_unit, remedy, f"{place}, sample {sample + 1}") from None
+    if dates:
         scale = TIME_UNITS["s"]
     elif time_unit is not None:
         scale = TIME_UNITS[time_unit]
     else:
-        stated = _stated_unit(name, unit, source, place)
+        stated = stated_unit(name, unit, source, place)
         unstated = ticks, step, stated_rate, tolerance
         scale = TIME_UNITS[stated] if stated else _scale(*unstated, source, place)
     rate = float(f"{1.0 / (step * scale):.9g}")
-    if stated_rate is None:
-        return rate
-    if abs(rate / stated_rate - 1.0) > tolerance:
-        raise InputError(
-            source,
-            f"the time stamps give {rate:g} Hz and the stated sampling rate is {stated_rate:g} Hz",
-            "correct one of them or leave one out, or set time_unit if that of the stamps is"
-            " another one",
-            place,
-        )
-    return float(stated_rate)
+    if stated_rate is not None:
+        if abs(rate / stated_rate - 1.0) > tolerance:
+            raise InputError(
+                source,
+                f"the time stamps give {rate:g} Hz and the stated sampling rate is"
+                f" {stated_rate:g} Hz",
+                "correct one of them or leave one out, or set time_unit if that of the stamps is"
+                " another one",
+                place,
+            )
+        rate = float(stated_rate)
+    return Timing(rate, unevenness, positions)
 
 
-def elapsed(stamps: NDArray, source: str, name: str) -> NDArray[np.float64]:
-    """Time since the first stamp, in the unit of the stamps; of dates in seconds."""
-    return _from_first(_ticks(stamps, source, _place(name)), stamps)
-
-
-def unit_of(stamps: NDArray) -> str:
-    """What follows a number of :func:`elapsed` in a message: the unit, where it is known."""
-    return " s" if stamps.dtype.kind in "Mm" else ""
-
-
-def seconds_of(unit: str) -> float | None:
-    """Seconds in a unit of time as files spell it ("ms", "msec", "Sekunden"); None if unknown."""
-    spelled = _spelled(unit)
-    return TIME_UNITS[_UNIT_OF[spelled]] if spelled in _UNIT_OF else None
-
-
-def names_time(name: str) -> bool:
-    """Whether the name of a channel holds a word for time."""
-    return not _TIME_WORDS.isdisjoint(map(_spelled, _words(name)))
-
-
-def is_time(signal: NDArray[np.float64], sampling_rate: float) -> bool:
+def is_time(signal: Array, sampling_rate: float) -> bool:
     """Whether a signal increases by the sampling period, in one of `TIME_UNITS`, throughout."""
     steps = np.diff(signal)
     step = float(steps.mean())
@@ -157,170 +179,67 @@ def is_time(signal: NDArray[np.float64], sampling_rate: float) -> bool:
     )
 
 
-def _place(name: str) -> str:
-    return f'time "{name}"' if name else "time"
+def has_even_steps(times: Array) -> bool:
+    """Whether the steps of times are positive and alike."""
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    return usual > 0.0 and bool((np.abs(steps - usual) <= STEP_TOLERANCE * usual).all())
 
 
-def _from_first(ticks: NDArray, stamps: NDArray) -> NDArray[np.float64]:
-    """From the first stamp on, so that dates in nanoseconds keep all their digits as floats."""
-    elapsed = (ticks - ticks[0]).astype(np.float64)
-    return elapsed * TIME_UNITS["ns"] if stamps.dtype.kind in "Mm" else elapsed
-
-
-def _ticks(stamps: NDArray, source: str, place: str) -> NDArray:
+def _ticks(stamps: NDArray) -> NDArray:
     """The stamps as 64-bit numbers, in which differences do not overflow."""
-    if stamps.size < 2:
-        raise InputError(source, "there are fewer than two time stamps", "give a longer recording")
     if stamps.dtype.kind in "Mm":
         if np.isnat(stamps).any():
-            first = int(np.argmax(np.isnat(stamps)))
-            _refuse(source, place, first, "the time stamp is missing")
+            raise _RefusedError("the time stamp is missing", int(np.argmax(np.isnat(stamps))))
         return stamps.astype(f"{stamps.dtype.kind}8[ns]").astype(np.int64)
-    if stamps.dtype.kind not in "iuf":
-        raise InputError(source, "the channel holds no times", "choose another channel", place)
     if stamps.dtype.kind == "u" and stamps.max() > np.iinfo(np.int64).max:
-        _refuse(source, place, int(np.argmax(stamps)), f"the time stamp is {stamps.max()}")
+        raise _RefusedError(f"the time stamp is {stamps.max()}", int(np.argmax(stamps)))
     ticks = stamps.astype(np.float64 if stamps.dtype.kind == "f" else np.int64)
     if not np.isfinite(ticks).all():
         first = int(np.argmin(np.isfinite(ticks)))
-        _refuse(source, place, first, f"the time stamp is {ticks[first]}")
+        raise _RefusedError(f"the time stamp is {ticks[first]}", first)
     return ticks
 
 
-def clock_of_uneven(times: NDArray[np.float64]) -> CoarseClock | None:
-    """The coarse clock of times whose steps are not uniform; None for uniform steps, or none such.
-
-    ``times``, (N,), begin with 0.
-    """
-    steps = np.diff(times)
-    usual = float(np.median(steps))
-    uniform = np.abs(steps - usual) <= STEP_TOLERANCE * usual
-    return None if usual > 0.0 and uniform.all() else coarse_clock(times)
-
-
-def refuse_same_times(
-    times: NDArray[np.float64], closest: float, source: str, place: str, unit: str = ""
-) -> NoReturn:
-    """Refuse times that do not increase, and name the first two samples and how many there are.
-
-    Two times closer than ``closest`` are the same; ``unit`` follows a number of times.
-    """
+def _refuse_same_times(times: Array, closest: float) -> NoReturn:
+    """Refuse times that do not increase; two times closer than ``closest`` are the same."""
     steps = np.diff(times)
     found = np.flatnonzero(steps <= closest) + 1
     first = int(found[0])
     back = -float(steps[first - 1])
-    problem = "the time does not increase: it is "
-    problem += (
-        f"{back:g}{unit} before that of sample {first}"
-        if back > closest
-        else f"that of sample {first}"
-    )
+    problem = f"{back:g}{{unit}} before that" if back > closest else "that"
+    problem = f"the time does not increase: it is {problem} of sample {first}"
     if found.size > 1:
         problem += f", and there are {found.size - 1} more such samples"
-    raise InputError(
-        source,
+    raise _RefusedError(
         problem,
+        first,
         "remove rows whose time is not later than the one before; if only the clock is too coarse,"
         " leave time out and state sampling_rate",
-        f"{place}, sample {first + 1}",
     )
 
 
-def _uniform_step(times: NDArray[np.float64], source: str, place: str, unit: str) -> float:
+def _uniform_step(times: Array) -> float:
     """The mean step of uniform times that begin at 0."""
     steps = np.diff(times)
     if steps.min() <= 0.0:
-        refuse_same_times(times, 0.0, source, place, unit)
+        _refuse_same_times(times, 0.0)
     usual = float(np.median(steps))
     uneven = np.abs(steps - usual) > STEP_TOLERANCE * usual
     if uneven.any():
         first = int(np.argmax(uneven))
-        _refuse(
-            source,
-            place,
+        raise _RefusedError(
+            f"the step to this sample is {steps[first]:g}{{unit}} where the usual one is"
+            f" {usual:g}{{unit}}",
             first + 1,
-            f"the step to this sample is {steps[first]:g}{unit} where the usual one is"
-            f" {usual:g}{unit}",
         )
     step = float(times[-1] / steps.size)
     off = np.abs(times - step * np.arange(times.size))
     allowed = max(0.5 * step, GRID_TOLERANCE * float(times[-1]))
     if off.max() > allowed:
         first = int(np.argmax(off > allowed))
-        _refuse(source, place, first, f"the time is {off[first]:g}{unit} off an even grid")
+        raise _RefusedError(f"the time is {off[first]:g}{{unit}} off an even grid", first)
     return step
-
-
-def _refuse(source: str, place: str, index: int, problem: str) -> NoReturn:
-    raise InputError(
-        source,
-        problem,
-        "bring the recording to a constant rate (of a file: uneven_time: interpolate), or leave"
-        " time out and state sampling_rate",
-        f"{place}, sample {index + 1}",
-    )
-
-
-def _spelled(unit: str) -> str:
-    """A unit without brackets, final point and the date that it counts from."""
-    bare = unit.strip().strip("[](){}<>").strip().rstrip(".").casefold()
-    return re.sub(r"\s+since\s.*", "", bare.replace("μ", "µ"))
-
-
-def _stated_unit(name: str, unit: str, source: str, place: str) -> str | None:
-    """The unit that the file states for the stamps, as a key of `TIME_UNITS`."""
-    own, in_name = _spelled(unit), _unit_in_name(name)
-    stated = [text for text in ("" if own == "-" else own, in_name) if text]
-    for text in stated:
-        if text not in _UNIT_OF:
-            raise InputError(
-                source,
-                f'"{text}" is no known unit of time',
-                f"set time_unit to one of {', '.join(TIME_UNITS)}",
-                place,
-            )
-    units = {_UNIT_OF[text] for text in stated}
-    if len(units) > 1:
-        raise InputError(
-            source,
-            f'the file states the unit "{unit}" for a channel whose name states "{in_name}"',
-            "set time_unit to the right one",
-            place,
-        )
-    return units.pop() if units else None
-
-
-def _words(name: str) -> list[str]:
-    return re.split(r"[\s_\-./,:;|\[\](){}<>]+", _CAMEL_CASE.sub(" ", name))
-
-
-def _unit_in_name(name: str) -> str:
-    """What stands for a unit in the name of a time channel, known or not; empty if nothing does.
-
-    That is a text in brackets at the end; else a last or first word that is a known unit, as in
-    "time_ms_1" and "Seconds elapsed"; else a last word of letters that follows a word for time,
-    as in "time_ticks", and is none of the usual ones there.
-    """
-    bracketed = _BRACKET.search(name)
-    if bracketed:
-        return _spelled(bracketed.group(1))
-    words = [word for word in map(_spelled, _words(name)) if word]
-    while len(words) > 1 and (words[-1] in _OTHER_WORDS or words[-1].isdigit()):
-        words.pop()
-    if not words:
-        return ""
-    first, last = words[0], words[-1]
-    joined = _JOINED.fullmatch(last)
-    if joined:
-        return joined.group(1)
-    for word in (last, first):
-        # A single letter may be a name of its own.
-        if word in _UNIT_OF and (len(words) > 1 or word == "s" or len(word) > 1):
-            return word
-    follows = any(word in _TIME_WORDS for word in words[:-1])
-    if follows and last.isalpha() and last not in _TIME_WORDS | _OTHER_WORDS:
-        return last
-    return ""
 
 
 def _scale(
@@ -354,3 +273,99 @@ def _scale(
         choice,
         place,
     )
+
+
+def _clock_of_uneven(times: Array) -> CoarseClock | None:
+    return None if has_even_steps(times) else coarse_clock(times)
+
+
+def coarse_clock(times: Array) -> CoarseClock | None:
+    """The clock of time stamps that are even but for its resolution; None where there is none.
+
+    Stamps of even samples, cut or rounded to the ticks of a clock, have steps of two lengths, one
+    tick apart: 0 and 10 ms where samples 3 ms apart are stamped by a clock of 10 ms, 3 and 4 ms
+    where samples 3.3 ms apart are stamped in milliseconds. They all lie in a band one tick wide
+    around even times. Samples that are lost or repeated irregularly leave that band. Regular ones
+    would not, so that a tick of more than half the usual step has to show in many steps.
+
+    ``times``, (N,), begin with 0.
+    """
+    steps = np.diff(times)
+    shortest, longest = float(steps.min(initial=np.inf)), float(steps.max(initial=0.0))
+    if steps.size < 2 or shortest < 0.0 or shortest == longest:
+        return None
+    long = steps > 0.5 * (shortest + longest)
+    tick = float(np.median(steps[long]) - np.median(steps[~long]))
+    spread = max(float(np.ptp(steps[long])), float(np.ptp(steps[~long])))
+    if spread > TICK_SPREAD * tick:
+        return None
+    usual, rare = float(np.median(steps)), min(int(long.sum()), int((~long).sum()))
+    if 0.0 < usual < 2.0 * tick and rare < max(FEWEST, SMALLEST_SHARE * steps.size):
+        return None
+    # The spread of stamps around even times is a convex function of their step: its slope tells on
+    # which side the smallest lies.
+    numbers = np.arange(times.size, dtype=np.float64)
+    low, high = 0.0, longest
+    for _ in range(_HALVINGS):
+        step = 0.5 * (low + high)
+        off = times - step * numbers
+        if np.argmax(off) > np.argmin(off):
+            low = step
+        else:
+            high = step
+    error = tick / float(times[-1])
+    if float(np.ptp(times - step * numbers)) > (1.0 + TICK_SPREAD) * tick or error > KNOWN:
+        return None
+    return CoarseClock(tick, step, error)
+
+
+def _even_grid(times: Array) -> tuple[float, Unevenness]:
+    """The usual step of times, some of which may be late or missing; it divides the whole time."""
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    if steps.min() <= CLOSEST * usual:
+        _refuse_same_times(times, CLOSEST * usual)
+    _refuse_other_rate(steps, usual)
+    # The median of a few irregular steps is not exact enough to divide the whole time by.
+    total = max(int(np.round(steps / usual).sum()), 1)
+    step = float(times[-1]) / total
+    missing = int(np.sum(np.round(steps[steps > GAP * usual] / step) - 1))
+    longest = float(steps.max() / step)
+    if longest > LONGEST_GAP or missing > MOST_IN_GAPS * total:
+        raise _RefusedError(
+            f"{missing} samples of {total + 1} are missing, and the longest gap ends at this sample"
+            f" after {longest:.3g} usual steps; up to {100 * MOST_IN_GAPS:g} % and {LONGEST_GAP}"
+            " steps are interpolated",
+            int(np.argmax(steps)) + 1,
+            "give what was recorded without gaps, as several files of one data set",
+        )
+    positions = times / step
+    shift = float(np.abs(positions - np.round(positions)).max())
+    return step, Unevenness(missing, longest, shift)
+
+
+def _refuse_other_rate(steps: Array, usual: float) -> None:
+    """Refuse stamps whose mean step changes in the course of the recording.
+
+    The steps that are missing in a gap are counted.  What jitter does to the mean step of a block
+    follows from its steps.
+    """
+    blocks = min(BLOCKS, steps.size // SHORTEST_BLOCK)
+    if blocks < 2:
+        return
+    edges = np.linspace(0, steps.size, blocks + 1).astype(int)
+    medians = [float(np.median(each)) for each in np.split(steps, edges[1:-1])]
+    counts = np.maximum(np.round(steps / np.repeat(medians, np.diff(edges))), 1.0)
+    mean = np.add.reduceat(steps, edges[:-1]) / np.add.reduceat(counts, edges[:-1])
+    off = steps - counts * np.repeat(mean, np.diff(edges))
+    error = float(off.std()) * float(np.sqrt(2.0 / np.diff(edges).min()))
+    low, high = int(np.argmin(mean)), int(np.argmax(mean))
+    change = float(mean[high] - mean[low])
+    if change > LARGEST_CHANGE * usual and change > SIGNIFICANT * error:
+        first, last = sorted((low, high))
+        raise _RefusedError(
+            f"the rate changes: the mean step is {mean[first]:.4g}{{unit}} from this sample on and"
+            f" {mean[last]:.4g}{{unit}} from sample {edges[last] + 1} on",
+            int(edges[first]),
+            "give the parts of one rate as data sets of their own, or resample the recording",
+        )

@@ -234,10 +234,10 @@ def _given_or(
 def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequence[str]) -> None:
     """Refuse recordings that are too short without a gap, and channels that never change."""
     found = stretches_of(recording, plan)
-    for place, number in enumerate(recording.segment_recordings):
-        if place not in {each.place for each in found}:
+    for number in dict.fromkeys(recording.segment_recordings):
+        if number not in {each.segment.recording for each in found}:
             raise InputError(
-                names[place] if names else f"recording {number + 1}",
+                names[number] if names else f"recording {number + 1}",
                 f"no stretch for estimation has {SHORTEST_STRETCH} samples without a gap",
                 "give a longer recording, or one with fewer missing samples",
             )

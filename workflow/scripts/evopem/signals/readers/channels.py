@@ -1,10 +1,10 @@
-"""The channel that every reader returns, and the errors that readers share."""
+"""What every reader gives of an open file, and the errors that readers share."""
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
@@ -32,31 +32,51 @@ class Channel:
     start: float | None = None  # time (s) of the first sample, when the file states one
 
 
-def find_channel(path: Path, reference: Reference, names: Sequence[str], kind: str) -> int:
-    """Index (from 0) of the channel that a reference stands for.
+@dataclass(frozen=True)
+class Contents:
+    """The channels of an open file, each known by its number from 1 and by its names."""
 
-    A reference is a number from 1, or one of the names, which are empty for channels without one;
-    ``kind`` is what the format calls a channel ("column", "variable", …).
-    """
-    here = f"choose one of {listing(names)}" if any(names) else f"choose 1 to {len(names)}"
-    if isinstance(reference, int) and not isinstance(reference, bool):
-        if 1 <= reference <= len(names):
-            return reference - 1
-        raise InputError(str(path), f"there is no {kind} {reference} among its {len(names)}", here)
-    if not isinstance(reference, str):
-        raise InputError(
-            str(path), f"{reference!r} names no {kind}", "give a number from 1 or a name"
-        )
-    places = [index for index, name in enumerate(names) if name == reference]
-    if len(places) == 1:
-        return places[0]
-    if places:
-        raise InputError(
-            str(path),
-            f'the name "{reference}" stands at {len(places)} {kind}s',
-            f"give its number, one of {', '.join(str(place + 1) for place in places)}",
-        )
-    raise InputError(str(path), f'there is no {kind} "{reference}"', here)
+    path: Path
+    kind: str  # what the format calls a channel: "column", "variable", …
+    names: Sequence[tuple[str, ...]]  # of each channel, the listed one first; empty without one
+    load: Callable[[Sequence[int]], list[Channel]]  # by their indices, from 0
+    refusals: Mapping[str, InputError] = field(default_factory=dict)  # of names of no channel
+
+    @property
+    def listed(self) -> list[str]:
+        """One name of each channel, in the order of their numbers."""
+        return [names[0] for names in self.names]
+
+    def read(self, references: Sequence[Reference]) -> list[Channel]:
+        """The channels that references stand for."""
+        return self.load([self.find(each) for each in references])
+
+    def find(self, reference: Reference) -> int:
+        """Index (from 0) of the channel that a reference stands for."""
+        source, kind, count = str(self.path), self.kind, len(self.names)
+        named = any(self.listed)
+        here = f"choose one of {listing(self.listed)}" if named else f"choose 1 to {count}"
+        if isinstance(reference, int) and not isinstance(reference, bool):
+            if 1 <= reference <= count:
+                return reference - 1
+            raise InputError(source, f"there is no {kind} {reference} among its {count}", here)
+        if not isinstance(reference, str):
+            raise InputError(
+                source, f"{reference!r} names no {kind}", "give a number from 1 or a name"
+            )
+        places = [index for index, names in enumerate(self.names) if reference in names]
+        if len(places) == 1:
+            return places[0]
+        if places:
+            raise InputError(
+                source,
+                f'the name "{reference}" stands at {len(places)} {kind}s',
+                f"give its number, one of {', '.join(str(place + 1) for place in places)}",
+            )
+        if reference.lstrip("/") in self.refusals:
+            raise self.refusals[reference.lstrip("/")]
+        why = "" if named else f", because there is no header with a name for each {kind}"
+        raise InputError(source, f'there is no {kind} "{reference}"{why}', here)
 
 
 def listing(names: Sequence[str]) -> str:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import ceil, prod
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.readers.arrays import RATE_NAMES, channels_of, names_of
-from evopem.signals.readers.channels import Channel, Reference, library, refuse_unreadable
-
-T = TypeVar("T")
+from evopem.signals.readers.channels import Contents, library, refuse_unreadable
+from evopem.signals.readers.numpy_files import RATE_NAMES, contents_of
 
 _COMPLEX_FIELDS = ("real", "imag")
 
@@ -51,68 +50,63 @@ class StoredDataset:
 
     def __getitem__(self, index: tuple[()]) -> NDArray[Any]:
         """All values."""
-        refuse_incomplete(self.path, self.dataset)
+        _refuse_incomplete(self.path, self.dataset)
         values = np.asarray(self.dataset[()] if self.field is None else self.dataset[self.field])
         if values.dtype.names == _COMPLEX_FIELDS:
             values = values["real"] + 1j * values["imag"]
-        _refuse_missing(self.path, self.dataset, values)
+        values = _without_missing(self.path, self.dataset, values)
         return values.T if self.transposed else values
 
 
-def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
-    """Read datasets by their path in the file, or by number in the order of the paths.
+@contextmanager
+def opened(path: Path, is_matlab: bool = False) -> Iterator[Contents]:
+    """The datasets of a file by their paths, or the variables of a MATLAB file of version 7.3.
 
     A field of a dataset of records is named ``dataset.field``. The attribute ``unit`` or
     ``units`` of a dataset is its unit. The sampling rate is a single-number dataset or an
     attribute named as in `RATE_NAMES`, of the dataset or of a group around it.
     """
-    wanted = [one.lstrip("/") if isinstance(one, str) else one for one in references]
-    return _in_file(
-        path,
-        lambda arrays, units, attributes: channels_of(
-            path, arrays, wanted, "dataset", units, attributes
-        ),
-    )
-
-
-def names(path: Path) -> list[str]:
-    """Paths of all channels in the order of their numbers."""
-    return _in_file(path, lambda arrays, *_: names_of(arrays))
-
-
-def _in_file(
-    path: Path, use: Callable[[dict[str, StoredDataset], dict[str, str], dict[str, Any]], T]
-) -> T:
-    """Call a function with the datasets, units and rates of a file while it is open."""
     h5py = library("h5py", path)
+    arrays: dict[str, StoredDataset] = {}
+    attributes: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    sparse: list[str] = []
+
+    def collect(name: str, item: Any) -> None:
+        attributes.update(_rates_in(item.attrs, f"{name}/"))
+        if not isinstance(item, h5py.Dataset) or item.shape is None:
+            return
+        units[name] = _unit(item.attrs)
+        if item.dtype.names is None or item.dtype.names == _COMPLEX_FIELDS:
+            arrays[name] = StoredDataset(path, item)
+            return
+        for field in item.dtype.names:
+            arrays[f"{name}.{field}"] = StoredDataset(path, item, field)
+
+    def collect_variable(name: str, item: Any) -> None:
+        # Groups with a number sign hold the contents of cells and objects.
+        if name.startswith("#") or any(name.startswith(group) for group in sparse):
+            return
+        if "MATLAB_sparse" in item.attrs:
+            sparse.append(f"{name}/")
+        # An empty variable is stored as the lengths of its dimensions.
+        if isinstance(item, h5py.Dataset) and not item.attrs.get("MATLAB_empty", 0):
+            is_text = item.attrs.get("MATLAB_class", b"") in (b"char", b"cell")
+            arrays[name.replace("/", ".")] = StoredDataset(
+                path, item, transposed=True, is_numeric=not is_text
+            )
+
     try:
-        file = h5py.File(path, "r")
-    except OSError:
-        refuse_unreadable(path, "HDF5 file")
-    with file:
-        arrays: dict[str, StoredDataset] = {}
-        attributes = dict(_rates_in(file.attrs))
-        units: dict[str, str] = {}
-
-        def collect(name: str, item: Any) -> None:
-            attributes.update(_rates_in(item.attrs, f"{name}/"))
-            if not isinstance(item, h5py.Dataset) or item.shape is None:
-                return
-            units[name] = _unit(item.attrs)
-            if item.dtype.names is None or item.dtype.names == _COMPLEX_FIELDS:
-                arrays[name] = StoredDataset(path, item)
-                return
-            for field in item.dtype.names:
-                arrays[f"{name}.{field}"] = StoredDataset(path, item, field)
-
-        try:
-            file.visititems(collect)
-            return use(arrays, units, attributes)
-        except InputError:
-            raise
-        except Exception:
-            # h5py meets damage with OSError, RuntimeError, KeyError, TypeError, ValueError …
-            refuse_unreadable(path, "HDF5 file")
+        with h5py.File(path, "r") as file:
+            attributes.update(_rates_in(file.attrs))
+            file.visititems(collect_variable if is_matlab else collect)
+            kind = "variable" if is_matlab else "dataset"
+            yield contents_of(path, arrays, kind, units, attributes)
+    except InputError:
+        raise
+    except Exception:
+        # h5py meets damage with OSError, RuntimeError, KeyError, TypeError, ValueError …
+        refuse_unreadable(path, "MATLAB 7.3 file" if is_matlab else "HDF5 file")
 
 
 def _rates_in(attributes: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -137,7 +131,7 @@ def _unit(attributes: Mapping[str, Any]) -> str:
     return ""
 
 
-def refuse_incomplete(path: Path, dataset: Any) -> None:
+def _refuse_incomplete(path: Path, dataset: Any) -> None:
     """Refuse a dataset whose values are not all written, or not all in this file.
 
     HDF5 gives the fill value, mostly 0, for what was never written and for virtual datasets
@@ -169,26 +163,19 @@ def refuse_incomplete(path: Path, dataset: Any) -> None:
         )
 
 
-def _refuse_missing(path: Path, dataset: Any, values: NDArray) -> None:
-    """Refuse what the conventions of netCDF mark as packed or as missing."""
+def _without_missing(path: Path, dataset: Any, values: NDArray) -> NDArray:
+    """The values with NaN where the conventions of netCDF mark them as missing."""
     attributes = dataset.attrs
-    place = f'dataset "{dataset.name.lstrip("/")}"'
     for name, neutral in (("scale_factor", 1.0), ("add_offset", 0.0)):
         if name in attributes and np.any(np.asarray(attributes[name]) != neutral):
             raise InputError(
                 str(path),
                 f"its values are packed: the attribute {name} is {attributes[name]}",
                 "store the values in their unit",
-                place,
+                f'dataset "{dataset.name.lstrip("/")}"',
             )
     for name in ("_FillValue", "missing_value"):
         if name in attributes and values.dtype.kind in "fiu":
             missing = np.isin(values, np.asarray(attributes[name]))
-            if missing.any():
-                first = int(np.argmax(missing.any(axis=tuple(range(1, values.ndim)))))
-                raise InputError(
-                    str(path),
-                    f"the value is missing, marked by {name}",
-                    "repair the recording or cut that part away",
-                    f"{place}, sample {first + 1}",
-                )
+            values = np.where(missing, np.nan, values) if missing.any() else values
+    return values

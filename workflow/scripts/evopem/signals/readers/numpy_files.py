@@ -1,40 +1,52 @@
-"""numpy's own files, .npz and .npy, read without loading pickled objects."""
+"""Channels out of named arrays, for MATLAB, HDF5 and numpy's own files, which are read here."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.signals.readers.arrays import channels_of, names_of
-from evopem.signals.readers.channels import Channel, Reference, refuse_unreadable
+from evopem.errors import InputError
+from evopem.signals.readers.channels import Channel, Contents, refuse_unreadable
+
+RATE_NAMES = ("sampling_rate", "sample_rate", "sampling_frequency", "fs")
+"""A single number of such a name, in upper or lower case, is a sampling rate."""
+
+_HERTZ = {
+    "": 1.0, "Hz": 1.0, "hz": 1.0, "HZ": 1.0, "1/s": 1.0, "s^-1": 1.0, "S/s": 1.0,
+    "samples/s": 1.0, "kHz": 1e3, "KHz": 1e3, "kS/s": 1e3, "MHz": 1e6, "MS/s": 1e6,
+}  # fmt: skip
+_KINDS = "fiubcMm"
 
 
-def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
-    """Read arrays by name, or by number in the order of the file.
+class StoredArray(Protocol):
+    """An array in memory or in its file; the index ``()`` stands for all of it."""
 
-    An ``.npy`` file holds one array: a matrix of columns known by number, or a structured
-    array whose fields have names.
-    """
-    return channels_of(path, _arrays(path), references, "array")
+    @property
+    def shape(self) -> tuple[int, ...]: ...  # noqa: D102
 
+    @property
+    def dtype(self) -> np.dtype: ...  # noqa: D102
 
-def names(path: Path) -> list[str]:
-    """Names of all channels in the order of their numbers, texts such as "1" without names."""
-    return names_of(_arrays(path))
+    def __getitem__(self, index: tuple[()]) -> Any: ...
 
 
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+@contextmanager
+def opened(path: Path) -> Iterator[Contents]:
+    """An ``.npz`` file, or an ``.npy`` file of columns or of records, without pickled objects."""
     try:
         content = np.load(path, allow_pickle=False)
-        return _members(content) if isinstance(content, np.lib.npyio.NpzFile) else _alone(content)
+        arrays = _members(content) if isinstance(content, np.lib.npyio.NpzFile) else _alone(content)
     except Exception:
         # numpy and zipfile meet damage with ValueError, EOFError, BadZipFile, zlib.error,
         # RuntimeError (encrypted), NotImplementedError (packed in another way), MemoryError …
         refuse_unreadable(path, "numpy file without Python objects")
+    yield contents_of(path, arrays, "array")
 
 
 def _members(content: Any) -> dict[str, NDArray[Any]]:
@@ -55,3 +67,124 @@ def _alone(content: NDArray[Any]) -> dict[str, NDArray[Any]]:
     if content.dtype.names is None:
         return {"": content}
     return {name: content[name] for name in content.dtype.names}
+
+
+def contents_of(
+    path: Path,
+    arrays: Mapping[str, StoredArray],
+    kind: str,
+    units: Mapping[str, str] | None = None,
+    attributes: Mapping[str, Any] | None = None,
+) -> Contents:
+    """The channels among named arrays; ``kind`` is what the format calls an array.
+
+    A vector is one channel. A matrix is one channel for each column, ``name:1``, ``name:2``, …;
+    with fewer rows than columns, one for each row. Single numbers, texts and objects are none.
+
+    A channel's sampling rate is the single number named as in `RATE_NAMES` in its own group, else
+    in the nearest group around it; groups end with points or slashes. Units and attributes are
+    given by their path in the file.
+    """
+    units = units or {}
+    rates = _stated_rates({**arrays, **(attributes or {})}, units)
+    columns = {name: _columns_of(each.shape, each.dtype) for name, each in arrays.items()}
+    places = [(name, column) for name, found in columns.items() for column in found]
+
+    def load(indices: Sequence[int]) -> list[Channel]:
+        channels = []
+        for name, column in (places[index] for index in indices):
+            rate, problem = _rate_of(name, rates)
+            values = _signal(np.asarray(arrays[name][()]), column)
+            unit = units.get(name, "")
+            channels.append(Channel(_name(name, column), values, unit, rate, problem))
+        return channels
+
+    names = [_name(*place) for place in places]
+    listed = [(name, f"/{name}") if kind == "dataset" else (name,) for name in names]
+    refusals = {
+        name: _no_signal(path, f'{kind} "{name}"', name, each, columns[name])
+        for name, each in arrays.items()
+        if columns[name] != [None]
+    }
+    return Contents(path, kind, listed, load, refusals)
+
+
+def _name(array: str, column: int | None) -> str:
+    return array if column is None else f"{array}:{column + 1}".lstrip(":")
+
+
+def _columns_of(shape: tuple[int, ...], dtype: np.dtype) -> list[int | None]:
+    """The channels in an array of this shape: none, itself (None), or its columns."""
+    lengths = [length for length in shape if length != 1]
+    if dtype.kind not in _KINDS or not lengths or 0 in lengths or len(lengths) > 2:
+        return []
+    return [None] if len(lengths) == 1 else list(range(min(lengths)))
+
+
+def _signal(values: NDArray, column: int | None) -> NDArray:
+    if column is None:
+        return values.reshape(-1)
+    matrix = values.squeeze()
+    return matrix[:, column] if matrix.shape[0] >= matrix.shape[1] else matrix[column]
+
+
+def _path(name: str) -> tuple[str, ...]:
+    return tuple(part for part in re.split(r"[/.]", name) if part)
+
+
+def _stated_rates(
+    numbers: Mapping[str, Any], units: Mapping[str, str]
+) -> dict[str, tuple[float, str]]:
+    """Every sampling rate in a file by its path: its value (Hz) and what is wrong with it."""
+    rates = {}
+    for name, value in numbers.items():
+        parts = _path(name)
+        if not parts or parts[-1].lower() not in RATE_NAMES:
+            continue
+        array = value if hasattr(value, "dtype") else np.asarray(value)
+        if int(np.prod(array.shape)) != 1 or array.dtype.kind not in "fiu":
+            continue
+        unit = units.get(name, "").strip()
+        rate = float(np.asarray(array[()]).reshape(-1)[0]) * _HERTZ.get(unit, 1.0)
+        problem = ""
+        if unit not in _HERTZ:
+            problem = f'its "{name}" is in the unit "{unit}", which is not known'
+        elif not (np.isfinite(rate) and rate > 0):
+            problem = f'its "{name}" is {rate:g} Hz'
+        rates[name] = (rate, problem)
+    return rates
+
+
+def _rate_of(name: str, rates: Mapping[str, tuple[float, str]]) -> tuple[float | None, str]:
+    """The sampling rate of the nearest group around an array, or why there is none."""
+    own = _path(name)
+    for depth in range(len(own), -1, -1):
+        here = {key: rate for key, rate in rates.items() if _path(key)[:-1] == own[:depth]}
+        if not here:
+            continue
+        problems = [problem for _, problem in here.values() if problem]
+        values = {rate for rate, _ in here.values()}
+        if problems:
+            return None, problems[0]
+        if len(values) > 1:
+            stated = " and ".join(f'"{key}" {rate:g} Hz' for key, (rate, _) in here.items())
+            return None, f"it states {stated}"
+        return values.pop(), ""
+    if rates:
+        key, (rate, _) = next(iter(rates.items()))
+        return None, f'its "{key}" states {rate:g} Hz for another group than that of "{name}"'
+    return None, ""
+
+
+def _no_signal(
+    path: Path, place: str, name: str, array: StoredArray, columns: Sequence[int | None]
+) -> InputError:
+    size = " x ".join(str(length) for length in array.shape) or "a single number"
+    if columns:
+        problem = f"it is a matrix, {size}, where one signal is needed"
+        remedy = f"add the number of the column, from {name}:1 to {name}:{len(columns)}"
+    else:
+        problem = f"it is no signal but {size}"
+        problem += "" if array.dtype.kind in _KINDS else " of text or objects"
+        remedy = "choose an array of numbers with one value a sample"
+    return InputError(str(path), problem, remedy, place)

@@ -2,59 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import (
-    Channel,
-    Reference,
-    find_channel,
-    library,
-    refuse_unreadable,
-)
-from evopem.signals.timestamps import seconds_of
+from evopem.signals.readers.channels import Channel, Contents, library, refuse_unreadable
+from evopem.signals.time_units import seconds_of
 
 
-def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
-    """Read channels by ``group/channel``, by the channel's name where it is unique, or by number.
+@contextmanager
+def opened(path: Path) -> Iterator[Contents]:
+    """The channels of a file, ``group/channel``, also known without the group.
 
     The sampling rate comes from the waveform property ``wf_increment`` (in the unit of
     ``wf_xunit_string``), the unit from ``unit_string``, the start from ``wf_start_time`` and
     ``wf_start_offset``.
     """
-    stored = _stored(path)
-    full_names = _full_names(stored)
-    short_names = [channel.name for channel in stored]
-    channels = []
-    for reference in references:
-        short = reference in short_names and reference not in full_names
-        index = find_channel(path, reference, short_names if short else full_names, "channel")
-        channel = stored[index]
-        rate, problem = _sampling_rate(channel.properties)
-        channels.append(
-            Channel(
-                name=channel.name,
-                values=np.asarray(channel[:]),
-                unit=str(channel.properties.get("unit_string", "")),
-                sampling_rate=rate,
-                rate_problem=problem,
-                start=_start(channel.properties),
-            )
-        )
-    return channels
-
-
-def names(path: Path) -> list[str]:
-    """``group/channel`` of all channels in the order of their numbers."""
-    return _full_names(_stored(path))
-
-
-def _stored(path: Path) -> list[Any]:
-    """All channels of a file."""
     nptdms = library("nptdms", path)
     try:
         content = nptdms.TdmsFile.read(path)
@@ -65,11 +32,20 @@ def _stored(path: Path) -> list[Any]:
         refuse_unreadable(path, "TDMS file")
     if incomplete:
         raise InputError(str(path), "the file breaks off", "copy or export it again")
-    return stored
+
+    def load(indices: Sequence[int]) -> list[Channel]:
+        return [_channel(stored[index]) for index in indices]
+
+    names = [(f"{each.group_name}/{each.name}", each.name) for each in stored]
+    yield Contents(path, "channel", names, load)
 
 
-def _full_names(stored: Sequence[Any]) -> list[str]:
-    return [f"{channel.group_name}/{channel.name}" for channel in stored]
+def _channel(stored: Any) -> Channel:
+    properties = stored.properties
+    rate, problem = _sampling_rate(properties)
+    unit = str(properties.get("unit_string", ""))
+    values = np.asarray(stored[:])
+    return Channel(stored.name, values, unit, rate, problem, _start(properties))
 
 
 def _sampling_rate(properties: Mapping[str, Any]) -> tuple[float | None, str]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
@@ -13,16 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import Channel, Reference, find_channel, library
+from evopem.signals.readers.channels import Channel, Contents, Reference, library
 from evopem.signals.readers.text_dialect import (
+    COMMENT_MARKS,
     Dialect,
+    Lines,
+    Row,
     choose_dialect,
     is_date,
+    read_lines,
     refuse_ambiguous_thousands,
     refuse_split_decimals,
 )
 from evopem.signals.readers.text_heading import Heading, find_heading
-from evopem.signals.readers.text_lines import COMMENT_MARKS, Lines, Row, read_lines
 
 SAMPLED_ROWS = 200
 """At most about this many rows decide on separator, decimal mark and number of columns."""
@@ -30,54 +33,23 @@ SAMPLED_ROWS = 200
 LONGEST_PREAMBLE = 50
 """Up to this line, what is no number may belong to a preamble that was taken for samples."""
 
+_MISSING = ("", "nan", "+nan", "-nan")
+"""What a field of a missing sample holds, in lower case."""
 
-def read(
+
+@contextmanager
+def opened(
     path: Path,
-    references: Sequence[Reference],
+    references: Sequence[Reference] = (),
     header_lines: int | None = None,
     decimal_mark: str | None = None,
-) -> list[Channel]:
-    """Read columns of a text table by their number or their heading.
+) -> Iterator[Contents]:
+    """The columns of a table; dates come as datetime64, missing numbers as NaN.
 
     The number of lines above the first row of numbers is found where ``header_lines`` does not
-    state it, and a row above that may be a sample is refused; an ambiguous decimal mark is refused
-    where it is not stated. Dates come as datetime64.
+    state it, and a row above that may be a sample is refused, as an ambiguous decimal mark is where
+    it is not stated. The names that are asked for help to find the headings.
     """
-    table = _table(path, references, header_lines, decimal_mark)
-    dialect, data, columns = table.dialect, table.data, table.names
-    places = [_find_column(path, reference, columns) for reference in references]
-    taken = _columns(path, data, dialect, len(columns), places)
-    channels = []
-    for place, fields in zip(places, taken, strict=True):
-        if decimal_mark is None:
-            refuse_ambiguous_thousands(path, fields, dialect, place)
-        values = _values(path, fields, dialect, data, place)
-        _refuse_row_numbers(path, values, columns, place)
-        channels.append(Channel(columns[place], values, table.units[place]))
-    return channels
-
-
-def names(path: Path) -> list[str]:
-    """Headings of all columns in their order; empty texts for columns without one."""
-    return _table(path, [], None, None).names
-
-
-@dataclass(frozen=True)
-class _Table:
-    """The rows of numbers of a text table, and what stands above its columns."""
-
-    dialect: Dialect
-    data: Sequence[Row]
-    names: list[str]
-    units: list[str]
-
-
-def _table(
-    path: Path,
-    references: Sequence[Reference],
-    header_lines: int | None,
-    decimal_mark: str | None,
-) -> _Table:
     lines = read_lines(path)
     sample = _lower_half(lines.rows)
     dialect = choose_dialect(sample, lines.separator, decimal_mark)
@@ -92,7 +64,20 @@ def _table(
     closed = width > 1 and (not names or not names[-1]) and _ends_empty(sample, dialect, width)
     columns = width - closed
     names, units = (names or [""] * width)[:columns], (units or [""] * width)[:columns]
-    return _Table(dialect, data, names, units)
+
+    def load(places: Sequence[int]) -> list[Channel]:
+        channels = []
+        for place, fields in zip(
+            places, _columns(path, data, dialect, columns, places), strict=True
+        ):
+            if decimal_mark is None:
+                refuse_ambiguous_thousands(path, fields, dialect, place)
+            values = _values(path, fields, dialect, data, place)
+            _refuse_row_numbers(path, values, names, place)
+            channels.append(Channel(names[place], values, units[place]))
+        return channels
+
+    yield Contents(path, "column", [(name,) for name in names], load)
 
 
 def _lower_half(rows: Sequence[Row]) -> list[Row]:
@@ -173,17 +158,6 @@ def _may_be_sample(line: str, dialect: Dialect, width: int, below: bool) -> bool
     return len(fields) == width and (below or any(map(dialect.is_value, fields[1:])))
 
 
-def _find_column(path: Path, reference: Reference, names: Sequence[str]) -> int:
-    if isinstance(reference, str) and not any(names):
-        raise InputError(
-            str(path),
-            f'there is no column "{reference}", because the table has no header with a name for'
-            f" each of its {len(names)} columns",
-            f"give the number of the column, 1 to {len(names)}",
-        )
-    return find_channel(path, reference, names, "column")
-
-
 def _columns(
     path: Path, rows: Sequence[Row], dialect: Dialect, width: int, columns: Sequence[int]
 ) -> list[list[str]]:
@@ -211,36 +185,34 @@ def _columns(
 def _values(
     path: Path, fields: list[str], dialect: Dialect, rows: Sequence[Row], column: int
 ) -> NDArray:
-    """The fields of one column as finite numbers, or as dates when the first one is a date."""
+    """The fields of one column as numbers, or as dates when the first one is a date."""
     if is_date(fields[0]) and not dialect.is_number(fields[0]):
         return _dates(path, fields, rows, column)
-    try:
-        # Python takes an underscore between digits for part of a number.
-        if any("_" in text for text in fields):
-            raise ValueError
-        # With a decimal comma, a point is no part of a number.
-        if dialect.decimal_mark == "," and any("." in text for text in fields):
-            raise ValueError
-        plain = fields
-        if dialect.decimal_mark == ",":
-            plain = [dialect.number(text) for text in fields]
-        values = np.array([float(text) for text in plain])
-    except ValueError:
-        for index, text in enumerate(fields):
-            if not dialect.is_number(text):
-                _refuse_field(path, text, dialect, rows[index][0], column)
-        values = np.array([float(dialect.number(text)) for text in fields])
-    finite = np.isfinite(values)
-    if not finite.all():
-        first = int(np.argmin(finite))
-        _refuse_field(path, fields[first], dialect, rows[first][0], column)
+    comma = dialect.decimal_mark == ","
+    plain = [dialect.number(text) for text in fields] if comma else fields
+    # Python takes an underscore between digits for part of a number.
+    doubtful = any("_" in text or (comma and "." in text) for text in fields)
+    with suppress(ValueError):
+        if not doubtful:
+            values = np.array([float(text) for text in plain])
+            if np.isfinite(values).all():
+                return values
+    values = np.full(len(fields), np.nan)
+    for index, ((line, _), text) in enumerate(zip(rows, fields, strict=True)):
+        if text.strip().lower() in _MISSING:
+            continue
+        if dialect.is_number(text):
+            values[index] = float(dialect.number(text))
+        # Infinity may be what an instrument wrote; that of digits is damage.
+        if np.isnan(values[index]) or (np.isinf(values[index]) and any(map(str.isdigit, text))):
+            _refuse_field(path, text, dialect, line, column)
     return values
 
 
 def _refuse_field(path: Path, text: str, dialect: Dialect, line: int, column: int) -> NoReturn:
     shown = text.strip()
     other = "." if dialect.decimal_mark == "," else ","
-    problem = f'"{shown[:40]}" is not a finite number' if shown else "the field is empty"
+    problem = f'"{shown[:40]}" is not a finite number'
     if other in shown and dialect.is_number(shown.replace(other, "")):
         problem += f' with a decimal "{dialect.decimal_mark}"'
     remedy = "repair or remove that sample"

@@ -10,8 +10,7 @@ from typing import NoReturn
 
 from evopem.errors import InputError
 from evopem.signals.readers.channels import Reference
-from evopem.signals.readers.text_dialect import Dialect
-from evopem.signals.readers.text_lines import COMMENT_MARKS, Lines, Row
+from evopem.signals.readers.text_dialect import COMMENT_MARKS, Dialect, Lines, Row
 
 _NO_VALUE = {
     "-", "--", "---", "?", "*", "n/a", "na", "nan", "nil", "none", "null", "missing", "invalid",

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import (
-    Channel,
-    Reference,
-    find_channel,
-    library,
-    listing,
-    refuse_unreadable,
-)
-from evopem.signals.timestamps import sampling_rate_of
+from evopem.signals.readers.channels import Channel, Contents, library, refuse_unreadable
+from evopem.signals.timestamps import timing
 
 _NAME_FIELDS = ("id1", "id2", "id3", "id4", "id5", "rsp_ent_name", "ordinate_axis_lab")
 _DIRECTIONS = {1: "X+", -1: "X-", 2: "Y+", -2: "Y-", 3: "Z+", -3: "Z-"}
@@ -25,38 +19,20 @@ _TIME_FUNCTIONS = (0, 1)  # general, or not stated; time response
 _FREQUENCY_AXIS = 18
 
 
-def read(path: Path, references: Sequence[Reference]) -> list[Channel]:
-    """Read time records by number among the datasets of type 58, or by name.
+@contextmanager
+def opened(path: Path) -> Iterator[Contents]:
+    """The time records among the datasets of type 58, by number among these or by name.
 
     A name is any of the five identification lines, the response entity's name, the
     ordinate's label, or node and direction as in ``12:Z+``; it must mean one dataset only.
     The sampling rate comes from the abscissa.
     """
-    file, sets, known = _datasets(path)
-    channels = []
-    for reference in references:
-        index = _find_dataset(path, reference, known)
-        try:
-            dataset = file.read_sets(sets[index])
-        except Exception:
-            refuse_unreadable(path, "universal file")
-        channels.append(_channel(path, dataset, index + 1, known[index]))
-    return channels
-
-
-def names(path: Path) -> list[str]:
-    """The most telling name of each dataset of type 58, in the order of their numbers."""
-    return [every[0] for every in _datasets(path)[2]]
-
-
-def _datasets(path: Path) -> tuple[Any, list[int], list[list[str]]]:
-    """The file, the positions of its datasets of type 58, and all names of each."""
     pyuff = library("pyuff", path)
     _refuse_broken_off(path)
     try:
         file = pyuff.UFF(str(path))
         sets = [index for index, kind in enumerate(file.get_set_types()) if kind == 58]
-        headers = [file.read_sets(index, header_only=True) for index in sets]
+        names = [_names_of(file.read_sets(index, header_only=True)) for index in sets]
     except Exception:
         # pyuff raises bare Exception, whatever is wrong.
         refuse_unreadable(path, "universal file")
@@ -64,7 +40,18 @@ def _datasets(path: Path) -> tuple[Any, list[int], list[list[str]]]:
         raise InputError(
             str(path), "holds no dataset of type 58", "export the time records as dataset 58"
         )
-    return file, sets, [_names_of(header) for header in headers]
+
+    def load(indices: Sequence[int]) -> list[Channel]:
+        channels = []
+        for index in indices:
+            try:
+                dataset = file.read_sets(sets[index])
+            except Exception:
+                refuse_unreadable(path, "universal file")
+            channels.append(_channel(path, dataset, index + 1, names[index][0]))
+        return channels
+
+    yield Contents(path, "dataset", names, load)
 
 
 def _refuse_broken_off(path: Path) -> None:
@@ -82,30 +69,16 @@ def _refuse_broken_off(path: Path) -> None:
         )
 
 
-def _names_of(header: Mapping[str, Any]) -> list[str]:
+def _names_of(header: Mapping[str, Any]) -> tuple[str, ...]:
     """All names of a dataset, the most telling one first."""
     texts = [str(header.get(field, "")).strip() for field in _NAME_FIELDS]
     names = [text for text in texts if text and text.upper() != "NONE"]
     direction = _DIRECTIONS.get(header.get("rsp_dir", 0), "")
-    return [*names, f"{header.get('rsp_node', 0)}:{direction}"]
+    return (*names, f"{header.get('rsp_node', 0)}:{direction}")
 
 
-def _find_dataset(path: Path, reference: Reference, names: Sequence[Sequence[str]]) -> int:
-    if not isinstance(reference, str):
-        return find_channel(path, reference, [every[0] for every in names], "dataset")
-    # A dataset is listed under the name that was asked for, if it has it, else under its first.
-    shown = [reference if reference in every else every[0] for every in names]
-    if reference not in shown:
-        raise InputError(
-            str(path),
-            f'there is no dataset "{reference}"',
-            f"choose one of {listing([every[0] for every in names])}",
-        )
-    return find_channel(path, reference, shown, "dataset")
-
-
-def _channel(path: Path, dataset: Mapping[str, Any], number: int, names: Sequence[str]) -> Channel:
-    place = f'dataset {number} "{names[0]}"'
+def _channel(path: Path, dataset: Mapping[str, Any], number: int, name: str) -> Channel:
+    place = f'dataset {number} "{name}"'
     values = np.asarray(dataset["data"])
     in_time = dataset.get("abscissa_spec_data_type") != _FREQUENCY_AXIS
     if dataset.get("func_type") not in _TIME_FUNCTIONS or not in_time or np.iscomplexobj(values):
@@ -125,7 +98,7 @@ def _channel(path: Path, dataset: Mapping[str, Any], number: int, names: Sequenc
         problem = "" if rate else f"the increment of its abscissa is {increment:g} s"
     else:
         start = float(dataset["x"][0])
-        rate = sampling_rate_of(np.asarray(dataset["x"]), str(path), place, unit="s")
+        rate = timing(np.asarray(dataset["x"]), str(path), place, unit="s").rate
     unit = str(dataset.get("ordinate_axis_units_lab", "")).strip()
     unit = "" if unit.upper() == "NONE" else unit
-    return Channel(names[0], values, unit, rate, problem, start)
+    return Channel(name, values, unit, rate, problem, start)
