@@ -15,7 +15,7 @@ from browsing import (
     thousand,
 )
 
-from evopem.figures import draw_all
+from evopem.figures import svg_texts
 from evopem.report import build_report
 
 __all__ = ["browser", "comparison", "hostile", "index", "report", "several", "summary", "thousand"]
@@ -27,14 +27,9 @@ def results(identified):
 
 
 @pytest.fixture(scope="session")
-def draw(tmp_path_factory):
+def draw():
     """Function that draws the figures of results: SVG texts by name."""
-
-    def drawn(results):
-        files = draw_all(results, tmp_path_factory.mktemp("figures"))
-        return {file.stem: file.read_text(encoding="utf-8") for file in files}
-
-    return drawn
+    return svg_texts
 
 
 @pytest.fixture(scope="session")

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from evopem.figures import frequency_domain, orders, time_domain
 from evopem.figures.chart import ReportFigure, nothing
 from evopem.figures.draw import draw
-from evopem.figures.style import save_svg, svg_text
+from evopem.figures.style import svg_text
 from evopem.figures.view import Results, View, view_of
 from evopem.results.layout import FIGURES
 
@@ -18,6 +16,7 @@ _BY_NAME = {
 }
 REPORT_FIGURES: tuple[ReportFigure, ...] = tuple(_BY_NAME[name] for name in FIGURES)
 """The figures in the order of :data:`evopem.results.layout.FIGURES`."""
+_NOT_OF_MODEL = nothing("This figure does not apply to the model.")
 
 
 def figure_of(name: str) -> ReportFigure:
@@ -26,25 +25,9 @@ def figure_of(name: str) -> ReportFigure:
 
 
 def svg_texts(results: Results | View) -> dict[str, str]:
-    """Every figure that applies to the results of one data set as SVG, by name."""
+    """Every figure of one data set as SVG by name, with a sentence where one does not apply."""
     view = view_of(results)
     return {
-        figure.name: svg_text(draw(figure.chart(view)))
+        figure.name: svg_text(draw(figure.chart(view) if figure.applies(view) else _NOT_OF_MODEL))
         for figure in REPORT_FIGURES
-        if figure.applies(view)
     }
-
-
-def draw_all(results: Results | View, directory: Path) -> list[Path]:
-    """Draw every figure of one data set, with a sentence where one does not apply."""
-    view, files = view_of(results), []
-    for figure in REPORT_FIGURES:
-        chart = (
-            figure.chart(view)
-            if figure.applies(view)
-            else nothing("This figure does not apply to the model.")
-        )
-        file = directory / f"{figure.name}.svg"
-        save_svg(draw(chart), file)
-        files.append(file)
-    return files

@@ -20,9 +20,7 @@ from evopem.figures.style import (
     PAPER,
     WIDTH,
     Grid,
-    decimate,
     extremes,
-    figure_of,
     logarithmic,
     power_of_ten,
     say_nothing_to_draw,
@@ -92,7 +90,7 @@ def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         place.tick_params(labelbottom=last or panel.linked == "")
     for place in places[len(chart.panels) :]:
         place.set_axis_off()
-    return figure_of(places[0])
+    return places[0].figure  # type: ignore[return-value] # or a part of one, which is like it
 
 
 def folded(label: str, width: int = 26) -> str:
@@ -150,7 +148,8 @@ def _draw_curve(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins
         axes.step(x, y, where="post", color=colour, linewidth=1.4, marker="o", label=label)
     else:
         if not curve.marker and panel.plane != "complex":
-            x, y = decimate(x, y, bins)
+            kept = extremes(y, bins)
+            x, y = x[kept], y[kept]
         axes.plot(
             *(x, y),
             color=colour,

@@ -132,8 +132,10 @@ def frequency_response(view: View) -> Chart:
             curves = [Curve("coherence", "coherence", "muted", where=where)]
             title = "" if single else f"{output.name}: coherence with all inputs"
             panels.append(_panel(view, title, "Coherence", curves, 110, limits=(0, 1.05)))
-    table = view.frequency_response
-    return Chart(table[table["frequency_hz"] > 0], tuple(panels), columns_of(view, len(view.pairs)))
+    table = view.frequency_response[view.frequency_response["frequency_hz"] > 0]
+    if view.has_input and not single:
+        table = table[table["source"] != "noise filter"]  # room for the responses that are drawn
+    return Chart(table, tuple(panels), columns_of(view, len(view.pairs)))
 
 
 def nyquist(view: View) -> Chart:

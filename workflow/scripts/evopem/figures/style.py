@@ -149,11 +149,6 @@ class Grid:
         return given
 
 
-def figure_of(axes: Axes) -> Figure:
-    """The figure that axes stand on."""
-    return axes.figure  # type: ignore[return-value] # or a part of one, which is like it
-
-
 def new_figure(height: float, width: float = WIDTH) -> Figure:
     """Return an empty figure, sizes in inches, that pyplot does not keep."""
     from matplotlib.figure import Figure
@@ -221,14 +216,6 @@ def extremes(y: ArrayLike, bins: int = 1000) -> NDArray[np.intp]:
             kept.append(start + int(low[start:stop].argmin()))
             kept.append(start + int(high[start:stop].argmax()))
     return np.unique(np.asarray(kept, dtype=np.intp))
-
-
-def decimate(
-    x: ArrayLike, y: ArrayLike, bins: int = 1000
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Reduce a long series to the extremes of each bin; see `extremes`."""
-    kept = extremes(y, bins)
-    return np.asarray(x, dtype=float)[kept], np.asarray(y, dtype=float)[kept]
 
 
 def stems(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -57,7 +57,8 @@ def measured_and_simulated(view: View) -> Chart:
     panels = tuple(
         Panel(
             "" if view.is_single else output.name,
-            *("time_s", VALIDATION_TIME, output.label if view.is_single else output.prepared_unit),
+            *("time_s", VALIDATION_TIME if count == 1 else TIME),
+            output.label if view.is_single else output.prepared_unit,
             (
                 Curve("measured", f"output_{output.name}", "ink"),
                 Curve(computed, f"{computed}_{output.name}", "error", dashed=True),

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from evopem.figures import draw_all
+from evopem.figures import svg_texts
 from evopem.figures.comparison import Comparison
 from evopem.figures.view import Results
 from evopem.files.atomic import write_page, write_text
@@ -21,7 +21,8 @@ from evopem.results.layout import FIGURES, DatasetFiles
 
 def draw_figures(files: DatasetFiles) -> None:
     """Draw every figure of one data set from its results."""
-    draw_all(read_results(files), Path(files.figures[0]).parent)
+    for name, text in svg_texts(read_results(files)).items():
+        write_text(files.figure(name), text)
 
 
 def commit_of(workflow: Path) -> str:

@@ -8,9 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median, stdev
+from typing import Any
 from urllib.parse import quote
 
-from evopem.report.numbers import THIN, number, to_its_error
+from evopem.report.numbers import THIN, number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.followed_modes import NORMAL_95, FollowedMode, group_of
@@ -19,24 +20,6 @@ from evopem.results.followed_modes import NORMAL_95, FollowedMode, group_of
 WIDTH, HEIGHT, DEEPEST = 120, 30, 80.0
 # Size of the chart of a followed mode; with fewer recordings it says no more than the table.
 CHART_WIDTH, CHART_HEIGHT, EDGE, FEWEST = 640, 90, 4, 3
-
-
-@dataclass(frozen=True)
-class ListedMode:
-    """A mode of a row; its text has the digits that its standard error leaves."""
-
-    frequency_hz: float
-    text: str
-    trusted: bool
-
-
-@dataclass(frozen=True)
-class Sparkline:
-    """The gain of a model as a small plot."""
-
-    path: str  # of the gain, in SVG
-    marks: list[str]  # abscissae of the trusted modes
-    label: str  # description for screen readers
 
 
 @dataclass(frozen=True)
@@ -49,29 +32,17 @@ class IndexRow:
     # empty where there is none.
     href: str
     problem: str = ""  # why the results are not complete; empty where they are
-    orders: str = ""
-    prediction_error_percent: float = math.nan  # naN where not known
-    simulation_error_percent: float = math.nan
-    passed: int = 0  # numbers of checks
-    failed: int = 0
-    not_judged: int = 0
-    # Names of the checks that failed or could not be judged, and of those that failed.
-    concerns: tuple[str, ...] = ()
-    failed_checks: tuple[str, ...] = ()
-    modes: tuple[ListedMode, ...] = ()  # by frequency
-    sparkline: Sparkline | None = None
-
-    @property
-    def frequencies(self) -> list[float]:
-        """Natural frequencies in Hz."""
-        return [mode.frequency_hz for mode in self.modes]
+    summary: DatasetSummary | None = None
+    gain: dict[str, Any] | None = None  # the gain of the model as a small plot
 
     @property
     def rank(self) -> tuple[bool, int, int, float, str]:
         """Rows with a smaller rank come first."""
-        error = self.simulation_error_percent
+        if self.summary is None:
+            return (False, 0, 0, 0.0, self.name)
+        error, unknown = self.summary.simulation_error_percent, self.summary.n_checks(passed=None)
         severity = math.inf if math.isnan(error) else error
-        return (not self.problem, -self.failed, -self.not_judged, -severity, self.name)
+        return (True, -len(self.summary.failed), -unknown, -severity, self.name)
 
 
 def build_index(
@@ -105,36 +76,14 @@ def build_index(
 
 def _row(name: str, entry: Entry, page: str) -> IndexRow:
     folder, group = quote(name, safe=""), group_of(name)
-    if not isinstance(entry, DatasetSummary):
-        href = f"{folder}/{quote(entry.log)}" if entry.log else ""
-        return IndexRow(name, group, href, problem=entry.problem)
-    modes = tuple(
-        ListedMode(
-            mode.frequency_hz, to_its_error(mode.frequency_hz, mode.frequency_se_hz), trusted
-        )
-        for mode, trusted in zip(entry.modes, entry.trusted, strict=True)
-    )
-    return IndexRow(
-        name,
-        group,
-        f"{folder}/{page}",
-        orders=entry.model,
-        prediction_error_percent=entry.prediction_error_percent,
-        simulation_error_percent=entry.simulation_error_percent,
-        passed=entry.n_checks(passed=True),
-        failed=len(entry.failed),
-        not_judged=entry.n_checks(passed=None),
-        concerns=tuple(check.name for check in entry.checks if check.passed is not True),
-        failed_checks=tuple(check.name for check in entry.failed),
-        modes=modes,
-        sparkline=_sparkline(entry.gain_db, modes, entry.sampling_rate / 2),
-    )
+    if isinstance(entry, DatasetSummary):
+        return IndexRow(name, group, f"{folder}/{page}", summary=entry, gain=_gain(entry))
+    return IndexRow(name, group, f"{folder}/{quote(entry.log)}" if entry.log else "", entry.problem)
 
 
-def _sparkline(
-    gain_db: Sequence[float], modes: Sequence[ListedMode], highest: float
-) -> Sparkline | None:
+def _gain(summary: DatasetSummary) -> dict[str, Any] | None:
     """The gain over frequency, from its largest value down to at most :data:`DEEPEST` below."""
+    gain_db, highest = summary.gain_db, summary.sampling_rate / 2
     known = [gain for gain in gain_db if math.isfinite(gain)]
     if len(known) < 2:
         return None
@@ -149,11 +98,11 @@ def _sparkline(
         points.append(f"{x:.0f} {y:.1f}".replace(".0", ""))
     marks = [
         f"{WIDTH * mode.frequency_hz / highest:.1f}"
-        for mode in modes
-        if mode.trusted and mode.frequency_hz < highest
+        for mode, trusted in zip(summary.modes, summary.trusted, strict=True)
+        if trusted and mode.frequency_hz < highest
     ]
     label = f"Gain from 0 to {number(highest)} Hz, from {top:.0f} down to {bottom:.0f} dB"
-    return Sparkline("M" + "L".join(points), marks, label.replace("-", "−"))
+    return {"path": "M" + "L".join(points), "marks": marks, "label": label.replace("-", "−")}
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FILTERS = ("number", "fixed", "percent", "count", "raw", "standard_error", "hertz")
 WORDS = (
     *("number", "count", "with_error", "root", "hertz", "enumeration", "plural", "times"),
-    *("p_value", "superscript"),
+    *("p_value", "superscript", "to_its_error"),
 )
 
 
