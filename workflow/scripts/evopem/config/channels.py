@@ -98,11 +98,6 @@ class ChannelSettings:
         """Whether there is one output, which no pattern stands for."""
         return len(self.outputs) == 1 and not is_pattern(self.outputs[0])
 
-    @property
-    def has_one_input(self) -> bool:
-        """Whether there is one input, which no pattern stands for."""
-        return len(self.inputs) == 1 and not is_pattern(self.inputs[0])
-
 
 def listed(value: Any) -> tuple[Any, ...]:
     """Channels or paths of a list, of one of them, or of none."""

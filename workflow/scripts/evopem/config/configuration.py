@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
@@ -75,19 +75,24 @@ def order_of(
     conditions: Mapping[str, Mapping[str, float | str]], follow: str, source: str
 ) -> Positions:
     """Order recordings by one of their conditions, which all have, as numbers or as dates."""
-    values = {}
     for name, own in conditions.items():
         if follow not in own:
-            raise InputError(
-                source,
-                f"{name} has no condition {follow}, which `follow` names",
-                f"give it, as conditions: {{{follow}: 21.5}}, or correct `follow`",
-                f"datasets.{name}.conditions",
-            )
-        values[name] = own[follow]
+            problem = f"{name} has no condition {follow}, which `follow` names"
+            remedy = f"give it, as conditions: {{{follow}: 21.5}}, or correct `follow`"
+            raise InputError(source, problem, remedy, f"datasets.{name}.conditions")
+    values = {name: own[follow] for name, own in conditions.items()}
     if not any(isinstance(value, str) for value in values.values()):
         return Positions(follow, {name: float(value) for name, value in values.items()})
-    dates = {name: _date(value, source, name, follow) for name, value in values.items()}
+    dates = {}
+    for name, value in values.items():
+        try:
+            date = datetime.fromisoformat(str(value))
+        except ValueError:
+            problem = f"{value} is no date, and the condition of another data set is no number"
+            remedy = "write all as numbers or all as dates such as 2026-03-01T12:30"
+            place = f"datasets.{name}.conditions.{follow}"
+            raise InputError(source, problem, remedy, place) from None
+        dates[name] = date if date.tzinfo else date.replace(tzinfo=UTC)
     first = min(dates.values())
     days = {name: (date - first).total_seconds() / 86_400.0 for name, date in dates.items()}
     return Positions(f"{follow} (days since {first:%Y-%m-%d %H:%M})", days)
@@ -96,20 +101,6 @@ def order_of(
 def positions(content: Mapping[str, Any]) -> Positions | None:
     """The order of the recordings from a rule's parameters; None where they are empty."""
     return Positions(content["name"], dict(content["places"])) if content else None
-
-
-def _date(value: float | str, source: str, name: str, follow: str) -> datetime:
-    """A date in ISO 8601; without a time zone it is taken for UTC."""
-    try:
-        date = datetime.fromisoformat(str(value))
-    except ValueError:
-        raise InputError(
-            source,
-            f"{value} is no date, and the condition of another data set is no number",
-            "write all as numbers or all as dates such as 2026-03-01T12:30",
-            f"datasets.{name}.conditions.{follow}",
-        ) from None
-    return date if date.tzinfo else date.replace(tzinfo=UTC)
 
 
 @dataclass(frozen=True)
@@ -136,7 +127,6 @@ SECONDS_OF_A_BATCH = 120.0
 LEAST_BATCHES = 16
 """So many batches, or one for each recording, keep the cores busy to the end of a run."""
 
-
 MANY = 10
 """From so many data sets on, one job takes a recording through all stages where nothing is said."""
 
@@ -155,22 +145,14 @@ def with_jobs(run: RunSettings, datasets: int) -> RunSettings:
 
 def check_batches(run: RunSettings, source: str) -> None:
     """Refuse several recordings a job where the other keys leave no such job."""
-    if run.recordings_per_job is None:
-        return
-    if run.one_job_per == "stage":
-        raise InputError(
-            source,
-            "a job of several recordings runs all stages of each",
-            "write one_job_per: recording, or remove the key",
-            "recordings_per_job",
-        )
-    if run.report != "none":
-        raise InputError(
-            source,
-            "a job of several recordings makes no reports",
-            "write report: none, or remove the key",
-            "recordings_per_job",
-        )
+    for wrong, problem, remedy in (
+        (run.one_job_per == "stage", "runs all stages of each", "one_job_per: recording"),
+        (run.report != "none", "makes no reports", "report: none"),
+    ):
+        if wrong and run.recordings_per_job is not None:
+            problem = f"a job of several recordings {problem}"
+            remedy = f"write {remedy}, or remove the key"
+            raise InputError(source, problem, remedy, "recordings_per_job")
 
 
 def batches_of(
@@ -184,23 +166,13 @@ def batches_of(
     """
     if per_job is None:
         return {}
-    names = list(datasets)
-    if per_job == "auto":
-        divided = list(_by_work(datasets))
-    else:
-        divided = [tuple(names[at : at + per_job]) for at in range(0, len(names), per_job)]
-    return {str(number): batch for number, batch in enumerate(divided, start=1)}
-
-
-def _by_work(datasets: Mapping[str, DatasetSettings]) -> Iterator[tuple[str, ...]]:
-    most = max(1, len(datasets) // LEAST_BATCHES)
-    batch: list[str] = []
+    most = max(1, len(datasets) // LEAST_BATCHES) if per_job == "auto" else per_job
+    batches: list[list[str]] = [[]]
     seconds = 0.0
     for name, settings in datasets.items():
-        batch.append(name)
+        if len(batches[-1]) >= most or (per_job == "auto" and seconds >= SECONDS_OF_A_BATCH):
+            batches.append([])
+            seconds = 0.0
+        batches[-1].append(name)
         seconds += recording_seconds(settings)
-        if seconds >= SECONDS_OF_A_BATCH or len(batch) >= most:
-            yield tuple(batch)
-            batch, seconds = [], 0.0
-    if batch:
-        yield tuple(batch)
+    return {str(number): tuple(batch) for number, batch in enumerate(batches, start=1)}

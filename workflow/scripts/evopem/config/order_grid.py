@@ -33,16 +33,16 @@ DELAY_REFINED_IN = "nb"
 
 def phases_of_dataset(settings: DatasetSettings) -> tuple[str, ...]:
     """The phases of a data set, in their order."""
-    if settings.automatic is not None:
-        return AUTOMATIC_PHASES
-    return phases_of(settings.order_grid.structure)
+    by_chapter = settings.automatic is None
+    return phases_of(settings.order_grid.structure) if by_chapter else AUTOMATIC_PHASES
 
 
 def phase_of_orders_of(settings: DatasetSettings) -> str:
-    """The phase of a data set with models of every plant order."""
+    """The phase of a data set with models of every plant order: the joint order, or nb for FIR."""
+    phases = phases_of_dataset(settings)
     if settings.automatic is not None:
-        return AUTOMATIC_PHASES[0]
-    return phase_of_orders(settings.order_grid.structure)
+        return phases[0]
+    return "joint" if "joint" in phases else "nb"
 
 
 def given_preparation(settings: DatasetSettings) -> dict[str, int | str | bool | None] | None:
@@ -62,11 +62,6 @@ def given_preparation(settings: DatasetSettings) -> dict[str, int | str | bool |
         "box_cox": automatic.box_cox_given,
         "rate_alone": not settings.is_single_channel,
     }
-
-
-def phase_of_orders(structure: str) -> str:
-    """The phase with models of every plant order: the joint order, or nb of an FIR model."""
-    return "joint" if "joint" in phases_of(structure) else "nb"
 
 
 def previous_phase(phase: str, structure: str) -> str | None:
@@ -192,30 +187,16 @@ def scoring_window(settings: DatasetSettings) -> ScoringWindow:
     nb + nk - 1. The loss starts ``search.n_initial_discard`` samples later: the unknown initial
     noise fits the first residuals.
     """
-    largest = _largest_orders(settings.order_grid)
-    degrees = [order for name, order in largest.items() if name not in ("nb", "nk")]
-    input_memory = largest.get("nb", 0) + largest.get("nk", 0) - 1
-    memory = max(*degrees, input_memory) if degrees else input_memory
+    grid = settings.order_grid
+    candidates = _largest_candidates(grid)
+    largest = {name: max(each[name] for each in candidates) for name in candidates[0]}
+    memory = largest.get("nb", 0) + (grid.delay.nk[1] if "nk" in largest else 0) - 1
+    memory = max(memory, *(order for name, order in largest.items() if name not in ("nb", "nk")), 0)
     return ScoringWindow(memory, memory + settings.search.n_initial_discard)
 
 
-def _largest_orders(grid: OrderGrid) -> CandidateOrders:
-    """The largest value that each order has in any candidate."""
-    phases = phases_of(grid.structure)
-    tops = [grid.delay.orders[1]] if "delay" in phases else []
-    if "joint" in phases:
-        tops.append(joint_range(grid.orders.joint, None)[1])
-    largest = joint_orders(max(tops), grid, grid.delay.nk[1])
-    for phase in phases:
-        if phase not in ("delay", "joint"):
-            largest[phase] = max(largest[phase], getattr(grid.orders, phase)[1])
-    return largest
-
-
-def sample_requirements(settings: DatasetSettings) -> SampleRequirements:
-    """Find what a record must have for the largest candidate of any phase."""
-    grid = settings.order_grid
-    window = scoring_window(settings)
+def _largest_candidates(grid: OrderGrid) -> list[CandidateOrders]:
+    """The largest candidates of the delay, of the joint order, and of the last phase."""
     phases = phases_of(grid.structure)
     candidates = []
     if "delay" in phases:
@@ -228,19 +209,24 @@ def sample_requirements(settings: DatasetSettings) -> SampleRequirements:
             upper = getattr(grid.orders, phase)[1]
             # The last phase may keep the joint number of coefficients of B.
             last[phase] = max(last[phase], upper) if phase == "nb" else upper
-    candidates.append(last)
+    return [*candidates, last]
+
+
+def sample_requirements(settings: DatasetSettings) -> SampleRequirements:
+    """Find what a record must have for the largest candidate of any phase."""
+    grid, window = settings.order_grid, scoring_window(settings)
+    candidates = _largest_candidates(grid)
+    last = candidates[-1]
+    counts = [
+        sum(order for name, order in each.items() if name != "nk") + each.get("nf", 0)
+        for each in candidates  # coefficients and plant states
+    ]
     states = last.get("nf", 0) + max(last.get("nc", 0), last.get("nd", 0))
     return SampleRequirements(
         loss_start=window.loss_start,
-        parameters=max(map(_estimated, candidates)) + int(grid.level),
+        parameters=max(counts) + int(grid.level),
         settling=window.residual_start + states,
     )
-
-
-def _estimated(orders: CandidateOrders) -> int:
-    """Number of coefficients and plant states."""
-    coefficients = sum(order for name, order in orders.items() if name != "nk")
-    return coefficients + orders.get("nf", 0)
 
 
 def check_samples(

@@ -7,7 +7,6 @@ import atexit
 import hashlib
 import json
 import os
-import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -15,8 +14,6 @@ from functools import cache
 from pathlib import Path
 
 _PACKAGE = "evopem"
-# A text that begins with the package, behind a quotation mark or a field of an f-string.
-_MODULE_AS_TEXT = re.compile(rf"[\"'}}]{_PACKAGE}\.")
 # Every start of Snakemake asks for all modules: what each imports is kept beside its bytecode.
 _KEPT = Path(__file__).parent / "__pycache__" / "imports.json"
 
@@ -61,12 +58,11 @@ def _content(file: Path) -> bytes:
 def _reached(script: Path, roots: tuple[Path, ...]) -> set[Path]:
     """Walk the imports from a script to every file of the project behind it."""
     reached: set[Path] = set()
-    waiting = list(_imports(script, roots))
+    waiting = [script]
     while waiting:
-        file = waiting.pop()
-        if file not in reached:
-            reached.add(file)
-            waiting.extend(_imports(file, roots))
+        new = _imports(waiting.pop(), roots) - reached
+        reached |= new
+        waiting.extend(new)
     return reached
 
 
@@ -74,22 +70,17 @@ def _reached(script: Path, roots: tuple[Path, ...]) -> set[Path]:
 def _imports(file: Path, roots: tuple[Path, ...]) -> frozenset[Path]:
     """Find the project's files that a file imports anywhere in it, its functions included."""
     home = next(root for root in roots if file.is_relative_to(root))
-    names = _imported_names(file, home)
-    return frozenset(found for name in names for root in roots for found in _files(name, root))
-
-
-@cache
-def _imported_names(file: Path, home: Path) -> tuple[str, ...]:
-    """The dotted names that a file imports, or may import."""
     kept, key = _kept_names(), f"{file.relative_to(home).as_posix()} {_content(file).hex()}"
     if key not in kept:
         if not _NEW and not sys.dont_write_bytecode:
             atexit.register(_keep)
-        kept[key] = _NEW[key] = sorted(_parsed_names(file, home))
-    return tuple(kept[key])
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        kept[key] = _NEW[key] = sorted(set(_names(tree, file.relative_to(home))))
+    return frozenset(found for name in kept[key] for root in roots for found in _files(name, root))
 
 
 _NEW: dict[str, list[str]] = {}
+"""The dotted names that files import, or may import, as this process found them."""
 
 
 @cache
@@ -113,43 +104,22 @@ def _keep() -> None:
         written.replace(_KEPT)
 
 
-def _parsed_names(file: Path, home: Path) -> set[str]:
-    text = file.read_text(encoding="utf-8")
-    # Expressions, which are most nodes, are read only where one names a module.
-    nodes = _run_nodes(ast.parse(text), with_expressions=_MODULE_AS_TEXT.search(text) is not None)
-    return {name for node in nodes for name in _names(node, file, home)}
-
-
-def _run_nodes(tree: ast.AST, with_expressions: bool) -> Iterator[ast.AST]:
-    """Walk a syntax tree, past what only a type checker reads."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.expr) and not with_expressions:
-            continue
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            continue
-        yield node
-        yield from _run_nodes(node, with_expressions)
-
-
-def _names(node: ast.AST, file: Path, root: Path) -> Iterator[str]:
-    """Name what one statement imports, and what it may import: `from a import b` is a or a.b."""
+def _names(node: ast.AST, file: Path) -> Iterator[str]:
+    """Name what a syntax tree imports, and what it may import: `from a import b` is a or a.b."""
+    if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+        return  # what only a type checker reads
     if isinstance(node, ast.Import):
         yield from (alias.name for alias in node.names)
     elif isinstance(node, ast.ImportFrom):
-        package = node.module or ""
-        if node.level:
-            parents = file.relative_to(root).parts[: -node.level]
-            package = ".".join((*parents, *filter(None, [node.module])))
-        yield package
-        yield from (f"{package}.{alias.name}" for alias in node.names)
-    elif (
-        isinstance(node, ast.Constant)
-        and isinstance(node.value, str)
-        and node.value.startswith(f"{_PACKAGE}.")
-    ):
+        above = file.parts[: -node.level] if node.level else ()
+        package = ".".join((*above, *filter(None, [node.module])))
+        yield from (package, *(f"{package}.{alias.name}" for alias in node.names))
+    elif isinstance(node, ast.Constant) and str(node.value).startswith(f"{_PACKAGE}."):
         # A module imported by `importlib` is named as text, or, where a part of its name is
         # known only when it runs, the text before that: `evopem.signals.readers.`.
-        yield node.value
+        yield str(node.value)
+    for inner in ast.iter_child_nodes(node):
+        yield from _names(inner, file)
 
 
 @cache
@@ -161,8 +131,8 @@ def _files(name: str, root: Path) -> tuple[Path, ...]:
     first, *steps = name.split(".")
     if first not in _top_level(root):
         return ()
-    module, path = root / f"{first}.py", root / first
-    candidates = [module]
+    path = root / first
+    candidates = [root / f"{first}.py"]
     if name.endswith("."):
         steps.pop()
         candidates += path.joinpath(*steps).glob("*.py")

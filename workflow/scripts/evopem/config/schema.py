@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
@@ -29,9 +29,12 @@ ALL_SAMPLES = 1.0
 _SCHEMA = "config.schema.yaml"
 _LINK = re.compile(r"\[([^]]*)\]\([^)]*\)")
 _NOT_TEXT = re.compile(r"[\x00\ud800-\udfff]")
-
-Found = tuple[list[str | int], Mapping[str, Any]]
-"""An error with the path of the value."""
+_LIMITS = {
+    "greater_than_equal": ("is below", "ge"),
+    "greater_than": ("is not above", "gt"),
+    "less_than_equal": ("is above", "le"),
+    "less_than": ("is not below", "lt"),
+}
 
 Steps = tuple[str | int, ...]
 """The keys and positions that lead to a value."""
@@ -51,64 +54,35 @@ def normalized(value: Any, source: str, path: Steps = ()) -> Any:
     longer than :data:`MAX_KEY`; texts with a null character or half a surrogate pair; nesting
     beyond :data:`MAX_DEPTH`, as in a mapping that contains itself; and what JSON does not have.
     """
+
+    def refuse(problem: str, remedy: str, place: Steps = path) -> NoReturn:
+        raise InputError(source, problem, remedy, key_path(place))
+
     if len(path) > MAX_DEPTH:
-        raise InputError(
-            source,
-            f"it is nested more than {MAX_DEPTH} levels deep",
-            "remove what leads back to its own beginning",
-            key_path(path[:3]),
-        )
+        problem = f"it is nested more than {MAX_DEPTH} levels deep"
+        refuse(problem, "remove what leads back to its own beginning", path[:3])
+    for text in (value, *(value if isinstance(value, Mapping) else ())):
+        if isinstance(text, str) and (found := _NOT_TEXT.search(text)):
+            refuse(f"the character U+{ord(found[0]):04X} is no text", "remove it")
     if isinstance(value, Mapping):
         for key in value:
-            _check_key(key, source, path)
-        return {key: normalized(each, source, (*path, str(key))) for key, each in value.items()}
+            if not isinstance(key, str):
+                refuse(f"the key {key!r} is not text", "put it in quotes")
+            if len(key) > MAX_KEY:
+                refuse(f"the key {key[:40]}... has {len(key)} characters", "shorten it")
+        return {key: normalized(each, source, (*path, key)) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [normalized(each, source, (*path, index)) for index, each in enumerate(value)]
-    if isinstance(value, str):
-        _check_text(value, source, path)
-    if isinstance(value, int | float):
-        return _normalized_number(value, source, path)
-    if not isinstance(value, str | bool | None):
-        problem = f"{_shown(str(value))} cannot be used"
-        raise InputError(source, problem, "put it in quotes if it is text", key_path(path))
-    return value
-
-
-def _normalized_number(value: int | float, source: str, path: Steps) -> int | float:
-    if not -MAX_NUMBER <= value <= MAX_NUMBER:
+    if isinstance(value, int | float) and not -MAX_NUMBER <= value <= MAX_NUMBER:
         if isinstance(value, float) and not math.isfinite(value):
-            raise InputError(
-                source, f"{value} is not a finite number", "give a finite one", key_path(path)
-            )
-        raise InputError(
-            source, f"the number is beyond {MAX_NUMBER:.0e}", "give a smaller one", key_path(path)
-        )
-    if isinstance(value, bool) or not float(value).is_integer():
-        return value
-    if isinstance(value, float) and value == ALL_SAMPLES and path[-2:] == ("split", "estimation"):
-        return value
-    return int(value)
-
-
-def _check_key(key: object, source: str, path: Steps) -> None:
-    if not isinstance(key, str):
-        raise InputError(source, f"the key {key!r} is not text", "put it in quotes", key_path(path))
-    _check_text(key, source, path)
-    if len(key) > MAX_KEY:
-        raise InputError(
-            source, f"the key {key[:40]}... has {len(key)} characters", "shorten it", key_path(path)
-        )
-
-
-def _check_text(text: str, source: str, path: Steps) -> None:
-    found = _NOT_TEXT.search(text)
-    if found:
-        raise InputError(
-            source,
-            f"the character U+{ord(found[0]):04X} is no text",
-            "remove it",
-            key_path(path),
-        )
+            refuse(f"{value} is not a finite number", "give a finite one")
+        refuse(f"the number is beyond {MAX_NUMBER:.0e}", "give a smaller one")
+    if isinstance(value, float) and value.is_integer():
+        takes_all = value == ALL_SAMPLES and path[-2:] == ("split", "estimation")
+        return value if takes_all else int(value)
+    if not isinstance(value, str | int | float | None):
+        refuse(f"{_shown(str(value))} cannot be used", "put it in quotes if it is text")
+    return value
 
 
 @cache
@@ -124,14 +98,18 @@ def checked(kind: Any, written: Any, source: str) -> Any:
     except ValidationError as error:
         found = [(_path(each, written), each) for each in error.errors(include_url=False)]
     found.sort(key=lambda each: (each[1]["type"] == "missing", len(each[0]), key_path(each[0])))
+    # Every member of a union complains; that which has the kind of the value says more of it.
     path, details = next(
-        each
-        for each in found
-        if not (_is_of_other_kind(each[1]) and any(_is_closer(other, each) for other in found))
+        (path, each)
+        for path, each in found
+        if not _is_of_other_kind(each)
+        or not any(
+            other[: len(path)] == path and (len(other) > len(path) or not _is_of_other_kind(inner))
+            for other, inner in found
+        )
     )
-    raise InputError(
-        source, *_explained(details, path, adapter(kind).json_schema()), key_path(path)
-    )
+    problem, remedy = _explained(details, path, adapter(kind).json_schema())
+    raise InputError(source, problem, remedy, key_path(path))
 
 
 def _path(error: Mapping[str, Any], written: Any) -> list[str | int]:
@@ -140,25 +118,15 @@ def _path(error: Mapping[str, Any], written: Any) -> list[str | int]:
     for step in error["loc"]:
         inside = step in written if isinstance(written, Mapping) else isinstance(step, int)
         if inside and isinstance(written, Mapping | list):
-            is_there = isinstance(written, Mapping) or int(step) < len(written)
-            if not is_there:
+            if isinstance(written, list) and step >= len(written):
                 break
             path.append(step)
             written = written[step]
     return path
 
 
-def _is_closer(other: Found, found: Found) -> bool:
-    """Whether another error is of the member of a union that the value was written for.
-
-    Every member complains; that which has the kind of the value says more of it.
-    """
-    (path, _), (other_path, other_error) = found, other
-    inside = len(other_path) > len(path) or not _is_of_other_kind(other_error)
-    return inside and other_path[: len(path)] == path
-
-
 def _is_of_other_kind(error: Mapping[str, Any]) -> bool:
+    """Whether a member of a union complains that the value is of another one."""
     given = error["input"]
     match error["type"]:
         case "literal_error":
@@ -166,7 +134,7 @@ def _is_of_other_kind(error: Mapping[str, Any]) -> bool:
         case "too_short":  # of its valid entries
             return len(given) >= error["ctx"]["min_length"]
         case kind:
-            return kind.endswith("_type")
+            return kind == "int_from_float" or kind.endswith("_type")
 
 
 def _explained(error: Mapping[str, Any], path: list[str | int], schema: Keys) -> tuple[str, str]:
@@ -178,32 +146,24 @@ def _explained(error: Mapping[str, Any], path: list[str | int], schema: Keys) ->
     match error["type"]:
         case "extra_forbidden" | "unexpected_keyword_argument":
             known = list(_below(schema, path[:-1])["properties"])
-            return (
-                f"there is no such key{_nearest(str(path[-1]), known)}",
-                f"use one of {', '.join(known)}",
-            )
+            problem = f"there is no such key{_nearest(str(path[-1]), known)}"
+            return problem, f"use one of {', '.join(known)}"
         case "missing" if isinstance(error["loc"][-1], str):
             return f"the key {error['loc'][-1]} is missing", "add it"
         case "missing" | "too_long" | "too_short" if isinstance(given, list | tuple):
-            count = len(given)
-            problem = f"{_shown(given)} holds {count} value{'s' * (count != 1)}"
+            problem = f"{value} holds {len(given)} value{'s' * (len(given) != 1)}"
         case "too_short" | "string_too_short":
             problem = "there is nothing in it"
         case "value_error":
             problem = f"{value}: {limits['error']}"
         case "literal_error" | "string_pattern_mismatch":
             problem = f"{value} is not known{_nearest(str(given), _words(node))}"
-        case "greater_than_equal":
-            problem = f"{value} is below {limits['ge']:.16g}"
-        case "greater_than":
-            problem = f"{value} is not above {limits['gt']:.16g}"
-        case "less_than_equal":
-            problem = f"{value} is above {limits['le']:.16g}"
-        case "less_than":
-            problem = f"{value} is not below {limits['lt']:.16g}"
+        case kind if kind in _LIMITS:
+            said, limit = _LIMITS[kind]
+            problem = f"{value} {said} {limits[limit]:.16g}"
         case _:
             problem = "there is no value" if given is None else f"{value} cannot be used"
-            if isinstance(given, str) and _is_number(given):
+            if isinstance(given, str) and re.fullmatch(r"[+-]?[\d.]+([eE][+-]?\d+)?", given):
                 remedy += f" (YAML reads {given} as text)"
     return problem, remedy
 
@@ -212,13 +172,12 @@ def _below(schema: Keys, path: Iterable[str | int]) -> dict[str, Any]:
     """The part of a JSON schema that is about a value; without a description, what is above it."""
     node = dict(schema)
     for step in path:
-        inner = [node, *node.get("anyOf", [])]
         known = [
             (each.get("properties") or {}).get(step)
             or each.get("additionalProperties")
             or each.get("items")
             or (each.get("prefixItems") or [None])[0]
-            for each in inner
+            for each in (node, *node.get("anyOf", []))
         ]
         found = dict(next((each for each in known if each), {}))
         if "$ref" in found:
@@ -230,9 +189,10 @@ def _below(schema: Keys, path: Iterable[str | int]) -> dict[str, Any]:
 def described(node: Keys) -> tuple[str, str]:
     """The clause about a value with what it may be, and what else the documentation says of it."""
     clause, _, more = node.get("description", "").partition(". ")
-    listed = [_member_in_words(each) for each in _members(node)]
+    members = _members(node)
+    listed = [_member_in_words(each) for each in members]
     words = [word for each in listed for word in each]
-    kinds = {each.get("type") for each in _members(node)}
+    kinds = {each.get("type") for each in members}
     plain = kinds == {"object"} or kinds >= {"integer", "number"}  # a mapping, a share of samples
     if all(listed) and words and not plain:
         clause += ", " + " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
@@ -279,10 +239,8 @@ def _words(node: Keys) -> list[str]:
 
 def key_path(parts: Iterable[str | int]) -> str:
     """Join the steps to a value, as in ``datasets.arm.delay.orders[0]``."""
-    path = ""
-    for part in parts:
-        path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else str(part)
-    return path
+    joined = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts)
+    return joined.removeprefix(".")
 
 
 def _shown(value: object) -> str:
@@ -291,14 +249,6 @@ def _shown(value: object) -> str:
     text = yaml.safe_dump(value, default_flow_style=True, width=10_000).strip()
     text = text.removesuffix("\n...").strip()
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:

@@ -6,6 +6,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -54,30 +55,21 @@ def is_valid(name: str) -> bool:
     return not _problem(name, {})[0]
 
 
-def _problem(name: str, folders: dict[str, str]) -> tuple[str, str]:
+def _problem(name: str, folders: Mapping[str, str]) -> tuple[str, str]:
     """What is wrong with a name and what to do; two empty texts where nothing is."""
-    shown = name if len(name) <= 60 else f"{name[:57]}..."
-    if len(name) > MAX_LENGTH:
-        return (
-            f"the data set name {shown!r} has {len(name)} characters",
-            f"give it a name of at most {MAX_LENGTH}",
-        )
-    if name.lower() in RESERVED_NAMES:
-        return (
-            f"{name} is the name of something else among the results",
-            "give the data set another name",
-        )
-    if not _NAME.fullmatch(name) or ".." in name or name.endswith(".") or _DEVICE.fullmatch(name):
-        return (
-            f"the data set name {shown!r} cannot be the name of a folder everywhere",
-            "use letters, digits, _, - and single dots, a letter or digit first",
-        )
-    if _PERIODIC.search(name):
-        return (
-            f"the data set name {shown!r} ends in 20 equal parts, which Snakemake does not accept",
-            "shorten the repetition at its end",
-        )
+    shown = repr(name if len(name) <= 60 else f"{name[:57]}...")
     twin = folders.get(name.lower(), name)
+    if len(name) > MAX_LENGTH:
+        problem = f"the data set name {shown} has {len(name)} characters"
+        return problem, f"give it a name of at most {MAX_LENGTH}"
+    if name.lower() in RESERVED_NAMES:
+        return f"{name} is the name of something else among the results", "give another name"
+    if not _NAME.fullmatch(name) or ".." in name or name.endswith(".") or _DEVICE.fullmatch(name):
+        problem = f"the data set name {shown} cannot be the name of a folder everywhere"
+        return problem, "use letters, digits, _, - and single dots, a letter or digit first"
+    if _PERIODIC.search(name):
+        problem = f"the data set name {shown} ends in 20 equal parts: Snakemake refuses it"
+        return problem, "shorten the repetition at its end"
     if twin != name:
         return f"{twin} and {name} are one folder where letter case does not count", "rename one"
     return "", ""
@@ -144,58 +136,31 @@ def check_no_results(datasets: Mapping[str, Keys], source: str) -> None:
     A result of any data set is refused, not of the same one alone: Snakemake deletes the outputs of
     a job before it runs, and would run the data sets one after the other, or in a circle.
     """
-    real_path = _RealPaths()
     results = os.path.realpath(RESULTS_FOLDER)
     folders = {name.lower() for name in (*datasets, *RESERVED_NAMES)}
     for name, keys in datasets.items():
-        at, paths = Place(source, f"datasets.{name}"), _paths(keys)
-        for path, key in paths:
-            inside = Path(os.path.relpath(real_path(path), results)).parts
+        at, known = Place(source, f"datasets.{name}"), dict[object, tuple[int, str, str]]()
+        for number, (path, key) in enumerate(_paths(keys)):
+            real_path = os.path.realpath(path)
+            inside = Path(os.path.relpath(real_path, results)).parts
             if not inside or inside[0].lower() in folders:
                 problem = f"{path} is a result of this workflow"
                 at.refuse(key, problem, "copy it to a folder of recordings and name the copy")
-        if len(paths) > 1:
-            _check_each_once(paths, real_path, at)
-
-
-def _check_each_once(paths: list[tuple[str, str]], real_path: _RealPaths, at: Place) -> None:
-    """Refuse a file that is two recordings of a data set, under whatever names."""
-    known: dict[object, int] = {}
-    for number, (path, key) in enumerate(paths):
-        for identity in filter(None, (real_path(path), _identity(path))):
-            earlier, earlier_key = paths[known.setdefault(identity, number)]
-            if known[identity] == number:
-                continue
-            alias = "" if earlier == path else f" ({earlier})"
-            if earlier_key == key:
-                at.refuse(key, f"{path} stands there twice{alias}", "give every recording once")
-            at.refuse(
-                key,
-                f"{path} is also the estimation file{alias}",
-                "give an independent recording, or leave the key out to cut this one",
-            )
+            for identity in filter(None, (real_path, _identity(path))):
+                first, earlier, role = known.setdefault(identity, (number, path, key))
+                alias = "" if earlier == path else f" ({earlier})"
+                if first != number and role == key:
+                    problem = f"{path} stands there twice{alias}"
+                    at.refuse(key, problem, "give every recording once")
+                if first != number:
+                    problem = f"{path} is also the estimation file{alias}"
+                    remedy = "give an independent recording, or leave the key out to cut this one"
+                    at.refuse(key, problem, remedy)
 
 
 def _identity(path: str) -> tuple[int, int] | None:
     """What all paths to one file have in common, hard links too; None where there is no file."""
-    try:
+    with suppress(OSError, ValueError):
         found = os.stat(path)  # noqa: PTH116
-    except (OSError, ValueError):
-        return None
-    return found.st_dev, found.st_ino
-
-
-class _RealPaths:
-    """The paths of files without links and dots, quick for many files in one folder."""
-
-    def __init__(self) -> None:
-        self.folders: dict[str, str] = {}
-
-    def __call__(self, path: str) -> str:
-        folder, name = os.path.split(path)
-        if name in ("", ".", ".."):
-            return os.path.realpath(path)
-        if folder not in self.folders:
-            self.folders[folder] = os.path.realpath(folder)
-        inside = os.path.join(self.folders[folder], name)  # noqa: PTH118
-        return os.path.realpath(inside) if os.path.islink(inside) else inside  # noqa: PTH114
+        return found.st_dev, found.st_ino
+    return None
