@@ -152,10 +152,12 @@ def test_another_project_s_file_of_the_same_name_replaces_no_results(folder, mon
         ([*RUN, "--results", "data.csv"], "data.csv: is no folder, and the results need"),
         ([*RUN, "--results", "gone"], "gone: is no folder, and the results need"),
         (["data.csv", "--input", "u", "--output", "none"], "--output: there is no output"),
+        (["-rf.csv", *RUN[1:]], "-rf.csv: begins with -, as options do; write ./-rf.csv."),
     ],
 )
 def test_bad_input_is_said_in_one_sentence(folder, arguments, sentence):
     (folder / "gone").symlink_to("nowhere")
+    (folder / "-rf.csv").touch()
     ended = run(folder, *arguments)
     assert ended.returncode == 1
     said = [line for line in ended.stderr.splitlines() if not line.startswith("[")]

@@ -13,9 +13,9 @@ from typing import Any
 
 import yaml
 
-from evopem.config.channels import SyntheticSource
+from evopem.config.channels import listed
 from evopem.config.defaults import complete, read_dataset
-from evopem.config.keys import one_or_list
+from evopem.config.keys import COLUMNS, one_or_list
 from evopem.config.resources import check_environment, job_environment
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESULTS_FOLDER
@@ -95,31 +95,6 @@ def _check_working_directory() -> None:
 
 def _parsed(given: Sequence[str]) -> argparse.Namespace:
     """Parse the arguments; a second channel behind one option is told how to be given."""
-    parser = _parser()
-    arguments, left = parser.parse_known_args(given)
-    if left:
-        parser.error(_about_unrecognized(given, left))
-    if not arguments.input:
-        parser.error(
-            "--input is missing: name the input, or write --input none where only outputs were"
-            " recorded"
-        )
-    return arguments
-
-
-def _about_unrecognized(given: Sequence[str], left: Sequence[str]) -> str:
-    for option, _, second in zip(given, given[1:], given[2:], strict=False):
-        is_channel = option in ("--input", "--output") and not second.startswith("-")
-        if is_channel and second == left[0]:
-            return (
-                f"{second} stands without an option: write {option} before each channel, as in"
-                f" {option} 2 {option} 3, or give a pattern in quotation marks, as in {option}"
-                " 'acc_*'; further files stand before the first option"
-            )
-    return f"unrecognized arguments: {' '.join(left)}"
-
-
-def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         "evopem",
         usage="evopem FILE … --input CHANNEL … --output CHANNEL … [--rate HZ | --time CHANNEL] …\n"
@@ -129,50 +104,52 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"evopem {__version__}")
-    parser.add_argument(
-        "file", metavar="FILE", nargs="+", help="the recording, or several of one system"
-    )
-    several: dict[str, Any] = {"required": True, "action": "append", "type": _channel}
-    parser.add_argument(
-        "--input",
-        action="append",
-        type=_channel,
-        metavar="CHANNEL",
-        help="the input: number from 1, or name of a column, variable or channel; repeated, or a "
-        "pattern such as 'force_*', for several inputs; none for outputs alone",
-    )
-    parser.add_argument("--output", **several, metavar="CHANNEL", help="the output, likewise")
-    rate = parser.add_mutually_exclusive_group()
+    add, rate = parser.add_argument, parser.add_mutually_exclusive_group()
+    channel: dict[str, Any] = {"type": _channel, "metavar": "CHANNEL"}
+    add("--version", action="version", version=f"evopem {__version__}")
+    add("file", metavar="FILE", nargs="+", help="the recording, or several of one system")
+    for role, about in (
+        (
+            "input",
+            "the input: number from 1, or name of a column, variable or channel; repeated, or a"
+            " pattern such as 'force_*', for several inputs; none for outputs alone",
+        ),
+        ("output", "the output, likewise"),
+    ):
+        add(f"--{role}", action="append", required=role == "output", help=about, **channel)
     rate.add_argument(
         "--rate", type=float, metavar="HZ", help="sampling rate, where the file states none"
     )
-    rate.add_argument("--time", type=_channel, metavar="CHANNEL", help="the channel of times")
-    parser.add_argument(
-        "--uneven-time",
-        choices=["interpolate"],
-        help="bring signals whose times are not even to an even grid",
-    )
-    parser.add_argument("--time-unit", metavar="UNIT", help="of times: s, ms, us, ns, min, h or d")
-    parser.add_argument(
-        "--header-lines",
-        type=int,
-        metavar="N",
-        help="of a text table: lines above the first sample",
-    )
-    parser.add_argument("--decimal-mark", choices=[".", ","], help="of a text table")
-    parser.add_argument(
-        "--results",
-        default=RESULTS_FOLDER,
-        metavar="FOLDER",
-        help="where the folder of the results is made (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--config",
-        metavar="YAML",
-        help="a config.yaml whose `defaults:` decide what they name",
-    )
-    return parser
+    rate.add_argument("--time", help="the channel of times", **channel)
+    about = "bring signals whose times are not even to an even grid"
+    add("--uneven-time", choices=["interpolate"], help=about)
+    add("--time-unit", metavar="UNIT", help="of times: s, ms, us, ns, min, h or d")
+    about = "of a text table: lines above the first sample"
+    add("--header-lines", type=int, metavar="N", help=about)
+    add("--decimal-mark", choices=[".", ","], help="of a text table")
+    about = "where the folder of the results is made (default: %(default)s)"
+    add("--results", default=RESULTS_FOLDER, metavar="FOLDER", help=about)
+    about = "a config.yaml whose `defaults:` decide what they name"
+    add("--config", metavar="YAML", help=about)
+    for each in given:
+        if each.startswith("-") and os.path.exists(each):  # noqa: PTH110 - of any length
+            raise InputError(each, "begins with -, as options do", f"write ./{each}")
+    arguments, left = parser.parse_known_args(given)
+    for option, _, second in zip(given, given[1:], given[2:], strict=False):
+        if left and option in ("--input", "--output") and second == left[0]:
+            parser.error(
+                f"{second} stands without an option: write {option} before each channel, as in"
+                f" {option} 2 {option} 3, or give a pattern in quotation marks, as in {option}"
+                " 'acc_*'; further files stand before the first option"
+            )
+    if left:
+        parser.error(f"unrecognized arguments: {' '.join(left)}")
+    if not arguments.input:
+        parser.error(
+            "--input is missing: name the input, or write --input none where only outputs were"
+            " recorded"
+        )
+    return arguments
 
 
 def _channel(text: str) -> int | str:
@@ -202,13 +179,10 @@ def _compare(given: Sequence[str]) -> int:
         "frequency responses over each other, modes matched by frequency, and checks.",
     )
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help="results, such as results/arm")
-    parser.add_argument(
-        "--page", default="comparison.html", metavar="FILE", help="default: %(default)s"
-    )
+    about = "default: %(default)s"
+    parser.add_argument("--page", default="comparison.html", metavar="FILE", help=about)
     arguments = parser.parse_args(given)
-    check_packages(FOR_REPORT, "evopem", "the figures and the page")
-    check_environment(os.environ)
-    os.environ.update(job_environment(os.environ, Path.cwd()))
+    _prepare("the figures and the page")
     from evopem.pipeline.report import compare_datasets
     from evopem.report.comparison import comparison_text
     from evopem.terminal.results_text import show
@@ -216,6 +190,13 @@ def _compare(given: Sequence[str]) -> int:
     comparison = compare_datasets(arguments.folders, arguments.page)
     show(f"{comparison_text(comparison)}\n\n  page  {arguments.page}")
     return 0
+
+
+def _prepare(purpose: str) -> None:
+    """Check packages and environment, and set the variables that numpy reads at its import."""
+    check_packages(FOR_REPORT, "evopem", purpose)
+    check_environment(os.environ)
+    os.environ.update(job_environment(os.environ, Path.cwd()))
 
 
 @contextmanager
@@ -231,10 +212,7 @@ def _options_for_keys() -> Iterator[None]:
 
 
 def _identify(arguments: argparse.Namespace) -> int:
-    check_packages(FOR_REPORT, "evopem", "the validation and the report")
-    check_environment(os.environ)
-    # Before numpy is imported, which reads it.
-    os.environ.update(job_environment(os.environ, Path.cwd()))
+    _prepare("the validation and the report")
     settings = _settings(arguments)
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
@@ -264,23 +242,20 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
     from evopem.terminal.new_configuration import dataset_name
 
-    keys: dict[str, Any] = {
-        "file": one_or_list(arguments.file),
-        "input": one_or_list(arguments.input),
-        "output": one_or_list(arguments.output),
-    }
-    keys |= {} if arguments.rate is None else {"sampling_rate": arguments.rate}
-    keys |= {} if arguments.time is None else {"time": arguments.time}
-    for key in ("uneven_time", "time_unit", "header_lines", "decimal_mark"):
-        given = getattr(arguments, key)
-        keys |= {} if given is None else {key: given}
+    given = vars(arguments) | {"sampling_rate": arguments.rate}
+    keys = {key: one_or_list(given[key]) for key in ("file", "input", "output")}
+    keys |= {key: given[key] for key in COLUMNS if given[key] is not None}
     name = dataset_name(Path(arguments.file[0]))
     content: dict[str, Any] = {"datasets": {name: keys}}
-    defaults = None if arguments.config is None else _defaults(arguments.config)
-    if defaults is not None:
-        content["defaults"] = defaults
+    if arguments.config is not None:
+        if not Path(arguments.config).exists():
+            remedy = "correct the path after --config"
+            raise InputError(arguments.config, "there is no such file", remedy)
+        check_yaml_files([arguments.config])
+        written = yaml.safe_load(Path(arguments.config).read_text(encoding="utf-8"))
+        content |= {key: each for key, each in written.items() if key == "defaults" and each}
     try:
-        completed = complete(content, arguments.config or "evopem")
+        return complete(content, arguments.config or "evopem").datasets[name]
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}.")
         if key == error.place:
@@ -288,14 +263,6 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
         named = {"sampling_rate": "--rate", "file": "FILE"}
         option = named.get(key, f"--{key.replace('_', '-')}")
         raise InputError(option, error.problem, error.remedy) from None
-    return completed.datasets[name]
-
-
-def _defaults(path: str) -> Any:
-    if not Path(path).exists():
-        raise InputError(path, "there is no such file", "correct the path after --config")
-    check_yaml_files([path])
-    return yaml.safe_load(Path(path).read_text(encoding="utf-8")).get("defaults")
 
 
 def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
@@ -303,8 +270,7 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
     folder = Path(files.folder)
     for each in (folder, *folder.parents):
         try:
-            is_other = each.is_symlink() or each.exists()
-            is_other = is_other and not each.is_dir()
+            is_other = (each.is_symlink() or each.exists()) and not each.is_dir()
         except OSError as error:
             problem = f"cannot be the name of a folder ({error.strerror})"
             raise InputError("--results", problem, "give a shorter one") from None
@@ -314,40 +280,29 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
     # A run that did not end left nothing that is worth keeping.
     if not (Path(files.config).exists() and Path(files.report).exists()):
         return
-    held = read_dataset(files.config, lambda _, keys: keys.get("file", "a synthetic recording"))
-    held = [held] if isinstance(held, str) else list(held)
-    own = settings.source
-    given = [] if isinstance(own, SyntheticSource) else own.files
+    held = read_dataset(files.config, lambda _, keys: listed(keys.get("file")))
+    given = settings.source.all_files  # the command has no file for validation
     # In the working directory, the same name is the same file, whatever it holds now. Elsewhere
     # another project may have made the results, from another file of that name.
     here = folder.absolute().is_relative_to(Path.cwd()) or all(map(os.path.isabs, held))
-    same_names = list(map(_absolute, held)) == list(map(_absolute, given))
+    same_names = [*map(os.path.abspath, held)] == [*map(os.path.abspath, given)]
     if not (same_names and here) and _digests_read(files) != [*map(sha256_of_file, given)]:
-        raise InputError(
-            str(folder),
-            f"it holds the results of {', '.join(held)}",
-            "choose another folder with --results",
-        )
+        problem = f"it holds the results of {', '.join(held) or 'a synthetic recording'}"
+        raise InputError(str(folder), problem, "choose another folder with --results")
 
 
 def _digests_read(files: DatasetFiles) -> list[str]:
     """SHA-256 of the recorded files behind results; empty where they cannot be told."""
-    try:
+    with suppress(OSError, ValueError, KeyError, TypeError):
         content = json.loads(Path(files.recording_info).read_text(encoding="utf-8"))
         return [each["sha256"] for each in content["files"]]
-    except (OSError, ValueError, KeyError, TypeError):
-        return []
-
-
-def _absolute(file: str) -> Path:
-    return Path(file).absolute()
+    return []
 
 
 def _cores() -> int:
     """The cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 if __name__ == "__main__":
