@@ -143,7 +143,7 @@ def _state_space_errors(model: StateSpaceModel, frequency: float) -> Array:
     ends = np.cumsum([0, n * n, n * nu, ny * n, ny * nu])
     shapes = ((n, n), (n, nu), (ny, n), (ny, nu))
     dA, dB, dC, dD = (
-        model.covariance.factor[begin:end].reshape(*shape, -1)
+        model.covariance.factor[begin:end].reshape(*shape, model.covariance.factor.shape[1])
         for (begin, end), shape in zip(pairwise(ends), shapes, strict=True)
     )
     change = np.einsum("ik,klr,lj->ijr", left, dA, right, optimize=True)
