@@ -107,6 +107,8 @@ def instances(kind: Any) -> st.SearchStrategy[Any]:
     if is_dataclass(kind):
         hints = get_type_hints(kind)
         return st.builds(kind, **{each.name: instances(hints[each.name]) for each in fields(kind)})
+    if kind is Any:  # keys of a configuration as they were written
+        return st.none() | st.booleans() | st.integers() | st.text() | st.lists(st.text())
     if kind is complex:
         return st.complex_numbers(allow_nan=False, allow_infinity=False)
     if kind in (int, str, bool, float):
@@ -181,7 +183,7 @@ def test_every_type_that_a_stage_reads_is_among_them():
     tests/pipeline/test_automatic.py.
     """
     decisions = {"DecisionRecord", "PreparationPlan", "Comparison"}
-    decisions |= {"GivenPreparation", "Remedied", "StructureSearch", "FoldPlan"}
+    decisions |= {"GivenPreparation", "Remedied", "StructureSearch", "FoldPlan", "Decision"}
     listed = {kind.__name__ for kind in [*RESULTS, *SETTINGS]} | decisions
     read = set()
     for file in SCRIPTS.rglob("*.py"):

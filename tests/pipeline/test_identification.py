@@ -52,7 +52,7 @@ def contents(files):
 def test_it_makes_every_result_and_leaves_no_parts(arm):
     made = set(map(str, contents(arm)))
     assert made == set(results_of(SETTINGS, arm, with_report=True))
-    assert {arm.truth, arm.phase("nb"), arm.model_mat, *arm.pages} <= made
+    assert {arm.truth, arm.phase("nb"), arm.model_mat, arm.report, *arm.figures} <= made
 
 
 def test_the_stages_are_listed_in_their_order(arm):

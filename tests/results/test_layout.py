@@ -23,7 +23,7 @@ def listed(files):
     ]
     for name in properties:
         value = getattr(files, name)
-        if name not in ("name", "results", "batch_results", "pages"):  # these are made of the others
+        if name not in ("name", "batch_results"):  # these are made of the others
             yield from [value] if isinstance(value, str) else value
 
 
@@ -44,7 +44,7 @@ def test_each_file_is_named_once():
 def test_all_files_lie_in_the_folder_of_the_data_set():
     assert all(path.startswith("results/arm/") for path in listed(FILES))
     assert FILES.name == "arm"
-    assert set(FILES.results) | set(FILES.pages) <= set(listed(FILES))
+    assert set(FILES.batch_results) <= set(listed(FILES))
     assert len(FILES.figures) == len(FIGURES)
 
 

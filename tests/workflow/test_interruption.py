@@ -59,7 +59,7 @@ def test_a_deleted_file_that_only_finished_jobs_have_read_is_made_again(copy):
 def test_a_full_disk_is_reported_and_leaves_nothing_half_written(copy, finished):
     """No file may grow beyond 40 kB, as on a full disk: the drawing of figures fails."""
     files = copy.files_of("truth")
-    for path in files.pages:
+    for path in (files.report, *files.figures):
         Path(path).unlink()
     limit = 40_000
     run = subprocess.run(

@@ -16,6 +16,7 @@ from evopem.config.settings import ScoringWindow
 from evopem.config.structures import phases_of
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
+from evopem.results.layout import DatasetFiles
 from evopem.signals.recording_info import RecordingInfo
 
 from .conftest import TINY, Folder, checkout_at, jobs_of_each_rule
@@ -37,8 +38,12 @@ def changed(path, value, config=TINY):
 
 def test_a_run_makes_every_promised_file(finished):
     files = finished.files_of("truth")
-    for path in map(Path, (*files.results, *files.pages, files.truth)):
-        assert path.stat().st_size > 0, path
+    promised = [name for name, each in vars(DatasetFiles).items() if type(each).__name__ == "_File"]
+    of_others = {"validation_recording", "validation_recording_info", "decisions", "details"}
+    for name in {*promised, "figures"} - of_others:
+        paths = getattr(files, name)
+        for path in map(Path, paths if isinstance(paths, list) else [paths]):
+            assert path.stat().st_size > 0, path
     record = load(ModelRecord, files.model)
     orders = record.orders
     assert len(record.polynomials.a) == orders.na + 1

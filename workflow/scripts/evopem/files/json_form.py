@@ -32,34 +32,14 @@ _REMEDY = "delete the file and run snakemake again, which writes it anew"
 
 
 def to_json(value: object) -> Any:
-    """Convert a dataclass, or a sequence or mapping of them, to what JSON can hold.
-
-    Examples
-    --------
-    >>> from evopem.models.mode_shapes import Neighbour
-    >>> to_json({"pole": 0.9 + 0.3j, "neighbour": Neighbour(partner=1)})
-    {'pole': [0.9, 0.3], 'neighbour': {'shape_assurance': None, 'partner': 1,
-     'equal_poles_p': None, 'plane_assurance': None}}
-    """
+    """Convert a dataclass, or a sequence or mapping of them, to what JSON can hold."""
     return _converter().unstructure(value)
 
 
 def from_json(kind: type[T], content: object, source: str = "the content") -> T:
-    """Build a dataclass from what :func:`to_json` returned.
+    """Build a dataclass, or a type such as ``tuple[Candidate, ...]``, from what `to_json` returned.
 
-    Parameters
-    ----------
-    kind : type
-        The dataclass, or a type made of dataclasses such as ``tuple[Candidate, ...]``.
-    content : object
-        Dicts, lists, texts and numbers.
-    source : str
-        The file or key that an error names.
-
-    Raises
-    ------
-    InputError
-        When the content has another form.
+    An `InputError` says where the content of ``source``, a file or key, has another form.
 
     Examples
     --------
@@ -85,22 +65,7 @@ def save(value: object, path: str | Path) -> None:
 
 
 def load(kind: type[T], path: str | Path) -> T:
-    """Read the dataclass that :func:`save` wrote.
-
-    Raises
-    ------
-    InputError
-        When the file is missing, is not JSON, or holds something else.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> from evopem.models.structures import Orders, armax_orders
-    >>> with TemporaryDirectory() as folder:
-    ...     save(armax_orders(2, 1, 2, 3), f"{folder}/orders.json")
-    ...     load(Orders, f"{folder}/orders.json")
-    Orders(na=2, nb=(1,), nc=2, nd=0, nf=(0,), nk=(3,), structure='armax')
-    """
+    """Read the dataclass that :func:`save` wrote; an `InputError` names what is wrong."""
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
@@ -115,15 +80,16 @@ def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True)
     converter.register_unstructure_hook(float, _finite_or_none)
     converter.register_structure_hook(float, _float)
-    converter.register_structure_hook(int, _int)
-    converter.register_structure_hook(bool, _bool)
-    converter.register_structure_hook(str, _str)
+    for kind, what in ((int, "a whole number"), (bool, "true or false"), (str, "a text")):
+        converter.register_structure_hook(kind, partial(_exact, what))
     converter.register_unstructure_hook(complex, _real_and_imaginary)
     converter.register_structure_hook(complex, lambda pair, _: complex(*pair))
     converter.register_unstructure_hook_func(_is_array, _array_to_list)
     converter.register_structure_hook_func(_is_array, _list_to_array)
-    converter.register_structure_hook_func(_is_literal, _literal)
-    converter.register_structure_hook_func(_is_tuple, partial(_tuple, converter))
+    converter.register_structure_hook_func(lambda kind: get_origin(kind) is Literal, _literal)
+    converter.register_structure_hook_func(
+        lambda kind: get_origin(kind) is tuple, partial(_tuple, converter)
+    )
     converter.register_structure_hook_func(_is_plain_union, partial(_plain, converter))
     converter.register_structure_hook_func(_is_dataclass_union, partial(_nearest, converter))
     converter.register_unstructure_hook_factory(
@@ -168,21 +134,9 @@ def _float(value: Any, _: type) -> float:
     return float(value)
 
 
-def _int(value: Any, _: type) -> int:
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise ValueError(f"{shortened(value)} is not a whole number")
-    return value
-
-
-def _bool(value: Any, _: type) -> bool:
-    if not isinstance(value, bool):
-        raise ValueError(f"{shortened(value)} is neither true nor false")
-    return value
-
-
-def _str(value: Any, _: type) -> str:
-    if not isinstance(value, str):
-        raise ValueError(f"{shortened(value)} is not a text")
+def _exact(what: str, value: Any, kind: type) -> Any:
+    if type(value) is not kind:
+        raise ValueError(f"{shortened(value)} is not {what}")
     return value
 
 
@@ -215,19 +169,11 @@ def _list_to_array(values: Any, kind: Any) -> Any:
     return np.array(values, dtype=float)
 
 
-def _is_literal(kind: Any) -> bool:
-    return get_origin(kind) is Literal
-
-
 def _literal(value: Any, kind: Any) -> Any:
     words = get_args(kind)
     if not isinstance(value, str) or value not in words:
         raise ValueError(f"{shortened(value)} is none of {', '.join(words)}")
     return value
-
-
-def _is_tuple(kind: Any) -> bool:
-    return get_origin(kind) is tuple
 
 
 def _tuple(converter: cattrs.Converter, value: Any, kind: Any) -> tuple[Any, ...]:

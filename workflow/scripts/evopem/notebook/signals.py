@@ -66,30 +66,44 @@ def checked_rate(rate: Any) -> float | None:
 def given_signals(data: Any, wanted: Wanted, source: str = DATA) -> GivenSignals:
     """Take signals and their rate from what a user hands over.
 
-    `data` is a table whose columns are named, or the samples of the inputs, (N,) or (N, m); those
-    of the outputs are then in ``wanted.output``. `source` is what an error calls the data.
+    ``data``: a table whose columns are named, or the samples of the inputs, (N,) or (N, m); those
+    of the outputs are then in ``wanted.output``.  ``source``: what an error calls the data.
     """
     if _is_table(data) and not _has_samples(wanted.output):
-        return _of_table(data, wanted, source)
-    for name, label in (("input", wanted.input), ("time", wanted.time)):
-        if label is not None:
+        inputs, input_labels = _columns(data, wanted.input, "input", source)
+        outputs, output_labels = _columns(data, wanted.output, "output", source)
+        for label in output_labels:
+            if any(label == each for each in input_labels):
+                problem = f"column {label!r} is the input as well"
+                raise InputError("output", problem, "choose two different columns")
+        indexes = [data.index]
+    else:
+        for name, label in (("input", wanted.input), ("time", wanted.time)):
+            if label is not None:
+                raise InputError(
+                    name,
+                    "it names a column, and the data are no table",
+                    "give a pandas DataFrame, or the samples of input and output alone",
+                )
+        outputs = _samples(wanted.output, source, "output")
+        inputs = np.empty((len(outputs), 0)) if data is None else _samples(data, source, "input")
+        input_labels, output_labels = _labels(data, inputs), _labels(wanted.output, outputs)
+        indexes = [each.index for each in (data, wanted.output) if _has_index(each)]
+        if len(indexes) == 2 and not _are_equal(*indexes):
             raise InputError(
-                name,
-                "it names a column, and the data are no table",
-                "give a pandas DataFrame, or the samples of input and output alone",
+                source,
+                "the indexes of input and output differ, and samples are not paired by position",
+                "bring both to one index, as by pandas.concat([input, output], axis=1,"
+                ' join="inner"), or give arrays',
             )
-    if wanted.output is None:
-        raise InputError("output", "it is missing", "give the samples of the output")
-    indexes = [each.index for each in (data, wanted.output) if _has_index(each)]
-    _check_alike(indexes, source)
-    outputs = _samples(wanted.output, source, "output")
-    inputs = np.empty((len(outputs), 0)) if data is None else _samples(data, source, "input")
-    return GivenSignals(
-        inputs,
-        outputs,
-        _rate(indexes[0] if indexes else None, wanted, source),
-        *_names(_labels(data, inputs.shape[1]), _labels(wanted.output, outputs.shape[1])),
-    )
+    rate = checked_rate(wanted.sampling_rate)
+    if wanted.time is not None:
+        stamps = np.asarray(_column(data, wanted.time, "time", source))
+        name, unit = str(wanted.time), wanted.time_unit
+        rate = timing(stamps, source, name, stated_rate=rate, time_unit=unit).rate
+    elif indexes:
+        rate = _rate(indexes[0], rate, wanted.time_unit, source)
+    return GivenSignals(inputs, outputs, rate, *_names(input_labels, output_labels))
 
 
 def given_recordings(data: Any, wanted: Wanted, source: str = DATA) -> tuple[GivenSignals, ...]:
@@ -128,11 +142,8 @@ def alike(signals: GivenSignals, first: GivenSignals, source: str) -> GivenSigna
     for role in ("inputs", "outputs"):
         own, expected = (getattr(each, role).shape[1] for each in (signals, first))
         if own != expected:
-            raise InputError(
-                source,
-                f"a recording has {own} {role}, and the first one {expected}",
-                "give recordings of the same channels",
-            )
+            problem = f"a recording has {own} {role}, and the first one {expected}"
+            raise InputError(source, problem, "give recordings of the same channels")
     return replace(signals, input_names=first.input_names, output_names=first.output_names)
 
 
@@ -141,38 +152,6 @@ def _are_several(data: Any) -> bool:
     if not isinstance(data, list | tuple) or not data:
         return False
     return _is_table(data[0]) or np.ndim(data[0]) > 0
-
-
-def _of_table(table: Any, wanted: Wanted, source: str) -> GivenSignals:
-    inputs = _listed_labels(table, wanted.input)
-    outputs = _listed_labels(table, wanted.output)
-    if not outputs:
-        raise InputError("output", "it is missing", f"give one of {_listed(table)}")
-    columns = [_column(table, label, "input", source) for label in inputs]
-    targets = [_column(table, label, "output", source) for label in outputs]
-    for label in outputs:
-        if any(label == each for each in inputs):
-            raise InputError(
-                "output", f"column {label!r} is the input as well", "choose two different columns"
-            )
-    if wanted.time is not None:
-        stamps = np.asarray(_column(table, wanted.time, "time", source))
-        rate: float | None = timing(
-            stamps,
-            source,
-            str(wanted.time),
-            stated_rate=checked_rate(wanted.sampling_rate),
-            time_unit=wanted.time_unit,
-        ).rate
-    else:
-        rate = _rate(table.index, wanted, source)
-    stacked = [_samples(each, source, "input") for each in columns]
-    return GivenSignals(
-        np.hstack(stacked) if stacked else np.empty((len(table), 0)),
-        np.hstack([_samples(each, source, "output") for each in targets]),
-        rate,
-        *_names(inputs, outputs),
-    )
 
 
 def _is_table(data: Any) -> bool:
@@ -188,13 +167,18 @@ def _has_samples(output: Any) -> bool:
     return hasattr(output, "iloc") or (isinstance(output, np.ndarray) and output.ndim > 0)
 
 
-def _listed_labels(table: Any, labels: Any) -> list[Any]:
-    """The labels of one or several columns; a tuple may be one label itself."""
-    if labels is None:
-        return []
-    if isinstance(labels, tuple) and _places(table, labels):
-        return [labels]
-    return list(labels) if isinstance(labels, list | tuple) else [labels]
+def _columns(
+    table: Any, labels: Any, role: str, source: str
+) -> tuple[NDArray[np.float64], list[Any]]:
+    """The samples and labels of the inputs or outputs; a tuple may be one label itself."""
+    several = isinstance(labels, list | tuple) and not (
+        isinstance(labels, tuple) and _places(table, labels)
+    )
+    listed = [] if labels is None else list(labels) if several else [labels]
+    if role == "output" and not listed:
+        raise InputError("output", "it is missing", f"give one of {_listed(table)}")
+    samples = [_samples(_column(table, label, role, source), source, role) for label in listed]
+    return np.hstack([np.empty((len(table), 0)), *samples]), listed
 
 
 def _places(table: Any, label: Any) -> int:
@@ -209,15 +193,13 @@ def _places(table: Any, label: Any) -> int:
 
 def _column(table: Any, label: Any, role: str, source: str) -> Any:
     places = _places(table, label)
-    if places == 1:
-        return table[label]
-    if places:
-        raise InputError(
-            source, f"{places} columns are called {label!r}", "give each its own name", role
-        )
-    raise InputError(
-        source, f"there is no column {label!r}", f"choose one of {_listed(table)}", role
-    )
+    if places > 1:
+        problem = f"{places} columns are called {label!r}"
+        raise InputError(source, problem, "give each its own name", role)
+    if not places:
+        problem = f"there is no column {label!r}"
+        raise InputError(source, problem, f"choose one of {_listed(table)}", role)
+    return table[label]
 
 
 def _listed(table: Any, most: int = 20) -> str:
@@ -228,22 +210,19 @@ def _listed(table: Any, most: int = 20) -> str:
 
 def _samples(values: Any, source: str, role: str) -> NDArray[np.float64]:
     """A copy of signals as numbers, shape (N, channels); masked samples become NaN."""
-    masked = np.ma.isMaskedArray(values)
     array = np.asarray(values)
+    no_numbers = InputError(source, "it holds no real numbers", "choose another signal", role)
     if array.dtype.kind not in "fiubO":
-        raise InputError(source, "it holds no real numbers", "choose another signal", role)
+        raise no_numbers
     try:
-        # A table's missing values become NaN, which the checks of a recording name.
-        given = values.to_numpy(dtype=float, na_value=np.nan) if hasattr(values, "array") else array
-        if _is_table(values):
-            given = values.to_numpy(dtype=float, na_value=np.nan)
-        if masked:
-            given = np.ma.filled(np.ma.asarray(values).astype(float), np.nan)
-        samples: NDArray[np.float64] = np.array(given, dtype=float).reshape(array.shape)
+        if np.ma.isMaskedArray(values):
+            array = np.ma.filled(np.ma.asarray(values).astype(float), np.nan)
+        elif hasattr(values, "to_numpy"):
+            # A table's missing values become NaN, which the checks of a recording name.
+            array = values.to_numpy(dtype=float, na_value=np.nan)
+        samples: NDArray[np.float64] = np.array(array, dtype=float)
     except (TypeError, ValueError):
-        raise InputError(
-            source, "it holds no real numbers", "choose another signal", role
-        ) from None
+        raise no_numbers from None
     if samples.ndim == 1:
         return samples[:, None]
     if samples.ndim == 2 and samples.shape[0] == 1:
@@ -258,23 +237,9 @@ def _samples(values: Any, source: str, role: str) -> NDArray[np.float64]:
     return samples
 
 
-def _check_alike(indexes: Sequence[Any], source: str) -> None:
-    """Refuse to pair samples whose indexes differ."""
-    for other in indexes[1:]:
-        if not _are_equal(indexes[0], other):
-            raise InputError(
-                source,
-                "the indexes of input and output differ, and samples are not paired by position",
-                "bring both to one index, as by pandas.concat([input, output], axis=1,"
-                ' join="inner"), or give arrays',
-            )
-
-
 def _are_equal(one: Any, other: Any) -> bool:
-    if len(one) != len(other):
-        return False
-    if one.equals(other):
-        return True
+    if len(one) != len(other) or one.equals(other):
+        return len(one) == len(other)
     stamps = np.asarray(one), np.asarray(other)
     if any(each.dtype.kind != "f" or each.size < 2 for each in stamps):
         return False
@@ -282,44 +247,35 @@ def _are_equal(one: Any, other: Any) -> bool:
     return bool(np.all(np.abs(stamps[0] - stamps[1]) <= 1e-6 * step))
 
 
-def _rate(index: Any, wanted: Wanted, source: str) -> float | None:
+def _rate(index: Any, stated: float | None, unit: str | None, source: str) -> float | None:
     """The stated rate, checked against an index of dates; else that of an index of times."""
-    stated = checked_rate(wanted.sampling_rate)
-    stamps = None if index is None else np.asarray(index)
-    if stamps is None or stamps.ndim != 1:
-        return stated
+    stamps = np.asarray(index)
     name = "index" if getattr(index, "name", None) is None else str(index.name)
     if stamps.dtype.kind in "Mm" or hasattr(index, "tz"):
         dates = index.tz_convert(None) if getattr(index, "tz", None) is not None else index
         return timing(np.asarray(dates), source, name, stated_rate=stated).rate
-    if stated is None and stamps.dtype.kind == "f":
-        return timing(stamps, source, name, time_unit=wanted.time_unit or "s").rate
+    if stated is None and stamps.dtype.kind == "f" and stamps.ndim == 1:
+        return timing(stamps, source, name, time_unit=unit or "s").rate
     return stated
 
 
-def _labels(values: Any, count: int) -> list[Any]:
+def _labels(values: Any, samples: NDArray[np.float64]) -> list[Any]:
     """The labels of the channels of samples, None where they have none."""
     if _is_table(values):
         return list(values.columns)
+    count = samples.shape[1]
     return [getattr(values, "name", None)] if count == 1 else [None] * count
 
 
-def _names(
-    inputs: Sequence[Any], outputs: Sequence[Any]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _names(*labels: Sequence[Any]) -> list[tuple[str, ...]]:
     """Names of inputs and outputs, those of their roles where they cannot be told apart."""
-    of_inputs, of_outputs = _roles(inputs, "input"), _roles(outputs, "output")
-    first = tuple(map(_name, inputs, of_inputs))
-    second = tuple(map(_name, outputs, of_outputs))
-    if len({*first, *second}) == len(first) + len(second):
-        return first, second
-    return tuple(of_inputs), tuple(of_outputs)
-
-
-def _roles(labels: Sequence[Any], role: str) -> list[str]:
-    if len(labels) == 1:
-        return [role]
-    return [f"{role}_{number}" for number in range(1, len(labels) + 1)]
+    roles = [
+        (role,) if len(own) == 1 else tuple(f"{role}_{n}" for n in range(1, len(own) + 1))
+        for own, role in zip(labels, ("input", "output"), strict=True)
+    ]
+    named = [tuple(map(_name, *each)) for each in zip(labels, roles, strict=True)]
+    names = [name for each in named for name in each]
+    return named if len(set(names)) == len(names) else roles
 
 
 def _name(label: Any, role: str) -> str:

@@ -1,7 +1,6 @@
-"""Where every file of the results lies, and the names of the phases and figures.
+"""Where every file of the results lies: rules, stages, report and tests take every path from here.
 
-Rules, stage functions, report, fleet and tests take every path from here. Nothing here imports
-numpy or pandas: a Snakefile uses this module.
+Nothing here imports numpy or pandas: a Snakefile uses this module.
 """
 
 from __future__ import annotations
@@ -15,31 +14,15 @@ from evopem.config.structures import PHASES, phases_of
 from evopem.errors import InputError
 
 FIGURES = (
-    "measured_and_simulated",
-    "gain",
-    "poles_zeros",
-    "stabilization",
-    "frequency_response",
-    "step_and_impulse",
-    "nyquist",
-    "simulation",
-    "simulation_as_recorded",
-    "horizons",
-    "residuals",
-    "residual_spectrum",
-    "record",
-    "spectrum",
-    "delay",
-    "phases",
-    "convergence",
+    *("measured_and_simulated", "gain", "poles_zeros", "stabilization", "frequency_response"),
+    *("step_and_impulse", "nyquist", "simulation", "simulation_as_recorded", "horizons"),
+    *("residuals", "residual_spectrum", "record", "spectrum", "delay", "phases", "convergence"),
 )
 """The figures of the report, in its order."""
 
-INDEX = f"{FOLDER}/index.html"
-FLEET_CSV = f"{FOLDER}/fleet.csv"
-FLEET_PARQUET = f"{FOLDER}/fleet.parquet"
-FLEET_MODES = f"{FOLDER}/fleet_modes.csv"
-OVERVIEW = (INDEX, FLEET_CSV, FLEET_PARQUET, FLEET_MODES)
+OVERVIEW = tuple(
+    f"{FOLDER}/{name}" for name in ("index.html", "fleet.csv", "fleet.parquet", "fleet_modes.csv")
+)
 """The lists of all data sets."""
 
 IDENTIFICATION = "identification"
@@ -70,7 +53,7 @@ class DatasetFiles:
 
     @classmethod
     def of_dataset(cls, name: str) -> DatasetFiles:
-        """The files of the data set of this name, below the working directory."""
+        """The files of a data set below the working directory."""
         return cls(f"{FOLDER}/{name}")
 
     @classmethod
@@ -106,10 +89,6 @@ class DatasetFiles:
     def phase(self, phase: str) -> str:
         """Selection and all candidates of a phase."""
         return f"{self.phase_folder}/{phase}.json"
-
-    def phases(self, structure: str) -> list[str]:
-        """Selections and candidates of all phases of a structure, in their order."""
-        return [self.phase(phase) for phase in phases_of(structure)]
 
     def decision(self, subject: str) -> str:
         """One decision of the automatic recipe."""
@@ -173,14 +152,8 @@ class DatasetFiles:
     @property
     def batch_results(self) -> list[str]:
         """The results of a recording that was identified in a batch."""
-        return [
-            self.recording_info,
-            self.model,
-            self.modes,
-            self.validation,
-            self.summary,
-            self.details,
-        ]
+        named = [self.recording_info, self.model, self.modes, self.validation]
+        return [*named, self.summary, self.details]
 
     def log(self, job: str) -> str:
         """Log of a job."""
@@ -190,46 +163,13 @@ class DatasetFiles:
         """Time and memory of a job."""
         return f"{self.folder}/benchmarks/{job}.tsv"
 
-    @property
-    def results(self) -> list[str]:
-        """The results of every data set, without pages and figures."""
-        return [
-            self.config,
-            self.recording_info,
-            self.transforms,
-            self.spectrum,
-            self.spectrum_summary,
-            self.candidates,
-            self.model,
-            self.model_mat,
-            self.modes,
-            self.frequency_response,
-            self.time_response,
-            self.validation,
-            self.residual_autocorrelation,
-            self.cross_correlation,
-            self.simulation,
-            self.horizons,
-            self.summary,
-        ]
-
-    @property
-    def pages(self) -> list[str]:
-        """The report and its figures."""
-        return [self.report, *self.figures]
-
-
 def check_folders(names: Iterable[str]) -> None:
-    """Refuse files where the folders of results must be.
-
-    Raises InputError naming the file.
-    """
+    """Refuse files, and links to nothing, where the folders of results must be."""
     for folder in (FOLDER, *(DatasetFiles.of_dataset(name).folder for name in names)):
-        if Path(folder).is_symlink() and not Path(folder).exists():
-            raise InputError(
-                folder, "is a link to a folder that does not exist", "make the folder, or the link anew"
-            )
-        if Path(folder).exists() and not Path(folder).is_dir():
-            raise InputError(
-                folder, "is a file, and the results need a folder of this name", "move the file"
-            )
+        path = Path(folder)
+        if path.is_symlink() and not path.exists():
+            problem, remedy = "is a link to a folder that does not exist", "make it, or the link anew"
+            raise InputError(folder, problem, remedy)
+        if path.exists() and not path.is_dir():
+            problem = "is a file, and the results need a folder of this name"
+            raise InputError(folder, problem, "move the file")
