@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import UnionType
@@ -119,7 +120,7 @@ def instances(kind: Any) -> st.SearchStrategy[Any]:
         return st.one_of([FINITE if each is float else instances(each) for each in members])
     if origin is Literal:
         return st.sampled_from(members)
-    if origin is dict:
+    if origin in (dict, Mapping):
         return st.dictionaries(*map(instances, members), max_size=3)
     if origin is tuple and members[-1] is Ellipsis:
         return st.lists(instances(members[0]), max_size=3).map(tuple)
