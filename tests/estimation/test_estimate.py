@@ -252,6 +252,21 @@ def test_a_level_of_the_output_is_warned_of_and_a_small_one_is_not(recwarn):
             estimate(u, y + 1.0, orders, structure=structure, settings=few)
 
 
+@pytest.mark.parametrize("kind", ["constant", "zero", "twice", "a sum"])
+def test_an_input_with_nothing_of_its_own_is_warned_of_and_spoils_no_error(kind):
+    generator = np.random.default_rng(1)
+    u = generator.standard_normal((400, 2))
+    x = lfilter([0.0, 1.0, 0.5], [1.0, -1.7, 0.9604], u[:, 0]) + lfilter([0.0, 1.0], [1.0], u[:, 1])
+    y = x + 0.1 * x.std() * generator.standard_normal(400)
+    more = {"constant": np.full(400, 3.0), "zero": np.zeros(400), "twice": 2.0 * u[:, 0]}
+    given = np.column_stack([u, more.get(kind, u.sum(axis=1))])
+    few = SearchSettings(objective="quadratic", evaluations=200)
+    with pytest.warns(UserWarning, match="input 'input 3' is constant, or follows from"):
+        found = estimate(given, y, {"nb": 2, "nf": 2, "nk": 1}, structure="oe", settings=few)
+    (mode,) = (each for each in found.model.modes() if abs(each.frequency_hz - 0.083) < 0.002)
+    assert mode.frequency_se_hz < 1e-3
+
+
 def test_the_fit_is_relative_to_the_mean():
     generator = np.random.default_rng(3)
     u = generator.standard_normal(400)

@@ -225,5 +225,15 @@ def test_one_function_estimates_every_structure(structure):
         level=True,
         settings=SETTINGS,
     )
-    assert by_array.objective == by_name.objective == expected.objective
+    by_tuple = evopem.estimate(
+        recording, orders=(4, [1]), structure=structure, level=True, settings=SETTINGS
+    )
+    assert by_array.objective == by_name.objective == by_tuple.objective == expected.objective
     assert by_array.order == 4
+
+
+@pytest.mark.parametrize("orders", [{"nf": 2}, {"n": 2, "nb": 1}, (2, 1, 1), "4", None, 2.0])
+def test_orders_that_a_state_space_model_does_not_have_are_told(orders):
+    recording = recorded(1, 1, structure="ss_oe")
+    with pytest.raises(ValueError, match=r"takes the number of states|orders are missing"):
+        evopem.estimate(recording, orders=orders, structure="ss_oe")

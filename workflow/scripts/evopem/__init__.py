@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from evopem.estimation.estimate import estimate
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
-    from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders
+    from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
@@ -47,7 +47,6 @@ __all__ = [
     "__version__",
     "estimate",
     "estimate_delays",
-    "estimate_state_space",
     "estimates_of_orders",
     "identify",
     "load",
@@ -73,7 +72,6 @@ _HOMES = {
     "identify": "evopem.notebook.identify",
     "read_results": "evopem.notebook.identify",
     "estimate_delays": "evopem.estimation.delays",
-    "estimate_state_space": "evopem.estimation.state_space.estimate",
     "mode_table": "evopem.validation.mode_evidence",
     "ModeTable": "evopem.validation.mode_evidence",
     "estimates_of_orders": "evopem.estimation.state_space.estimate",

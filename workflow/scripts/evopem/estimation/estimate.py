@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from numbers import Integral
 from typing import Any, overload
 
 import numpy as np
@@ -45,6 +46,8 @@ Array = NDArray[np.float64]
 
 # Mean of the output, in standard deviations, from which on it biases the poles noticeably.
 LEVEL_WARNING = 0.3
+# Share of an input that the inputs before it do not tell, below which it has nothing of its own.
+DEPENDENT = 1e-9
 
 
 @overload
@@ -111,13 +114,15 @@ def estimate(
     orders : Orders, mapping or sequence
         ``{"na": 2, "nb": 2, "nc": 2, "nk": 1}``, or MATLAB's tuple for the structure; of nb, nf and
         nk one number for all inputs, or a sequence with one for each.  For state space the number
-        of states, or ``{"n": 4, "nk": [1, 3]}`` with delays.
+        of states, or with delays ``(4, [1, 3])`` or ``{"n": 4, "nk": [1, 3]}``.
     sampling_rate : float
         Hz.
     structure : str
         A key of :data:`evopem.config.structures.STRUCTURES`: ``fir``, ``arx``, ``arma``,
-        ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``, of one output; or ``ss``,
-        ``ss_oe``, ``ss_oe_drift`` or ``ss_bj``.
+        ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``, of one output; or in state
+        space ``ss``, innovations form with K, ``ss_oe``, output error with K = 0, ``ss_oe_drift``,
+        the same beside slow changes of the level, or ``ss_bj``, an optimum of innovations form next
+        to an output-error plant with a noise model of its own.
     settings : SearchSettings, optional
     window : ScoringWindow, optional
         Of a polynomial model.
@@ -127,7 +132,9 @@ def estimate(
         The errors to be small: of one step, of simulation, or of predictions that many samples
         ahead.
     weighting : {"determinant", "noise", "power"}
-        Of the outputs of a state-space model; see :func:`.estimate_state_space`.
+        Of the outputs of a state-space model: ``determinant`` of the errors' covariance (maximum
+        likelihood for white errors), each output by its own ``noise`` (the product of the
+        variances), or by its ``power`` (the sum of the relative variances).
     constraints : Constraints, optional
         What the model must meet, and priors.
     earlier : SearchResult, optional
@@ -175,13 +182,14 @@ def estimate(
     expert = [name for name, each in given.items() if each is not None]
     if not level:
         _warn_of_level(recording.outputs)
+    _warn_of_inputs(recording)
     if structure in STRUCTURES:
         if expert:
             raise ValueError(
                 f"{' and '.join(expert)} cannot be given: all samples of a state-space model count,"
                 " with its initial states"
             )
-        of_model = {"n": orders} if isinstance(orders, int) else dict(orders)
+        of_model = _orders_in_state_space(structure, orders)
         return estimate_state_space(
             recording,
             of_model["n"],
@@ -215,6 +223,20 @@ def estimate(
     )
 
 
+def _orders_in_state_space(structure: str, orders: Any) -> dict[str, Any]:
+    """The states n, and delays nk where they are given, from a number, a tuple or a mapping."""
+    if isinstance(orders, Integral):
+        return {"n": int(orders)}
+    if not isinstance(orders, Mapping) and isinstance(orders, Sequence):
+        orders = dict(zip(("n", "nk"), orders, strict=False)) if 0 < len(orders) < 3 else {}
+    if not isinstance(orders, Mapping) or "n" not in orders or set(orders) - {"n", "nk"}:
+        raise ValueError(
+            f"structure {structure!r} takes the number of states, or (n, nk) with delays nk of its"
+            f" inputs, and not {orders!r}"
+        )
+    return dict(orders)
+
+
 def _warn_of_level(outputs: Array) -> None:
     """Warn of a constant part, which a model without a level has no term for."""
     for mean, deviation in zip(outputs.mean(axis=0), outputs.std(axis=0), strict=True):
@@ -223,6 +245,20 @@ def _warn_of_level(outputs: Array) -> None:
                 f"the mean of an output is {mean:.3g}, with a standard deviation of"
                 f" {deviation:.3g}: the model has no constant term, so set level=True, or subtract"
                 " the means of input and output first",
+                stacklevel=3,
+            )
+
+
+def _warn_of_inputs(recording: Recording) -> None:
+    """Warn of inputs without an effect of their own: their dynamics follow from the noise."""
+    moving = recording.inputs - recording.inputs.mean(axis=0)
+    sizes = np.linalg.norm(recording.inputs, axis=0)
+    triangle = np.linalg.qr(moving / np.where(sizes > 0.0, sizes, 1.0), mode="r")
+    for name, own in zip(recording.input_names, np.abs(np.diag(triangle)), strict=True):
+        if own < DEPENDENT:
+            warnings.warn(
+                f"input {name!r} is constant, or follows from the inputs before it: what a model"
+                " says of it is chance, so leave it out",
                 stacklevel=3,
             )
 
