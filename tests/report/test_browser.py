@@ -277,7 +277,8 @@ def test_no_accessibility_violation(browser, request, name, width, scheme):
     browser.execute_script((Path(AXE.origin).parent / "axe.min.js").read_text(encoding="utf-8"))
     found = browser.execute_async_script(
         """const done = arguments[arguments.length - 1];
-        axe.run(document, {resultTypes: ['violations']}).then(
+        const rules = {'label-content-name-mismatch': {enabled: true}};
+        axe.run(document, {rules, resultTypes: ['violations']}).then(
             result => done({
                 passes: result.passes.length,
                 violations: result.violations.map(v => [v.id, v.nodes.map(n => n.html)]),

@@ -246,27 +246,18 @@ def poles_zeros(view: View) -> Chart:
         *(outside, "real", "Real part", "Imaginary part", roots), plane="z", rate=rate, height=300
     )
     modes = table[table["kind"] == "mode"]
-    errors = ("frequency_se_hz", "damping_se_percent")
-    curves: tuple[Curve, ...] = (
-        Curve(
-            *("estimate", "damping_percent", "model", "points"),
-            where=(("kind", "mode"),),
-            marker="x",
-            errors=errors,
-        ),
+    estimate = Curve(
+        *("estimate", "damping_percent", "model", "points"),
+        where=(("kind", "mode"),),
+        marker="x",
+        errors=("frequency_se_hz", "damping_se_percent"),
     )
-    if view.truth and view.truth.modes:
-        curves += (
-            Curve(
-                *("truth", "damping_percent", "truth", "points"),
-                where=(("kind", "true mode"),),
-                marker="opens",
-            ),
-        )
+    where = (("kind", "true mode"),)
+    truth = Curve("truth", "damping_percent", "truth", "points", where=where, marker="opens")
     damping = Panel(
         *("Modes, with 95 % intervals", "frequency_hz", "Natural frequency (Hz)"),
         "Damping ratio (%)",
-        curves,
+        (estimate, truth) if view.truth and view.truth.modes else (estimate,),
         scale="logarithmic" if len(modes) and modes["damping_percent"].min() > 0 else "linear",
         highest=1.04 * rate / 2,
         height=300,
