@@ -32,6 +32,7 @@ from evopem.figures.time_domain import shown_samples
 from evopem.figures.view import Pair, Results, View, view_of
 from evopem.models.mode_matching import match_modes
 from evopem.models.modes import Mode
+from evopem.results.fleet import MODE_COLUMNS, mode_values
 from evopem.validation.checks import failed_checks
 
 T = TypeVar("T")
@@ -175,16 +176,12 @@ class Comparison:
     def mode_table(self) -> pd.DataFrame:
         """A row for each mode of each model: number of the matched mode, values and errors."""
         rows = [
-            (
-                *(number, label, mode.frequency_hz, mode.frequency_se_hz),
-                *(100.0 * mode.damping_ratio, 100.0 * mode.damping_se, trusted),
-            )
+            (number, label, *mode_values(mode), trusted)
             for number, each in enumerate(self.modes, start=1)
             for label, mode, trusted in zip(self.labels, each.modes, each.trusted, strict=True)
             if mode is not None
         ]
-        numbers = ["frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent"]
-        return pd.DataFrame(rows, columns=["mode", "data set", *numbers, "trusted"])
+        return pd.DataFrame(rows, columns=["mode", "data set", *MODE_COLUMNS, "trusted"])
 
 
 def _common(named: Sequence[Mapping[Any, T]]) -> list[tuple[T, ...]]:

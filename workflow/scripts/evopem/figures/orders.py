@@ -30,6 +30,7 @@ from evopem.figures.chart import (
 from evopem.figures.draw import FRAME
 from evopem.figures.frequency_domain import true_modes
 from evopem.figures.view import View
+from evopem.results.fleet import MODE_COLUMNS, mode_values
 
 CRITERIA = (("rss", "RSS (%)"), ("bic", "BIC"))
 ORDERS = list(ORDER_NAMES)
@@ -266,17 +267,9 @@ def poles_zeros(view: View) -> Chart:
 
 
 def _modes_table(view: View) -> pd.DataFrame:
-    found = [("mode", each) for each in view.modes]
-    true = [("true mode", each) for each in (view.truth.modes if view.truth else ())]
-    rows = [
-        (
-            *(kind, mode.frequency_hz, mode.frequency_se_hz),
-            *(100.0 * mode.damping_ratio, 100.0 * mode.damping_se),
-        )
-        for kind, mode in [*found, *true]
-    ]
-    columns = ["kind", "frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent"]
-    table = pd.DataFrame(rows, columns=columns)
+    both = {"mode": view.modes, "true mode": view.truth.modes if view.truth else ()}
+    rows = [(kind, *mode_values(mode)) for kind, modes in both.items() for mode in modes]
+    table = pd.DataFrame(rows, columns=["kind", *MODE_COLUMNS])
     return table.replace([np.inf, -np.inf], np.nan)
 
 

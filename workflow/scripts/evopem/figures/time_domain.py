@@ -280,9 +280,9 @@ def horizons(view: View) -> Chart:
         for output in view.outputs
     }
     levels = tuple(
-        Mark(each.simulation, "simulation", "error")
-        for each in view.errors
-        if math.isfinite(each.simulation) and single
+        Mark(each.simulation_error_percent, "simulation", "error")
+        for each in view.results.validation.outputs
+        if math.isfinite(each.simulation_error_percent) and single
     )
     panel = Panel(
         *("", "horizon", "Horizon k (samples)", "Relative error (%)"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -20,22 +20,10 @@ from evopem.validation.checks.residuals import white
 
 if TYPE_CHECKING:
     from evopem.validation.checks import Check
-    from evopem.validation.validation import RecordedErrors
+    from evopem.validation.validation import OutputValidation, RecordedErrors
 
 Results = DatasetResults
 Pair = tuple[Channel, Channel | None]
-
-
-@dataclass(frozen=True)
-class OutputErrors:
-    """Errors in percent, and tests, of one output on validation samples; NaN where not known."""
-
-    name: str
-    prediction: float  # one step ahead
-    simulation: float  # that sees none of these outputs
-    fitted_state: float  # of a simulation from the state that fits them
-    whiteness_p: float
-    outliers: float  # percent of the residuals
 
 
 class View(Tables):
@@ -118,18 +106,6 @@ class View(Tables):
         return with_unit("Power spectral density", f"({unit})²/Hz" if unit else "per Hz")
 
     @cached_property
-    def errors(self) -> tuple[OutputErrors, ...]:
-        """Of each output."""
-        return tuple(
-            OutputErrors(
-                *(channel.prepared, found.prediction_error_percent),
-                *(found.simulation_error_percent, found.fitted_state_error_percent),
-                *(found.ljung_box.p_value, found.outlier_percent),
-            )
-            for channel, found in zip(self.outputs, self.results.validation.outputs, strict=True)
-        )
-
-    @cached_property
     def selected_order(self) -> int:
         """The order at which all orders were tied, or of the chosen state-space model."""
         if not self.results.settings.is_single_channel:
@@ -174,14 +150,15 @@ class View(Tables):
         return np.asarray(self.results.prepared.estimation.inputs.std(axis=0))
 
     @property
-    def worst_first(self) -> list[tuple[Channel, OutputErrors]]:
+    def worst_first(self) -> list[tuple[Channel, OutputValidation]]:
         """The outputs by decreasing error of the simulation, without an input of the prediction."""
 
-        def severity(pair: tuple[Channel, OutputErrors]) -> float:
-            error = pair[1].simulation if self.has_input else pair[1].prediction
+        def severity(pair: tuple[Channel, OutputValidation]) -> float:
+            _, own = pair
+            error = own.simulation_error_percent if self.has_input else own.prediction_error_percent
             return -error if np.isfinite(error) else -np.inf
 
-        return sorted(zip(self.outputs, self.errors, strict=True), key=severity)
+        return sorted(zip(self.outputs, self.results.validation.outputs, strict=True), key=severity)
 
 
 def view_of(results: Results | View) -> View:

@@ -30,7 +30,7 @@ from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
 from evopem.report.results_text import results_html, results_text
 from evopem.report.verdict import verdict
 from evopem.results.dataset import DatasetResults
-from evopem.results.fleet import DatasetSummary
+from evopem.results.fleet import MODE_COLUMNS, DatasetSummary, mode_values
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 from evopem.validation.checks import Check
 from evopem.validation.validation import Validation
@@ -105,15 +105,11 @@ class Results:
         and ``trusted``.
         """
         rows = [
-            (
-                *(mode.frequency_hz, mode.frequency_se_hz),
-                *(100.0 * mode.damping_ratio, 100.0 * mode.damping_se, trusted),
-            )
+            (*mode_values(mode), trusted)
             for mode, trusted in zip(self.summary.modes, self.summary.trusted, strict=True)
         ]
-        columns = ["frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent"]
         index = pd.RangeIndex(1, len(rows) + 1, name="mode")
-        return pd.DataFrame(rows, columns=[*columns, "trusted"], index=index)
+        return pd.DataFrame(rows, columns=[*MODE_COLUMNS, "trusted"], index=index)
 
     @property
     def shapes(self) -> pd.DataFrame:

@@ -97,7 +97,6 @@ def _shown(value: Any) -> str:
 
 def _errors(view: View) -> dict[str, Any]:
     return {
-        "outputs": [errors for _, errors in view.worst_first],
         "recordings": recording_rows(view.results),
     }
 

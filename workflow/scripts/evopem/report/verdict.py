@@ -162,9 +162,9 @@ def _simulations(view: View, outcome: Mapping[str, Check]) -> list[Use]:
     told = f" of the {owner} deviation on {samples} validation samples"
     error = largest = validation.simulation_error_percent
     if several:
-        worst = max(view.errors, key=lambda each: each.simulation)
-        largest = worst.simulation
-        told += f", by {percent(largest)} at {worst.name}"
+        worst, own = view.worst_first[0]
+        largest = own.simulation_error_percent
+        told += f", by {percent(largest)} at {worst.prepared}"
     if recorded is None:
         name = f"simulation from the {plural_of('input', view.inputs)}"
         return [_simulation(view, outcome, name, error, told, largest)]
@@ -215,9 +215,9 @@ def _prediction(view: View, outcome: Mapping[str, Check]) -> Use:
             against = joined(against, "the residuals are coloured, which no noise model uses")
     reason = f"off by {percent(error)} {where}"
     if len(view.outputs) > 1:
-        worst = max(view.errors, key=lambda each: each.prediction)
-        reason += f", by {percent(worst.prediction)} at {worst.name}"
-        answer = worse(answer, "care" if worst.prediction >= ERROR_OF_MEAN else "good")
+        largest = max(each.prediction_error_percent for each in view.results.validation.outputs)
+        reason += f", by up to {percent(largest)}"
+        answer = worse(answer, "care" if largest >= ERROR_OF_MEAN else "good")
     return Use("one-step prediction", _by_mean(answer, error), joined(reason, against))
 
 

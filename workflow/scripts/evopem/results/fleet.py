@@ -33,6 +33,13 @@ _FORMULA_START = tuple("=+-@＝＋－＠\t\r\n")
 
 # Bands of the gain in a summary.
 GAIN_BANDS = 60
+MODE_COLUMNS = ("frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent")
+
+
+def mode_values(mode: Mode) -> tuple[float, float, float, float]:
+    """The values of a mode in :data:`MODE_COLUMNS`."""
+    damping, error = 100.0 * mode.damping_ratio, 100.0 * mode.damping_se
+    return mode.frequency_hz, mode.frequency_se_hz, damping, error
 
 
 @dataclass(frozen=True)
@@ -187,7 +194,6 @@ _ERRORS = (
     "simulation_error_percent",
     "fitted_state_error_percent",
 )
-_MODE = ("frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent")
 _COLUMN_TYPES = (
     dict.fromkeys(("dataset", "status", "problem", "file", "sha256"), "string")
     | {"sampling_rate": "float64"}
@@ -196,7 +202,7 @@ _COLUMN_TYPES = (
     | dict.fromkeys(ORDER_NAMES, "Int64")
     | dict.fromkeys(("bic", *_ERRORS), "float64")
     | dict.fromkeys(("failed_checks", "mode"), "Int64")
-    | dict.fromkeys(_MODE, "float64")
+    | dict.fromkeys(MODE_COLUMNS, "float64")
 )
 
 
@@ -219,13 +225,7 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         **{check_column(check.name): check.passed for check in entry.checks},
     }
     modes = [
-        {
-            "mode": number,
-            "frequency_hz": mode.frequency_hz,
-            "frequency_se_hz": mode.frequency_se_hz,
-            "damping_percent": 100.0 * mode.damping_ratio,
-            "damping_se_percent": 100.0 * mode.damping_se,
-        }
+        {"mode": number, **dict(zip(MODE_COLUMNS, mode_values(mode), strict=True))}
         for number, mode in enumerate(entry.modes, start=1)
     ]
     return [own | mode for mode in modes or [{}]]
