@@ -270,6 +270,6 @@ def test_reasons_to_doubt_a_mode(results):
     ]
     # Orders that need all their poles elsewhere are not compared, and may have it all the same.
     assert of(recurrence=0.0, orders=(2, 3, 6), **compared) == [
-        "was found at only 0 of 4 other orders with poles to spare, though at 2 without"
+        "was found at none of 4 other orders with poles to spare, though at 2 without"
     ]
     assert of(recurrence=np.nan) == []

@@ -357,8 +357,8 @@ def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
         of_them = round(evidence.recurrence * evidence.compared)
         others = len(evidence.orders) - 1 - of_them
         found.append(
-            f"was found at only {of_them} of {evidence.compared} other orders with poles to spare"
-            + (f", though at {others} without" if others > 0 else "")
+            f"was found at {f'only {of_them}' if of_them else 'none'} of {evidence.compared} other"
+            " orders with poles to spare" + (f", though at {others} without" if others > 0 else "")
         )
     half_width = 1.96 * mode.frequency_se_hz
     if not math.isfinite(half_width):
