@@ -4,8 +4,8 @@
 
 Each recording is given with nothing but its input, its output and its rate.  Errors are
 ``100 ||y - yhat|| / ||y - mean(y)||`` on validation samples that nothing was chosen by, simulated
-from the initial state that fits them.  ``peers`` is the error of an automatic choice between
-subspace, ARX, ARMAX, OE and BJ models of other programs, where it was measured.
+from the initial state that their first tenth determines.  ``peers`` is the error of an automatic
+choice between subspace, ARX, ARMAX, OE and BJ models of other programs, where it was measured.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.signal import decimate
 
-from evopem.automatic.identify import identify_recordings
+from evopem.automatic.held_out.simulation import errors_simulated_on, prediction_errors
+from evopem.automatic.identify import Identification, identify
 from evopem.signals.recording import Recording
 
 SAMPLES_OF_LAST_PERIODS, BENCH_FACTOR, BENCH_RATE = 5 * 2500, 4, 625.0
@@ -71,6 +72,21 @@ def _bench(file: Path, output: str) -> Recording:
     return Recording(u, y, BENCH_RATE)
 
 
+def errors_on(validation: Recording, found: Identification) -> tuple[float, float]:
+    """Errors of simulation, whose state the first tenth determines, and of prediction, percent."""
+    prepared, model = found.prepared, found.choice.candidate.model
+    stretches = prepared.of_other(validation, prepared.plan.differences)
+    fitted = found.choice.level == "state"
+    outputs = np.concatenate([each.output for each in stretches])
+    return tuple(
+        100.0 * float(np.std(np.concatenate(errors)) / np.std(outputs))
+        for errors in (
+            [errors_simulated_on(model, None, each, fitted) for each in stretches],
+            [prediction_errors(model, each) for each in stretches],
+        )
+    )
+
+
 def main() -> None:
     """Print one row for each recording."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -83,11 +99,12 @@ def main() -> None:
         if arguments.only not in case.name:
             continue
         begun = time.process_time()
-        found = identify_recordings([case.estimation])
+        given = case.estimation
+        found = identify(given.input, given.output, given.sampling_rate)
         spent = time.process_time() - begun
-        errors = found.validate(case.validation)
+        simulation, prediction = errors_on(case.validation, found)
         print(
-            f"| {case.name} | {errors.simulation:.2f} | {errors.prediction:.2f} | {case.peers:.2f} "
+            f"| {case.name} | {simulation:.2f} | {prediction:.2f} | {case.peers:.2f} "
             f"| {found.choice.candidate.name} | {found.choice.level} "
             f"| {', '.join(found.failed) or 'none'} | {spent:.0f} |",
             flush=True,

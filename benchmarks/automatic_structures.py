@@ -24,12 +24,12 @@ from threadpoolctl import threadpool_limits
 
 from evopem import PolynomialModel
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings, fit
-from evopem.automatic.identify import identify_recordings
+from evopem.automatic.identify import identify
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import covariance_of
 from evopem.models.response_tables import response_standard_errors
-from evopem.signals.recording import Recording, Segment
+from evopem.signals.recording import Segment
 from evopem.synthesis.armax import polynomial_record
 
 Array = NDArray[np.float64]
@@ -133,7 +133,7 @@ def _distance(model: PolynomialModel, truth: PolynomialModel) -> float:
 
 def identified(structure: str, seed: int) -> Outcome:
     """Identify one record and judge the model."""
-    found = identify_recordings([Recording(*record_of(structure, seed), 1.0)])
+    found = identify(*record_of(structure, seed))
     candidate = found.choice.candidate
     with threadpool_limits(limits=1, user_api="blas"):
         return judged(

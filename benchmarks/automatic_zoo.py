@@ -26,7 +26,7 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import chirp, lfilter
 
 from evopem.automatic.held_out.simulation import simulated
-from evopem.automatic.identify import identify_recordings
+from evopem.automatic.identify import identify
 from evopem.estimation.search.starting_polynomials import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
@@ -382,7 +382,7 @@ def main() -> None:
             for part in range(2)
         )
         begun = time.process_time()
-        found = identify_recordings([Recording(estimation.input, estimation.measured, 1.0)])
+        found = identify(estimation.input, estimation.measured)
         spent = time.process_time() - begun
         given = Recording(validation.input, validation.measured, 1.0)
         factor = found.prepared.plan.factor

@@ -11,7 +11,7 @@ from evopem.automatic import chosen
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.fit import Fit, FitSettings
 from evopem.automatic.held_out.folds import decide_folds
-from evopem.automatic.held_out.simulation import simulated
+from evopem.automatic.held_out.simulation import prediction_errors, simulated
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import Choice
 from evopem.models.polynomial import PolynomialModel
@@ -83,3 +83,22 @@ def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():
         for m in (truth, larger)
     ]
     assert bics[1] > bics[0] - 0.1
+
+
+def test_a_slow_state_of_the_predictor_gains_nothing_by_what_it_is_fitted_to():
+    """C with a root at 0.9999: fitted to all samples its state draws a level through the noise."""
+    generator = np.random.default_rng(2)
+    u, e = generator.standard_normal((2, 400))
+    one = np.ones(1)
+    truth = PolynomialModel(np.array([1.0, -0.8]), one, one, one, one, 1)
+    y = lfilter([0.0, 1.0], truth.a, u) + lfilter([1.0], truth.a, e)
+    slow = replace(truth, A=np.convolve(truth.a, [1.0, -0.99]), C=np.array([1.0, -0.9999]))
+    slow = replace(slow, B=(np.convolve(truth.b, [1.0, -0.99]),))
+    before, held_out = Segment(u[:200], y[:200]), Segment(u[200:], y[200:] + 3.0)
+
+    def size(past):
+        return np.sqrt(np.mean(prediction_errors(slow, held_out, past) ** 2))
+
+    assert size(before) > 1.3 * size(None)
+    assert len(prediction_errors(truth, held_out, before)) == 200
+    assert len(prediction_errors(truth, held_out, held_out.between(0, 0))) == 180

@@ -7,7 +7,7 @@ import pytest
 from records import noisy, output_error_record
 from scipy.signal import lfilter
 
-from evopem.automatic.preparation.drift import decide_differences
+from evopem.automatic.preparation.disturbance import decide_differences
 from evopem.automatic.preparation.plan import GivenPreparation, decide_preparation, prepare
 from evopem.errors import InputError
 from evopem.signals.recording import Recording, Segment

@@ -1,6 +1,6 @@
 """Limits of the orders that a configuration sets."""
 
-from evopem.automatic.limits import OrderLimits
+from evopem.automatic.candidates import OrderLimits
 from evopem.config.settings import InputRanges, OrderRanges
 from evopem.models.structures import Orders
 

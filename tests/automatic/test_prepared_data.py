@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from evopem.automatic.preparation.decimation import decimated
-from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord, prepare
-from evopem.automatic.preparation.prepared_data import prepared_data
+from evopem.automatic.preparation.plan import (
+    PreparationPlan,
+    PreparedRecord,
+    prepare,
+    prepared_data,
+)
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.signals.preparation import prepare as divide

@@ -7,8 +7,8 @@ from scipy.signal import lfilter
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.held_out.folds import decide_folds
-from evopem.automatic.noise_beside_plant import with_noise_models
 from evopem.automatic.remedies import act_on_checks
+from evopem.automatic.remedy_orders import with_noise_models
 from evopem.automatic.structures import Choice
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment

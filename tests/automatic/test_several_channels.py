@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic.candidates import Candidate, Scorer
+from evopem.automatic.candidates import Candidate, OrderLimits, Scorer
 from evopem.automatic.chosen import estimate_candidate
-from evopem.automatic.delays import decide_delays
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.held_out.folds import HeldOutScores, decide_folds, held_out_scores
-from evopem.automatic.limits import OrderLimits
-from evopem.automatic.orders import numbers_of_states, search_structure
+from evopem.automatic.orders import decide_delays, numbers_of_states, search_structure
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.state_space import until_bic_rises
 from evopem.automatic.structures import Choice, as_good, compare_structures

@@ -16,8 +16,8 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from evopem.automatic.delays import DelayChoice
-from evopem.automatic.record import DecisionRecord, OtherModel
+from evopem.automatic.decision import DecisionRecord, OtherModel
+from evopem.automatic.orders import DelayChoice
 from evopem.config import settings
 from evopem.config.channels import ChannelSettings, SyntheticSource, UnitSettings
 from evopem.config.settings import OrderSettings, SearchSettings

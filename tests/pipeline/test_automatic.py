@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic.record import DecisionRecord
+from evopem.automatic.decision import DecisionRecord
 from evopem.config.defaults import complete
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load

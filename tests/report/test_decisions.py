@@ -3,8 +3,7 @@
 import math
 from dataclasses import replace
 
-from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.record import DecisionRecord, OtherModel
+from evopem.automatic.decision import Alternative, Decision, DecisionRecord, OtherModel
 from evopem.report.sections import MOST_RIVALS, rivals
 
 

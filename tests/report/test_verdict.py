@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from identified import with_model, with_outcome, without_modes
 
-from evopem.automatic.record import DecisionRecord
+from evopem.automatic.decision import DecisionRecord
 from evopem.figures.view import view_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.verdict import DESIRABLE, ESSENTIAL, mode_lines, verdict

@@ -6,8 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.automatic.preparation.plan import GivenPreparation, PreparationPlan, decide_preparation
-from evopem.automatic.preparation.prepared_data import prepared_data
+from evopem.automatic.preparation.plan import (
+    GivenPreparation,
+    PreparationPlan,
+    decide_preparation,
+    prepared_data,
+)
 from evopem.config.channels import ChannelSettings
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError

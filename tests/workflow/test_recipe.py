@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evopem.automatic.record import DecisionRecord
+from evopem.automatic.decision import DecisionRecord
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.models.structures import Orders

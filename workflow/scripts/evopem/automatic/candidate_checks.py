@@ -1,4 +1,4 @@
-"""The checks of the report that a candidate can be judged by before it is chosen."""
+"""What the checks of the report say of a candidate, and what its residuals say of the noise."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtri
 
-from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings
+from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings, log_loss
 from evopem.automatic.held_out.simulation import Model, prediction_errors
 from evopem.config.structures import OF_SIMULATION
 from evopem.estimation.criteria import lies_at_bound
@@ -89,7 +89,7 @@ def _of_one_input(
     residuals, inputs = errors.residuals(point), errors.scored_inputs()
     failed, whiteness, correlation = [], 1.0, 0.0
     if len(residuals) > 2 and np.ptp(residuals) > 0.0:
-        whiteness, white = _whiteness(errors, point)
+        whiteness, white = _whiteness(errors, point, residuals)
         if not white and structure not in OF_SIMULATION:
             failed.append(WHITE)
         if np.ptp(inputs) > 0.0:
@@ -100,24 +100,26 @@ def _of_one_input(
     covariance = covariance_of(
         *(errors, point, residuals, errors.scored_outputs()), errors.residual_counts()
     )
-    if _cancels(model, covariance):
-        failed.append(DISTINCT)
-    if roots_at_bound(errors, model):
-        failed.append(INSIDE_BOUND)
-    needed = orders.na + orders.single.nf + orders.single.nb
+    if covariance is None:
+        distances = np.abs(np.subtract.outer(model.poles(), model.zeros()))
+        cancels = bool(np.any(distances < COINCIDENT_DISTANCE))
+    else:
+        cancels = bool(cancelling_pairs(model, covariance))
+    nb = orders.single.nb
+    needed = orders.na + orders.single.nf + nb
     longest = max(stretches, key=lambda each: each.samples)
-    if excitation_order(longest.input, needed) < needed:
-        failed.append(EXCITATION_ADEQUATE)
-    later, shorter = (
-        _is_insignificant(model, covariance, coefficient)
-        for coefficient in (0, model.orders.single.nb - 1)
-    )
+    for name, fails in (
+        (DISTINCT, cancels),
+        (INSIDE_BOUND, roots_at_bound(errors, model)),
+        (EXCITATION_ADEQUATE, excitation_order(longest.input, needed) < needed),
+    ):
+        failed += [name] if fails else []
+    later, shorter = (_is_insignificant(model, covariance, each) for each in (0, nb - 1))
     return CandidateChecks(tuple(failed), whiteness, correlation, later, shorter)
 
 
-def _whiteness(errors: PolynomialErrors, point: Array) -> tuple[float, bool]:
-    residuals, orders = errors.residuals(point), errors.orders
-    correlation = autocorrelation_of(residuals)
+def _whiteness(errors: PolynomialErrors, point: Array, residuals: Array) -> tuple[float, bool]:
+    orders, correlation = errors.orders, autocorrelation_of(residuals)
     largest = int(correlation.lag[-1])
     lags = ljung_box_lags(len(residuals), orders.na + orders.nc + orders.nd, largest)
     if not 0 < lags < len(residuals):
@@ -125,13 +127,6 @@ def _whiteness(errors: PolynomialErrors, point: Array) -> tuple[float, bool]:
     test = whiteness_test(residuals, [errors.jacobian(point)], lags, errors.objective)
     share = correlation.where(correlation.lag > 0).share_inside
     return test.p_value, are_white(test.p_value, share, largest) is not False
-
-
-def _cancels(model: PolynomialModel, covariance: ParameterCovariance | None) -> bool:
-    if covariance is not None:
-        return bool(cancelling_pairs(model, covariance))
-    distances = np.abs(np.subtract.outer(model.poles(), model.zeros()))
-    return bool(np.any(distances < COINCIDENT_DISTANCE))
 
 
 def _is_insignificant(
@@ -216,3 +211,49 @@ def _earlier_delays(
             before = found.lag[large & (found.lag >= 0) & (found.lag < delay)]
             earlier[column] = min([earlier[column], *before.tolist()])
     return tuple(earlier)
+
+
+def heaviness(model: Model, stretches: Sequence[Segment]) -> float:
+    """How much likelier a residual is under Laplace's distribution than under a normal one.
+
+    The mean logarithm of the ratio, each distribution at its likeliest scale.
+    """
+    e = np.concatenate([prediction_errors(model, each) for each in stretches])
+    return 0.5 * (log_loss(e, "quadratic") - log_loss(e, "absolute"))
+
+
+def feedback_probability(model: Model, stretches: Sequence[Segment]) -> float:
+    """Probability that an input depends so much on past residuals by chance.
+
+    Each input is regressed on its own past without and with past residuals (an F test; Granger
+    1969), in the longest stretch; of several inputs the lowest one counts, times their number.
+    """
+    stretch = max(stretches, key=lambda each: each.samples)
+    e = prediction_errors(model, stretch)
+    inputs = stretch.inputs[stretch.samples - len(e) :]
+    lowest = min(_of_input(u, e) for u in inputs.T)
+    return min(1.0, lowest * inputs.shape[1])
+
+
+def _of_input(u: Array, e: Array) -> float:
+    from scipy.stats import f
+
+    n, lags = len(e), min(10, len(e) // (15 * e.shape[1]))
+    if lags < 1:
+        return 1.0
+    past_inputs = [np.ones(n - lags), *(u[lags - k : n - k] for k in range(1, lags + 1))]
+    past_errors = [each[lags - k : n - k] for each in e.T for k in range(1, lags + 1)]
+    target = u[lags:]
+    without = _sum_of_squares(np.column_stack(past_inputs), target)
+    with_residuals = _sum_of_squares(np.column_stack([*past_inputs, *past_errors]), target)
+    added = len(past_errors)
+    freedom = len(target) - lags - added - 1
+    if not with_residuals > 0.0 or freedom < 1:
+        return 1.0
+    statistic = (without - with_residuals) / added / (with_residuals / freedom)
+    return float(f.sf(statistic, added, freedom))
+
+
+def _sum_of_squares(regressors: Array, target: Array) -> float:
+    e = target - regressors @ np.linalg.lstsq(regressors, target, rcond=None)[0]
+    return float(e @ e)

@@ -1,9 +1,10 @@
-"""Candidates: models of some structure and orders, with the scores that they are compared by."""
+"""Limits of orders, and candidates: models with the scores that they are compared by."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,15 +14,16 @@ from evopem.automatic.fit import FOLD_STAGES, Fit, FitSettings, fit, log_loss
 from evopem.automatic.held_out.folds import FoldPlan, HeldOutScores, held_out_scores
 from evopem.automatic.held_out.simulation import Model, errors_simulated_on
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
-from evopem.automatic.limits import OrderLimits
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import refit
+from evopem.config.settings import OrderRanges, Range
+from evopem.config.structures import STRUCTURES, varied_order
 from evopem.errors import NoModelError
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.structures import Orders
+from evopem.models.structures import PER_INPUT, Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 
 # Largest order of the paths of polynomial structures: criteria count the samples behind its past.
@@ -31,6 +33,50 @@ SAMPLES_PER_PARAMETER = 8
 # Candidates whose errors, one step ahead and of simulations, are both this much above the lowest of
 # all (a factor of 3 in the criterion's logarithm of squares) are not scored on folds.
 REACH = 2.0 * np.log(3.0)
+
+
+@dataclass(frozen=True)
+class OrderLimits:
+    """Lowest and highest orders of a search; a structure without an order has no limit of it."""
+
+    structure: str | None = None  # the only structure that may be chosen
+    ranges: OrderRanges = field(default_factory=OrderRanges)
+    names: tuple[str, ...] = ("input",)  # of the inputs
+
+    def allow(self, structure: str, orders: Orders | None) -> bool:
+        """Whether a structure, with orders if it is a polynomial one, may be chosen."""
+        if self.structure not in (None, structure):
+            return False
+        return orders is None or self._clamped(structure, orders) == orders
+
+    def within(self, structure: str, path: Iterable[list[Orders]]) -> Iterator[list[Orders]]:
+        """A path of orders moved inside the limits, without repetitions."""
+        known: set[Orders] = set()
+        for step in path:
+            moved = dict.fromkeys(self._clamped(structure, orders) for orders in step)
+            new = [orders for orders in moved if orders not in known]
+            known.update(new)
+            if new:
+                yield new
+
+    def _clamped(self, structure: str, orders: Orders) -> Orders:
+        given = {name: getattr(orders, name) for name in STRUCTURES["general"]}
+        count = orders.inputs
+        names = self.names if len(self.names) == count else tuple(map(str, range(count)))
+        for name in STRUCTURES[structure]:
+            # The degree of the plant follows the joint one.
+            varied = structure != "fir" and name == varied_order("joint", structure)
+            joint, own = self.ranges.joint if varied else None, getattr(self.ranges, name)
+            if name in PER_INPUT:
+                pairs = zip(given[name], own.of_inputs(names), strict=True)
+                given[name] = tuple(_nearest(order, each or joint) for order, each in pairs)
+            else:
+                given[name] = _nearest(given[name], own or joint)
+        return Orders(**given)
+
+
+def _nearest(order: int, limits: Range | None) -> int:
+    return order if limits is None else min(max(order, limits[0]), limits[1])
 
 
 @dataclass(frozen=True)
@@ -125,14 +171,15 @@ def order_models(
 
 def without_covariances(search: StructureSearch) -> StructureSearch:
     """A search with models without their covariances, which are large."""
-    kept = []
-    for each in search.candidates:
-        if each.state_space is not None:
-            each = replace(each, state_space=replace(each.state_space, covariance=None))
-        elif each.polynomials is not None:
-            each = replace(each, polynomials=replace(each.polynomials, covariance=None))
-        kept.append(each)
-    return replace(search, candidates=tuple(kept))
+    plain = [with_model(each, replace(each.model, covariance=None)) for each in search.candidates]
+    return replace(search, candidates=tuple(plain))
+
+
+def with_model(candidate: Candidate, model: Model) -> Candidate:
+    """A candidate with another model of its structure and orders."""
+    if isinstance(model, PolynomialModel):
+        return replace(candidate, polynomials=model)
+    return replace(candidate, state_space=model)
 
 
 class Scorer:
@@ -150,7 +197,7 @@ class Scorer:
         stretches: Sequence[Segment],
         plan: FoldPlan,
         settings: FitSettings,
-        limits: OrderLimits = OrderLimits(),  # noqa: B008 - frozen
+        limits: OrderLimits = OrderLimits(),
         delays: tuple[int, ...] = (),
     ) -> None:
         self.whole, self.plan, self.settings = tuple(stretches), plan, settings
@@ -241,7 +288,7 @@ class Scorer:
             found.parameters,
             log_loss(found.residuals_from(self.window), objective) + penalty,
             simulation_loss + penalty,
-            HeldOutScores.none(),
+            HeldOutScores(),
             polynomials,
             found.model if isinstance(found.model, StateSpaceModel) else None,
         )
@@ -249,9 +296,7 @@ class Scorer:
     def scored(self, candidate: Candidate) -> Candidate:
         """A candidate with its scores on held-out samples."""
 
-        def refitted(training: Sequence[Segment]) -> Model:
-            return self._refitted(candidate, training, on_folds=True)
-
+        refitted = partial(self._refitted, candidate, on_folds=True)
         scores = held_out_scores(self.stretches, self.plan, refitted, self.absolute)
         return replace(candidate, scores=scores)
 
@@ -287,9 +332,7 @@ class Scorer:
             model = self._refitted(candidate, self.whole)
         except NoModelError:
             return candidate
-        if isinstance(model, PolynomialModel):
-            return replace(candidate, polynomials=model)
-        return replace(candidate, state_space=model)
+        return with_model(candidate, model)
 
     def remember(self, candidates: Sequence[Candidate]) -> None:
         """Take candidates as known that were scored before, with the same settings."""

@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.candidates import Candidate as ScoredCandidate
-from evopem.automatic.candidates import Scorer
+from evopem.automatic.candidates import OrderLimits, Scorer, with_model
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import NOISE_RADIUS, FitSettings
-from evopem.automatic.held_out.simulation import Model
-from evopem.automatic.limits import OrderLimits
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import (
     polynomial_settings,
@@ -55,8 +53,6 @@ SUBJECT = "global search of the chosen model"
 SEARCHED, COMPARED = "searched model", "compared model"
 # A minimum that is lower by this share is another one.
 LOWER = 1e-6
-# Standard errors by which held-out errors differ by more than chance.
-BY_MORE_THAN_CHANCE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +91,11 @@ def estimate_candidate(
         return _polynomials(candidate, estimation, search, limits, fit, log)
     structure, model = candidate.structure, candidate.state_space
     assert model is not None
-    names = estimation.input_names, estimation.output_names
     start = replace(
         model,
         sampling_rate=estimation.sampling_rate,
-        input_names=names[0],
-        output_names=names[1],
+        input_names=estimation.input_names,
+        output_names=estimation.output_names,
     )
     own = search_settings(settings, evaluations)
     if evaluations == 0 and fit is None:
@@ -203,29 +198,20 @@ def estimate_choice(
     Raises InputError when no model of the order meets the constraints, and NoModelError when the
     record is too short.
     """
-    candidate = _with_model(choice.candidate, record.in_its_units(choice.candidate.model))
+    candidate = with_model(choice.candidate, record.in_its_units(choice.candidate.model))
     given = estimation, scorer.settings, scorer.limits, fit
-    compared = None if fit else estimate_candidate(candidate, *given, 0, None, search)
-    if compared is not None and evaluations == 0:
-        return compared, _about_search(choice, compared, compared)
     found = estimate_candidate(candidate, *given, evaluations, log, search)
-    if compared is None:
+    if fit is not None or evaluations == 0:
         return found, _about_search(choice, found, found)
-    value, known = (_value(each) for each in (found, compared))
+    compared = estimate_candidate(candidate, *given, 0, None, search)
+    value, known = (each.estimate.search.value for each in (found, compared))
     if not value < known - LOWER * abs(known):
         return found, _about_search(choice, found, compared)
     judged = scorer.of_recording(estimation).scored(
-        _with_model(candidate, found.polynomials or found.estimate.model)
+        with_model(candidate, found.polynomials or found.estimate.model)
     )
     about = _about_search(choice, found, compared, judged)
     return (compared if about.choice == COMPARED else found), about
-
-
-def _value(chosen: ChosenModel) -> float:
-    """What was minimised."""
-    if isinstance(chosen.estimate, PolynomialEstimate):
-        return float(chosen.estimate.search.value)
-    return float(chosen.estimate.objective)
 
 
 def _about_search(
@@ -245,13 +231,12 @@ def _about_search(
     worse = [
         kind
         for kind in kinds
-        if np.isfinite(getattr(known, kind))
-        and not as_good(judged, choice.candidate, kind, BY_MORE_THAN_CHANCE)
+        if np.isfinite(getattr(known, kind)) and not as_good(judged, choice.candidate, kind)
     ]
     kind = worse[0] if worse else choice.kind
     scores = [float(getattr(each, kind)) for each in (judged.scores, known)]
     does = "predicted one step ahead" if kind == "prediction" else "simulated"
-    fell = _value(compared) - _value(found)
+    fell = compared.estimate.search.value - found.estimate.search.value
     sentence = (
         f"The objective of {name} fell by {fell:.2g} in the search; held-out samples are {does}"
         f" with {scores[0]:.3g} % instead of {scores[1]:.3g} %"
@@ -259,12 +244,6 @@ def _about_search(
     )
     alternatives = (Alternative(SEARCHED, scores[0]), Alternative(COMPARED, scores[1]))
     return Decision(SUBJECT, COMPARED if worse else SEARCHED, alternatives, criterion, sentence)
-
-
-def _with_model(candidate: ScoredCandidate, model: Model) -> ScoredCandidate:
-    if isinstance(model, PolynomialModel):
-        return replace(candidate, polynomials=model)
-    return replace(candidate, state_space=model)
 
 
 # One channel, whose results have the form of the phases of an order search.

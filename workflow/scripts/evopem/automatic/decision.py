@@ -1,4 +1,4 @@
-"""What was decided, against which alternatives, and why: one entry of ``decisions.json``."""
+"""Decisions and trials, with their reasons: the entries and the contents of ``decisions.json``."""
 
 from __future__ import annotations
 
@@ -44,3 +44,41 @@ def lowest(alternatives: Sequence[Alternative], margin: float = 0.0) -> Alternat
     if not np.isfinite(best):
         return alternatives[0]
     return alternatives[int(np.flatnonzero(scores <= best + margin * abs(best))[0])]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One remedy that was tried."""
+
+    check: str  # that failed before
+    remedy: str
+    model: str  # name of the candidate
+    score: float  # error for the purpose on held-out samples, percent
+    whiteness: float  # p-value of the Ljung-Box test of the residuals
+    correlation: float  # largest cross-correlation of residuals and input, in its 95 % bounds
+    taken: bool
+
+
+@dataclass(frozen=True)
+class OtherModel:
+    """The model for another purpose than that of ``model.json``, in ``model.<purpose>.json``.
+
+    Errors are ``100 ||y - yhat|| / ||y - mean(y)||`` over the validation samples.
+    """
+
+    purpose: str
+    model: str  # structure and orders
+    prediction_error_percent: float
+    simulation_error_percent: float
+
+
+@dataclass(frozen=True)
+class DecisionRecord:
+    """All decisions of one data set, in their order."""
+
+    purpose: str  # what the model is for: simulation, prediction or modes
+    decisions: tuple[Decision, ...]
+    trials: tuple[Trial, ...]  # remedies of failed checks
+    failed: tuple[str, ...]  # checks that no remedy made hold
+    remarks: tuple[str, ...]  # sentences about the record that the decisions led to
+    other: OtherModel | None  # None without an input

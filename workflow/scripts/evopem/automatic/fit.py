@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.estimation.search.staged_descent import Stage
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment
 
@@ -89,27 +89,13 @@ def fit(
     structure: str | None = None,
     stages: tuple[Stage, ...] = SWEEP_STAGES,
 ) -> Fit:
-    """Fit a model of given orders by descents from estimates and from other models.
+    """Fit a model of one input, or none, and one output by descents from estimates and models.
 
-    Parameters
-    ----------
-    stretches : sequence of Segment
-        With one input, or none, and one output.
-    orders : Orders
-    settings : FitSettings
-    models : sequence of PolynomialModel
-        Of any orders; descents start from them, with further poles where these orders have more.
-    own_starts : bool
-        Whether descents start from estimates by linear algebra as well.
-    structure : str, optional
-        Name that the model gets; by default the smallest structure with these orders.
-    stages : tuple of Stage
-        How the descents end.
+    ``models``: of any orders; descents start from them, with further poles where these orders have
+    more, and with ``own_starts`` from estimates by linear algebra as well.  ``structure``: name of
+    the model, by default the smallest structure with these orders.  ``stages``: how descents end.
 
-    Raises
-    ------
-    NoModelError
-        When no stretch is long enough, or no start has finite prediction errors.
+    Raises NoModelError when no stretch is long enough, or no start has finite prediction errors.
     """
     errors = PolynomialErrors(
         *(stretches, orders, settings.objective),
@@ -121,21 +107,14 @@ def fit(
         raise NoModelError(f"no start of {orders} has finite prediction errors")
     descents = problem.sweep_descent(starts, stages)
     point = descents.points[int(np.argmin(descents.values))]
-    return fit_at(errors, point, structure or orders.structure)
-
-
-def fit_at(errors: PolynomialErrors, point: Array, structure: str) -> Fit:
-    """The fit that a point of a problem stands for."""
-    parts, orders = errors.parts(), errors.orders
-    a, c, d, f = (np.concatenate([[1.0], point[parts[name]]]) for name in "acdf")
+    levels = tuple(map(float, point[errors.parts()["level"]]))
     residuals = tuple(each[:, None] for each in errors.residuals_of_stretches(point))
     together = np.concatenate(residuals)[:, 0]
-    levels = tuple(map(float, point[parts["level"]]))
-    model = PolynomialModel(
-        *(a, point[parts["b"]].copy(), c, d, f, orders.single.nk),
+    model = model_of(
+        replace(orders, structure=structure or orders.structure),
+        point.copy(),
         level=levels[0] if levels else 0.0,
         noise_variance=float(together @ together) / max(len(together) - len(point), 1),
-        structure=structure,
     )
     count = orders.parameters + len(levels)
     return Fit(model, count, residuals, orders.first_residual, levels)

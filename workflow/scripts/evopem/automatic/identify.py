@@ -10,39 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.automatic.candidates import Scorer, StructureSearch
-from evopem.automatic.decision import Decision
-from evopem.automatic.delays import decide_delays
+from evopem.automatic.decision import Decision, Trial
 from evopem.automatic.held_out.folds import decide_folds
-from evopem.automatic.held_out.simulation import prediction_errors, simulated
-from evopem.automatic.orders import NESTED, search_structure
-from evopem.automatic.preparation.plan import (
-    PreparedRecord,
-    decide_preparation,
-    prepare,
-)
-from evopem.automatic.record import Trial
+from evopem.automatic.held_out.simulation import simulated
+from evopem.automatic.orders import NESTED, decide_delays, search_structure
+from evopem.automatic.preparation.plan import PreparedRecord, decide_preparation, prepare
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.structures import Choice, Purpose, compare_structures
 from evopem.blas_threads import one_blas_thread
+from evopem.errors import check_choice
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.recording import Recording, Segment, concatenated
+from evopem.signals.recording import Recording, concatenated
 
 Array = NDArray[np.float64]
-
-PURPOSES = get_args(Purpose)
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Errors on a validation recording, ``100 ||y - yhat|| / ||y - mean(y)||``, percent.
-
-    Attributes
-    ----------
-    simulation, prediction : float
-    """
-
-    simulation: float
-    prediction: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +35,6 @@ class Identification:
         For the purpose, in recorded units less their offsets, at the prepared rate.
     choice : Choice
         The model as it was chosen, with its scores.
-    others : tuple of Choice
-        The choices for the other purposes, where they are other models.
     prepared : PreparedRecord
     decisions : tuple of Decision
     trials : tuple of Trial
@@ -67,7 +45,6 @@ class Identification:
 
     model: PolynomialModel
     choice: Choice
-    others: tuple[Choice, ...]
     prepared: PreparedRecord
     decisions: tuple[Decision, ...]
     trials: tuple[Trial, ...]
@@ -92,24 +69,6 @@ class Identification:
         ]
         return np.asarray(np.concatenate(parts) * prepared.scales[1][0] + offset)
 
-    def validate(self, recording: Recording) -> Errors:
-        """Errors on a recording that was not used for estimation, prepared as that one was."""
-        stretches = self.prepared.of_other(recording, self.prepared.plan.differences)
-        return validation_errors(self.choice, stretches)
-
-
-def validation_errors(choice: Choice, stretches: Sequence[Segment]) -> Errors:
-    """Simulation and one-step errors of a chosen model on prepared stretches, percent."""
-    model, fitted = choice.candidate.model, choice.level == "state"
-    measured = np.concatenate([each.output for each in stretches])
-    scale = float(np.linalg.norm(measured - measured.mean()))
-    of_simulation = np.concatenate([simulated(model, s, fitted) - s.outputs for s in stretches])
-    of_prediction = np.concatenate([prediction_errors(model, s) for s in stretches])
-    return Errors(
-        100.0 * float(np.linalg.norm(of_simulation)) / scale,
-        100.0 * float(np.linalg.norm(of_prediction)) / scale,
-    )
-
 
 def identify(
     input: ArrayLike | Sequence[ArrayLike],  # noqa: A002 - the field's word
@@ -119,7 +78,7 @@ def identify(
     purpose: Purpose = "auto",
     log: Callable[[str], None] | None = None,
 ) -> Identification:
-    """Identify a system: preparation, structure, orders and delay are decided by evidence.
+    """Identify a system of one input and output: all is decided by evidence.
 
     On the numerics alone, without validation samples, checks and report, which
     :func:`evopem.identify` adds.
@@ -139,9 +98,7 @@ def identify(
     Raises
     ------
     InputError
-        When the recordings do not fit together or are too short.
-    ValueError
-        When the purpose is not known.
+        When the recordings do not fit together or are too short, or the purpose is not known.
 
     Examples
     --------
@@ -153,70 +110,43 @@ def identify(
     >>> round(found.model.modes()[0].frequency_hz, 2)
     0.78
     """
-    if purpose not in PURPOSES:
-        raise ValueError(f"purpose must be one of {', '.join(PURPOSES)}, not {purpose!r}")
-    inputs, outputs = _signals(input), _signals(output)
-    recordings = tuple(
-        Recording(u, y, float(sampling_rate)) for u, y in zip(inputs, outputs, strict=True)
+    check_choice("purpose", purpose, get_args(Purpose))
+    several = np.ndim(input[0]) > 0  # type: ignore[index]
+    channels = zip(input, output, strict=True) if several else [(input, output)]  # type: ignore[arg-type]
+    together = concatenated(
+        [
+            Recording(np.array(u, dtype=float), np.array(y, dtype=float), float(sampling_rate))
+            for u, y in channels
+        ]
     )
-    return identify_recordings(recordings, purpose, log)
+    decisions: list[Decision] = []
 
-
-def identify_recordings(
-    recordings: Sequence[Recording],
-    purpose: Purpose = "auto",
-    log: Callable[[str], None] | None = None,
-) -> Identification:
-    """All stages one after the other; see :func:`identify`."""
-
-    def tell(decisions: Sequence[Decision]) -> None:
-        for each in decisions:
+    def tell(*made: Decision) -> None:
+        decisions.extend(made)
+        for each in made:
             if log is not None:
                 log(f"{each.subject}: {each.choice}. {each.sentence}")
 
     with one_blas_thread():
-        together = concatenated(recordings)
         plan = decide_preparation(together)
-        tell(plan.decisions)
+        tell(*plan.decisions)
         prepared = prepare(together, plan)
         folds = decide_folds(prepared.stretches)
         delays = decide_delays(prepared.stretches, ("input",))
-        tell((folds.decision, folds.repetition.decision, delays.decision))
+        tell(folds.decision, folds.repetition.decision, delays.decision)
         scorer = Scorer(prepared.stretches, folds, prepared.settings, delays=delays.delays)
         searches: dict[str, StructureSearch] = {}
         for structure in NESTED:
             searches[structure] = search_structure(scorer, structure, searches)
-            tell((searches[structure].decision,))
+            tell(searches[structure].decision)
         comparison = compare_structures(scorer, tuple(searches.values()))
-        tell(comparison.decisions)
+        tell(*comparison.decisions)
         remedied = act_on_checks(scorer, comparison.choice(purpose))
-    choice = remedied.choice
-    model = choice.candidate.polynomials
-    assert model is not None
     return Identification(
-        model=prepared.in_its_units(model),
-        choice=choice,
-        others=tuple(each for each in comparison.choices if each.purpose != choice.purpose),
+        model=prepared.in_its_units(remedied.choice.candidate.model),
+        choice=remedied.choice,
         prepared=prepared,
-        decisions=(
-            *plan.decisions,
-            folds.decision,
-            folds.repetition.decision,
-            delays.decision,
-            *(each.decision for each in searches.values()),
-            *comparison.decisions,
-        ),
+        decisions=tuple(decisions),
         trials=remedied.trials,
         failed=remedied.failed,
     )
-
-
-def _signals(given: ArrayLike | Sequence[ArrayLike]) -> list[Array]:
-    """One array for each recording."""
-    try:
-        together = np.asarray(given, dtype=float)
-    except ValueError:  # recordings of different lengths
-        return [np.array(each, dtype=float) for each in given]  # type: ignore[union-attr]
-    if together.ndim == 1:
-        return [together.copy()]
-    return [each.copy() for each in together]

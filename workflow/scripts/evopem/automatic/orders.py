@@ -1,8 +1,11 @@
-"""Orders within one structure."""
+"""Delays of the inputs, and orders within one structure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain
 
 import numpy as np
 
@@ -12,7 +15,8 @@ from evopem.automatic.candidates import (
     Scorer,
     StructureSearch,
 )
-from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.decision import Alternative, Decision, given_by_configuration
+from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.state_space import (
     Log,
     fits_in_state_space,
@@ -20,13 +24,15 @@ from evopem.automatic.state_space import (
     polynomial_settings,
     recording_of,
 )
-from evopem.config.settings import OrderRanges
+from evopem.config.settings import InputRanges, OrderRanges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
 from evopem.errors import InputError
+from evopem.estimation.delays import ORDERS, delays_by_criterion, longest_delay
 from evopem.estimation.order_limits import OrderLimits, joint_orders
 from evopem.estimation.order_scan import reduced_orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
+from evopem.signals.recording import Segment
 
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something.
 PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, LARGEST_ORDER)
@@ -82,7 +88,7 @@ def _along_path(
         candidates.extend(tried)
         work += scorer.samples * sum(each.parameters for each in tried)
         likeliest = min(tried, key=lambda each: each.bic)
-        previous = [likeliest.polynomials] if likeliest.polynomials else []
+        previous = [_polynomials(likeliest)]
         score = min(min(each.scores.simulation, each.scores.fitted_level) for each in tried)
         gained = score < (1.0 - GAIN) * best or likeliest.bic < best_bic - BIC_GAIN
         best, best_bic = min(best, score), min(best_bic, likeliest.bic)
@@ -170,53 +176,51 @@ def orders_of_several_inputs(scorer: Scorer, structure: str) -> dict[int, Orders
 
 
 def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
+    name, sentence = "none", "The record is too short for this structure."
+    if candidates:
+        best = min(candidates, key=lambda each: each.bic)
+        at_edge, name = best is candidates[-1], best.name
+        sentence = f"{name} has the smallest BIC of {len(candidates)} orders" + (
+            ", the largest that was tried." if at_edge else "; larger ones bring nothing."
+        )
     alternatives = tuple(Alternative(each.name, each.bic) for each in candidates)
-    if not candidates:
-        sentence = "The record is too short for this structure."
-        return Decision(f"orders of {structure}", "none", (), "BIC", sentence)
-    best = min(candidates, key=lambda each: each.bic)
-    at_edge = best is candidates[-1]
-    sentence = f"{best.name} has the smallest BIC of {len(candidates)} orders" + (
-        ", the largest that was tried." if at_edge else "; larger ones bring nothing."
-    )
-    return Decision(f"orders of {structure}", best.name, alternatives, "BIC", sentence)
+    return Decision(f"orders of {structure}", name, alternatives, "BIC", sentence)
 
 
 def _path(structure: str, delay: int) -> Iterator[list[Orders]]:
     """Orders from small to large; those of a step are alternatives of about the same size."""
-    o = Orders
+    o = partial(Orders, nk=delay)
+    earlier = partial(Orders, nk=max(delay - 1, 0))
     build: Callable[[int], list[Orders]] = {
-        "fir": lambda n: [o(nb=n, nk=delay)],
-        "arx": lambda n: [o(na=n, nb=n, nk=delay), o(na=n, nb=2 * n, nk=max(delay - 1, 0))],
-        "armax": lambda n: [o(na=n, nb=n, nc=n, nk=delay)],
-        "ararx": lambda n: [o(na=n, nb=n, nd=max(n // 2, 1), nk=delay)],
-        "ararmax": lambda n: [o(na=n, nb=n, nc=max(n // 2, 1), nd=1, nk=delay)],
-        "oe": lambda n: [o(nb=n, nf=n, nk=delay), o(nb=n + 1, nf=n, nk=max(delay - 1, 0))],
-        "bj": lambda n: [
-            o(nb=n, nd=1, nf=n, nk=delay),
-            o(nb=n, nc=2, nd=2, nf=n, nk=delay),
-        ],
+        "fir": lambda n: [o(nb=n)],
+        "arx": lambda n: [o(na=n, nb=n), earlier(na=n, nb=2 * n)],
+        "armax": lambda n: [o(na=n, nb=n, nc=n)],
+        "ararx": lambda n: [o(na=n, nb=n, nd=max(n // 2, 1))],
+        "ararmax": lambda n: [o(na=n, nb=n, nc=max(n // 2, 1), nd=1)],
+        "oe": lambda n: [o(nb=n, nf=n), earlier(nb=n + 1, nf=n)],
+        "bj": lambda n: [o(nb=n, nd=1, nf=n), o(nb=n, nc=2, nd=2, nf=n)],
     }[structure]
     for n in LONG_PATH if structure == "fir" else PATH:
         yield build(n)
     if structure == "arx":
-        for n in (30, 40):
-            yield [o(na=n, nb=n, nk=delay)]
+        yield from ([o(na=n, nb=n)] for n in (30, 40))
 
 
 def _same_plant(
     orders: Orders, structure: str, smaller: Mapping[str, StructureSearch]
 ) -> list[PolynomialModel]:
     """Models of nested structures with as many poles."""
-    poles = max(orders.na, orders.single.nf)
+    nested = (smaller[name].candidates for name in NESTED[structure] if name in smaller)
     return [
-        candidate.polynomials
-        for name in NESTED[structure]
-        if name in smaller
-        for candidate in smaller[name].candidates
-        if candidate.polynomials is not None
-        and max(candidate.orders.na, candidate.orders.single.nf) == poles
+        _polynomials(each)
+        for each in chain(*nested)
+        if max(each.orders.na, each.orders.single.nf) == max(orders.na, orders.single.nf)
     ]
+
+
+def _polynomials(candidate: Candidate) -> PolynomialModel:
+    assert candidate.polynomials is not None
+    return candidate.polynomials
 
 
 def refine_orders(
@@ -232,19 +236,14 @@ def refine_orders(
         return [start, *_reduced(scorer, start)]
     best, tried, work = start, [start], 0
     for _ in range(rounds):
-        found: list[Candidate] = []
         for orders in _neighbours(best.orders):
             if orders.structure != best.orders.structure or work >= MOST_WORK:
                 continue
             work += scorer.samples * orders.parameters
-            models = [best.polynomials] if best.polynomials else []
+            models = [_polynomials(best)]
             candidate = scorer.candidate(best.structure, orders, models, own_starts=False)
-            if candidate is not None:
-                found.append(candidate)
-        tried.extend(found)
-        if not found:
-            break
-        lowest = min(found, key=score)
+            tried += [candidate] if candidate is not None else []
+        lowest = min(tried, key=score)
         if not score(lowest) < (1.0 - GAIN) * score(best):
             break
         best = lowest
@@ -264,20 +263,62 @@ def _reduced(scorer: Scorer, start: Candidate) -> list[Candidate]:
 
 
 def _neighbours(o: Orders) -> list[Orders]:
-    changes: list[dict[str, int]] = [
-        {"nb": o.single.nb + 1},
-        {"nb": o.single.nb + 3},
-        {"nk": o.single.nk + 1},
-    ]
-    if o.single.nb > 1:
-        changes += [{"nb": o.single.nb - 1}, {"nk": o.single.nk + 1, "nb": o.single.nb - 1}]
-    if o.single.nk > 0:
-        changes += [{"nk": o.single.nk - 1, "nb": o.single.nb + 1}, {"nk": o.single.nk - 1}]
-    for name in ("na", "nc", "nd", "nf"):
-        order = getattr(o.single, name)
-        if order:
-            changes.append({name: order + 1})
-            if order > 1:
-                changes.append({name: order - 1})
     given = {name: getattr(o.single, name) for name in ORDER_NAMES}
+    nb, nk = given["nb"], given["nk"]
+    changes = [{"nb": nb + 1}, {"nb": nb + 3}, {"nk": nk + 1}]
+    if nb > 1:
+        changes += [{"nb": nb - 1}, {"nk": nk + 1, "nb": nb - 1}]
+    if nk > 0:
+        changes += [{"nk": nk - 1, "nb": nb + 1}, {"nk": nk - 1}]
+    for name in ("na", "nc", "nd", "nf"):
+        order = given[name]
+        changes += [{name: order + 1}] if order else []
+        changes += [{name: order - 1}] if order > 1 else []
     return [Orders(**(given | change)) for change in changes]
+
+
+# Alternatives of each input that are recorded.
+RECORDED = 5
+
+
+@dataclass(frozen=True)
+class DelayChoice:
+    """Delays of the inputs in samples, 0 for one that acts on the same sample."""
+
+    delays: tuple[int, ...]
+    decision: Decision
+
+
+def decide_delays(
+    segments: Sequence[Segment], names: Sequence[str], ranges: InputRanges | None = None
+) -> DelayChoice:
+    """Decide the delay of each input.
+
+    Raises InputError when the ranges are those of other inputs.
+    """
+    segments = first_samples(segments, MOST_SAMPLES)
+    given = (ranges or InputRanges()).of_inputs(names, "delay.nk") if names else ()
+    limits = [each or (0, longest_delay(segments)) for each in given]
+    if all(low == high for low, high in limits):
+        delays = tuple(low for low, _ in limits)
+        return DelayChoice(delays, given_by_configuration("delay", _listed(delays) or "none"))
+    found = delays_by_criterion(segments, limits)
+    delays = tuple(delay for delay, _ in found)
+    several = len(names) > 1
+    alternatives = tuple(
+        Alternative(
+            f"{name}: {low + place}" if several else str(low + place), float(criterion[place])
+        )
+        for name, (low, _), (_, criterion) in zip(names, limits, found, strict=True)
+        for place in sorted(criterion.argsort()[:RECORDED].tolist())
+    )
+    sentence = (
+        f"ARX models of up to order {ORDERS[-1]} have the smallest BIC with"
+        f" {'a delay' if len(delays) == 1 else 'delays'} of {_listed(delays)}."
+    )
+    about = Decision("delay", _listed(delays), alternatives, "BIC of the best ARX model", sentence)
+    return DelayChoice(delays, about)
+
+
+def _listed(delays: Sequence[int]) -> str:
+    return ", ".join(map(str, delays))

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from evopem.automatic.candidates import Candidate, Scorer
-from evopem.automatic.noise_beside_plant import with_noise_models
-from evopem.automatic.record import Trial
+from evopem.automatic.decision import Trial
 from evopem.automatic.remedy_orders import (
     DELAY,
     LENGTH,
+    MOST_OF_SEVERAL,
+    MOST_TRIALS,
+    OF_ONE_CHANNEL,
+    OF_SEVERAL,
     TOLERATED,
-    Remedies,
     earlier_delays,
+    with_noise_models,
 )
 from evopem.automatic.structures import AS_GOOD, Choice, as_good, score_of
 from evopem.models.structures import Orders
@@ -47,13 +51,16 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
     """
     first = current = choice.candidate
     scorer.remember([current])
-    remedies = Remedies(scorer, searched, current)
+    by_orders = scorer.is_single and current.polynomials is not None
+    groups, left = (OF_ONE_CHANNEL, MOST_TRIALS) if by_orders else (OF_SEVERAL, MOST_OF_SEVERAL)
     trials: list[Trial] = []
     tried: list[tuple[str, Candidate]] = []
-    for checks in remedies.checks:
+    for checks, remedies in groups:
         failed = tuple(check for check in checks if check in _failures(scorer, current))
         best = current
-        for name, candidate_of in remedies.of(failed, current) if failed else ():
+        listed = remedies(scorer, current, searched) if failed else iter(())
+        for name, candidate_of in islice(listed, left):
+            left -= 1
             candidate = candidate_of(best)
             if candidate is None:
                 continue
@@ -82,11 +89,10 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
 def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
     """What there are remedies for: coloured residuals of a model without a noise model as well."""
     checks = scorer.checks(candidate)
-    asked = checks.earlier_delays and earlier_delays(scorer, candidate)
-    late = bool(asked) and asked != candidate.delays
-    failed = {*checks.failed} | ({DELAY} if checks.later or late else set())
-    failed |= {LENGTH} if checks.shorter else set()
-    return failed | ({WHITE} if _has_coloured_plant(scorer, candidate) else set())
+    late = checks.earlier_delays and earlier_delays(scorer, candidate) != candidate.delays
+    further = {DELAY: checks.later or late, LENGTH: checks.shorter}
+    further[WHITE] = _has_coloured_plant(scorer, candidate)
+    return {*checks.failed, *(name for name, fails in further.items() if fails)}
 
 
 def _is_better(scorer: Scorer, candidate: Candidate, best: Candidate) -> bool:
@@ -98,17 +104,18 @@ def _is_better(scorer: Scorer, candidate: Candidate, best: Candidate) -> bool:
 def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: Choice) -> bool:
     """Whether the error for the purpose stays.
 
-    Within a standard error, where fewer checks fail or the BIC is lower.
+    Within one standard error, where fewer checks fail or the BIC is lower.
     """
+    score = score_of(choice.kind)
+    as_before = score(candidate) <= (1.0 + TOLERATED) * score(first)
+    if choice.purpose != "simulation":
+        return as_before
     gains = len(scorer.checks(candidate).failed) < len(scorer.checks(first).failed)
     gains |= candidate.bic < first.bic
-    if choice.purpose != "simulation":
-        return _score(candidate, choice) <= (1.0 + TOLERATED) * _score(first, choice)
     largest = 2.0 * AS_GOOD if gains else TOLERATED
     if candidate.simulation_bic > first.simulation_bic + largest:
         return False
-    as_before = _score(candidate, choice) <= (1.0 + TOLERATED) * _score(first, choice)
-    return as_before or (gains and as_good(candidate, first, choice.kind))
+    return as_before or (gains and as_good(candidate, first, choice.kind, 1.0))
 
 
 def _statement(
@@ -119,36 +126,29 @@ def _statement(
     choice: Choice,
 ) -> str:
     """Why a check stays failed, in a sentence."""
+    score = score_of(choice.kind)
     holding = [each for each in tried if check not in scorer.checks(each).failed]
     if holding:
-        best = min(holding, key=lambda each: _score(each, choice))
+        best = min(holding, key=score)
         others = sorted(set(scorer.checks(best).failed) - set(scorer.checks(current).failed))
+        fails = f", and of which {' and '.join(f'“{each}”' for each in others)} fails"
         return (
             f"“{check}” holds for {best.name}, whose error on held-out samples is"
-            f" {_score(best, choice):.3g} % instead of {_score(current, choice):.3g} %"
-            + (
-                f", and of which {' and '.join(f'“{each}”' for each in others)} fails"
-                * bool(others)
-            )
-            + "."
+            f" {score(best):.3g} % instead of {score(current):.3g} %{fails if others else ''}."
         )
     if not tried:
         return f"“{check}” failed, and no remedy for it was tried."
-    causes = CAUSES
-    if scorer.plan.repetition.independent < 1.0:
-        causes = CAUSES | {WHITE: REPEATED, INDEPENDENT_OF_INPUT: REPEATED}
+    repeats = scorer.plan.repetition.independent < 1.0 and check in (WHITE, INDEPENDENT_OF_INPUT)
+    cause = REPEATED if repeats else CAUSES.get(check, "")
     models = f"any of the {len(tried)} models that were" if len(tried) > 1 else "the one that was"
-    because = f": {causes[check]}" if check in causes else ""
-    return f"“{check}” did not hold for {models} tried{because}."
+    return f"“{check}” did not hold for {models} tried{': ' * bool(cause)}{cause}."
 
 
 def _trial(
     scorer: Scorer, check: str, remedy: str, candidate: Candidate, choice: Choice, taken: bool
 ) -> Trial:
-    found, score = scorer.checks(candidate), _score(candidate, choice)
-    return Trial(
-        check, remedy, candidate.name, score, found.whiteness, found.correlation, bool(taken)
-    )
+    found, score = scorer.checks(candidate), score_of(choice.kind)(candidate)
+    return Trial(check, remedy, candidate.name, score, found.whiteness, found.correlation, taken)
 
 
 def _has_coloured_plant(scorer: Scorer, candidate: Candidate) -> bool:
@@ -193,10 +193,6 @@ def _with_another_noise_model(
     taken = _is_better(scorer, alone, candidate) and _is_allowed(scorer, alone, candidate, choice)
     trials.append(_trial(scorer, WHITE, "no noise model", alone, choice, taken))
     return (alone if taken else candidate), False
-
-
-def _score(candidate: Candidate, choice: Choice) -> float:
-    return score_of(choice.kind)(candidate)
 
 
 # Why a check fails, where no remedy makes it hold.

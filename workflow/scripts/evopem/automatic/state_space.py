@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from evopem.automatic.fit import Fit, FitSettings
-from evopem.automatic.held_out.folds import is_large, is_long
+from evopem.automatic.held_out.folds import LONG, is_large
 from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.config.structures import OF_ABSOLUTE_ERRORS, STATE_SPACE_FORMS
@@ -155,7 +155,7 @@ def refit(
         search = polynomial_settings(settings)
         return order_scan.refitted(model, recording_of(stretches), search)
     estimation = recording_of(stretches)
-    steps = LARGE_STEPS if is_long(whole) else STEPS
+    steps = LARGE_STEPS if is_large(whole, LONG) else STEPS
     task = task_of(recording_of(whole), structure, delays, settings)
     return refitted(replace(model, covariance=None), estimation, task, steps)
 

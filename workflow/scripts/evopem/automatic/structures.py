@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
 
+from evopem.automatic.candidate_checks import feedback_probability, heaviness
 from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.held_out.folds import HeldOutScores
-from evopem.automatic.held_out.level_decision import Level, decide_level
-from evopem.automatic.noise_properties import feedback_probability, heaviness
 from evopem.automatic.orders import refine_orders
 from evopem.automatic.subspace_comparison import with_subspace_estimate
 from evopem.errors import NoModelError
@@ -20,11 +19,15 @@ from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
 Kind = Literal["simulation", "fitted_level", "prediction"]
+Level = Literal["constant", "state"]
 Score = Callable[[Candidate], float]
 
-# Models whose errors are within one standard error of the lowest, and within this share, are as
-# good.
-AS_GOOD = 0.1
+BIC: Score = attrgetter("bic")
+SIMULATION_BIC: Score = attrgetter("simulation_bic")
+
+# Models whose errors are within so many standard errors of the lowest, and within this share, are
+# as good.
+STANDARD_ERRORS, AS_GOOD = 2.0, 0.1
 # Folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
 # Probability of feedback, or of residuals as coloured as these, by chance, from which a choice
@@ -60,7 +63,7 @@ class Choice:
     @property
     def kind(self) -> Kind:
         """The errors on held-out samples that decide."""
-        return kind_of(self.purpose, self.level)
+        return "prediction" if self.purpose == "prediction" else _kind_of(self.level)
 
 
 @dataclass(frozen=True)
@@ -76,10 +79,7 @@ class Comparison:
         return next((each for each in self.choices if each.purpose == purpose), self.choices[0])
 
 
-def kind_of(purpose: Purpose, level: Level) -> Kind:
-    """The errors on held-out samples that decide for a purpose."""
-    if purpose == "prediction":
-        return "prediction"
+def _kind_of(level: Level) -> Kind:
     return "fitted_level" if level == "state" else "simulation"
 
 
@@ -91,10 +91,11 @@ def score_of(kind: Kind) -> Score:
 def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> Comparison:
     """Choose a model for each purpose among the candidates of all structures.
 
-    Simulation: the lowest error of simulations of held-out samples; of the models that are as good,
-    the lowest BIC, of one-step errors where these are white, else of simulation errors.
-    Prediction: the same with one-step errors on held-out samples.  Modes: the lowest BIC of models
-    with poles.  Without an input there is no simulation.
+    Simulation: of the models that simulate held-out samples as well as the best one, and against
+    which the BIC gives no strong evidence, the smallest one whose checks hold; the BIC is that of
+    one-step errors where these are white, else of simulation errors.  Prediction: the same with
+    one-step errors on held-out samples.  Modes: the lowest BIC of models with poles.  Without an
+    input there is no simulation.
 
     Raises NoModelError when no structure has a candidate.
     """
@@ -102,60 +103,58 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     if not candidates:
         raise NoModelError("the record is too short for a model of any structure")
     scorer.remember(candidates)
-    if not scorer.has_input:
-        prediction, about_prediction = _for_prediction(scorer, candidates)
-        modes, about_modes = _for_modes(candidates)
-        choices = (
-            Choice("prediction", prediction, "constant"),
-            Choice("modes", modes, "constant"),
-        )
-        return Comparison(choices, tuple(candidates), (about_prediction, about_modes))
-    level, about_level = decide_level(
-        min(each.scores.simulation for each in candidates),
-        min(each.scores.fitted_level for each in candidates),
-        CLEAR_GAIN,
+    choices, decisions = [], []
+    if scorer.has_input:
+        level, about_level = _level_of(candidates)
+        score = score_of(_kind_of(level))
+        for finalist in _finalists(scorer, candidates, score):
+            candidates.extend(refine_orders(scorer, finalist, score))
+        candidates = list(dict.fromkeys(candidates))
+        simulation, about = _for_simulation(scorer, candidates, _kind_of(level))
+        if level == "constant":
+            # A level passes through 1/A: where A has roots near 1, its small error in the equation
+            # is a large one in simulations.
+            level, of_chosen = _level_of([simulation])
+            about_level = of_chosen if level == "state" else about_level
+        choices.append(Choice("simulation", scorer.on_all_samples(simulation), level))
+        decisions += [about_level, about]
+    best = min(candidates, key=score_of("prediction"))
+    prediction, sentence = _smallest_as_good(scorer, candidates, best, "prediction")
+    choices.append(Choice("prediction", scorer.on_all_samples(prediction), "constant"))
+    modes = min(
+        [each for each in candidates if each.has_poles] or candidates, key=lambda each: each.bic
     )
-    score = score_of(kind_of("simulation", level))
-    for finalist in _finalists(scorer, candidates, score):
-        candidates.extend(refine_orders(scorer, finalist, score))
-    candidates = list(dict.fromkeys(candidates))
-    simulation, about_simulation = _for_simulation(scorer, candidates, level)
-    level, about_level = _level_of(simulation, level, about_level)
-    prediction, about_prediction = _for_prediction(scorer, candidates)
-    modes, about_modes = _for_modes(candidates)
-    decisions = [about_level, about_simulation, about_prediction, about_modes]
-    if scorer.is_single:
+    choices.append(Choice("modes", scorer.on_all_samples(modes), "constant"))
+    decisions += [
+        _named(
+            *("structure for prediction", prediction, candidates, score_of("prediction")),
+            *("one-step error on held-out samples, %", sentence),
+        ),
+        _named("structure for modes", modes, candidates, BIC, "BIC"),
+    ]
+    if scorer.has_input and scorer.is_single:
         about = with_subspace_estimate(
             *(scorer.stretches, scorer.plan, scorer.settings.objective, simulation.name),
             *(simulation.scores, level == "state"),
         )
         decisions.append(about)
-    return Comparison(
-        (
-            Choice("simulation", scorer.on_all_samples(simulation), level),
-            Choice("prediction", scorer.on_all_samples(prediction), "constant"),
-            Choice("modes", scorer.on_all_samples(modes), "constant"),
-        ),
-        tuple(candidates),
-        tuple(decisions),
-    )
+    return Comparison(tuple(choices), tuple(candidates), tuple(decisions))
 
 
-def _level_of(candidate: Candidate, level: Level, decision: Decision) -> tuple[Level, Decision]:
-    """The level as a state after all, where the chosen model simulates clearly better with it.
-
-    A level passes through 1/A: where A has roots near 1, its small error in the equation is a large
-    one in simulations.
-    """
-    constant, fitted = candidate.scores.simulation, candidate.scores.fitted_level
-    if level == "state" or not fitted < (1.0 - CLEAR_GAIN) * constant:
-        return level, decision
+def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
+    """A level of held-out samples of their own, where the best simulations gain clearly by it."""
+    constant = min(each.scores.simulation for each in candidates)
+    fitted = min(each.scores.fitted_level for each in candidates)
+    level: Level = "state" if fitted < (1.0 - CLEAR_GAIN) * constant else "constant"
     sentence = (
-        f"{candidate.name} simulates held-out samples better when their level is fitted to them "
-        "with the initial state."
+        "The level drifts: held-out samples are simulated better when their level is fitted to "
+        "them."
+        if level == "state"
+        else "The level of the estimation samples holds for held-out samples as well."
     )
     alternatives = (Alternative("constant", constant), Alternative("state", fitted))
-    return "state", replace(decision, choice="state", alternatives=alternatives, sentence=sentence)
+    criterion = "lowest simulation error on held-out samples, %"
+    return level, Decision("level", level, alternatives, criterion, sentence)
 
 
 def _finalists(scorer: Scorer, candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
@@ -170,102 +169,44 @@ def _finalists(scorer: Scorer, candidates: Sequence[Candidate], score: Score) ->
     return finalists
 
 
-def _for_prediction(scorer: Scorer, candidates: Sequence[Candidate]) -> tuple[Candidate, Decision]:
-    best = min(candidates, key=score_of("prediction"))
-    chosen, sentence = _likeliest_as_good(scorer, candidates, best, "prediction")
-    return chosen, _named(
-        *("structure for prediction", chosen, candidates, score_of("prediction")),
-        *("one-step error on held-out samples, %", sentence),
-    )
-
-
-def _for_modes(candidates: Sequence[Candidate]) -> tuple[Candidate, Decision]:
-    with_poles = [each for each in candidates if each.has_poles]
-    modes = min(with_poles or candidates, key=lambda each: each.bic)
-    return modes, _named("structure for modes", modes, candidates, lambda each: each.bic, "BIC")
-
-
 def _for_simulation(
-    scorer: Scorer, candidates: Sequence[Candidate], level: Level
+    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
 ) -> tuple[Candidate, Decision]:
-    kind = kind_of("simulation", level)
-    best = min(candidates, key=score_of(kind))
-    chosen, sentence = (
-        _under_heavy_tails(scorer, candidates, score_of(kind))
-        or _by_likelihood(scorer, candidates, kind)
-        or _likeliest_as_good(scorer, candidates, best, kind)
+    score = score_of(kind)
+    best = min(candidates, key=score)
+    chosen, sentence = _by_likelihood(scorer, candidates, kind) or _smallest_as_good(
+        scorer, candidates, best, kind
     )
-    decision = _named(
-        *("structure for simulation", chosen, candidates),
-        *(score_of(kind), "simulation error on held-out samples, %", sentence),
+    criterion = "simulation error on held-out samples, %"
+    return chosen, _named(
+        "structure for simulation", chosen, candidates, score, criterion, sentence
     )
-    return chosen, decision
-
-
-def _under_heavy_tails(
-    scorer: Scorer, candidates: Sequence[Candidate], score: Score
-) -> tuple[Candidate, str] | None:
-    """The lowest BIC, where heavy-tailed disturbances pass through the poles of the plant."""
-    likeliest = min(candidates, key=lambda each: each.bic)
-    lowest_score = min(map(score, candidates))
-    if (
-        scorer.settings.objective != "absolute"
-        or not _passes_through_plant(likeliest)
-        or heaviness(likeliest.model, scorer.stretches) < HEAVY
-        or not score(likeliest) < MOST_UNDER_HEAVY_TAILS * lowest_score
-    ):
-        return None
-    sentence = (
-        "The disturbances are heavy-tailed and pass through the poles of the plant: simulation "
-        f"errors are not robust against them. {likeliest.name} has the lowest BIC, of the absolute "
-        "one-step errors."
-    )
-    near = _without_evidence(scorer, candidates, likeliest)
-    near = [each for each in near if _passes_through_plant(each)]
-    smallest = min(_fewest_failures(scorer, near), key=lambda each: (each.parameters, each.bic))
-    if smallest is likeliest:
-        return likeliest, sentence
-    return smallest, (
-        f"{sentence} {smallest.name}, against which the BIC gives no strong evidence, fails fewer "
-        "checks or has fewer parameters."
-    )
-
-
-def _passes_through_plant(candidate: Candidate) -> bool:
-    """Whether noise and input have poles in common."""
-    if candidate.polynomials is None:
-        return candidate.structure == "ss"
-    return candidate.orders.na > 0
-
-
-def _fewest_failures(scorer: Scorer, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Those of which the fewest checks of the report fail on the estimation samples."""
-    failures = [len(scorer.checks(each).failed) for each in candidates]
-    return [
-        each for each, number in zip(candidates, failures, strict=True) if number == min(failures)
-    ]
-
-
-def _without_evidence(
-    scorer: Scorer, candidates: Sequence[Candidate], likeliest: Candidate
-) -> list[Candidate]:
-    """The models against which the BIC gives no strong evidence, the likeliest included."""
-    count = scorer.independent_samples
-    return [each for each in candidates if count * (each.bic - likeliest.bic) < STRONG]
 
 
 def _by_likelihood(
     scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
 ) -> tuple[Candidate, str] | None:
-    """The model of the lowest BIC, where nothing speaks against it.
+    """A model by its likelihood, where simulation errors mislead and nothing speaks against it.
 
     Maximum likelihood is efficient where the residuals are white and independent of the input, and
     unbiased under feedback.  Simulation errors contain the noise as a whole; where it is narrow in
-    frequency, they differ by chance by far more than the models do.
+    frequency or heavy-tailed, they differ by chance by far more than the models do.
     """
     score = score_of(kind)
-    likeliest = min(candidates, key=lambda each: each.bic)
+    likeliest = min(candidates, key=BIC)
     ratio = score(likeliest) / min(map(score, candidates))
+    if (
+        scorer.settings.objective == "absolute"
+        and _passes_through_plant(likeliest)
+        and heaviness(likeliest.model, scorer.stretches) >= HEAVY
+        and ratio < MOST_UNDER_HEAVY_TAILS
+    ):
+        passing = [each for each in candidates if _passes_through_plant(each)]
+        return _smallest(scorer, passing, BIC), (
+            "The disturbances are heavy-tailed and pass through the poles of the plant: simulation "
+            f"errors are not robust against them. {likeliest.name} has the lowest BIC, of the "
+            "absolute one-step errors."
+        )
     checks = scorer.checks(likeliest)
     largest = MOST_WHEN_VALID if checks.failed else MOST_WHEN_ALL_HOLD
     if not (ratio < max(largest, MOST_UNDER_FEEDBACK) and checks.whiteness >= BY_CHANCE):
@@ -279,65 +220,91 @@ def _by_likelihood(
         )
     if not (ratio < largest and INDEPENDENT_OF_INPUT not in checks.failed):
         return None
+    near = _without_evidence(scorer, candidates, BIC, SIMULATION_BIC)
+    best = min(near, key=score)
+    equal = [each for each in near if as_good(each, best, kind)]
+    chosen = _smallest(scorer, equal, BIC, SIMULATION_BIC)
     sentence = (
         f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
         "input."
     )
-    near = _without_evidence(scorer, candidates, likeliest)
-    best = min(near, key=score)
-    equal = _fewest_failures(scorer, [each for each in near if as_good(each, best, kind)])
-    chosen = min(equal, key=lambda each: each.bic)
-    if chosen is likeliest:
-        return likeliest, sentence
-    return chosen, (
-        f"{sentence} {chosen.name}, against which the BIC gives no strong evidence, simulates "
-        "held-out samples better or fails fewer checks."
+    if chosen is not likeliest:
+        sentence += (
+            f" {chosen.name}, against which the BIC gives no strong evidence, simulates held-out "
+            "samples as well, and fails fewer checks or has fewer parameters."
+        )
+    return chosen, sentence
+
+
+def _passes_through_plant(candidate: Candidate) -> bool:
+    """Whether noise and input have poles in common."""
+    if candidate.polynomials is None:
+        return candidate.structure == "ss"
+    return candidate.orders.na > 0
+
+
+def _without_evidence(
+    scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score
+) -> list[Candidate]:
+    """The models against which one of some criteria gives no strong evidence."""
+    found = []
+    for criterion in criteria:
+        most = min(map(criterion, candidates)) + STRONG / scorer.independent_samples
+        found += [each for each in candidates if criterion(each) < most]
+    return list(dict.fromkeys(found))
+
+
+def _smallest(scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score) -> Candidate:
+    """The fewest failed checks, then parameters, of those without strong evidence against them.
+
+    One-step errors of output-error models rest on states that are fitted to all samples, which lets
+    undamped poles draw slow drifts: where simulations count their BIC speaks as well.
+    """
+    return min(
+        _without_evidence(scorer, candidates, *criteria),
+        key=lambda each: (len(scorer.checks(each).failed), each.parameters, criteria[0](each)),
     )
 
 
-def _likeliest_as_good(
+def _smallest_as_good(
     scorer: Scorer, candidates: Sequence[Candidate], best: Candidate, kind: Kind
 ) -> tuple[Candidate, str]:
-    """The lowest BIC of those that do as well on held-out samples as the best."""
+    """The smallest of those that do as well on held-out samples as the best."""
     does = "predicts" if kind == "prediction" else "simulates"
     equal = list(candidates)
     if np.isfinite(score_of(kind)(best)):
         equal = [each for each in candidates if as_good(each, best, kind)]
-    equal = _fewest_failures(scorer, equal)
-    chosen = min(equal, key=lambda each: each.bic)
-    reason = "has the lowest BIC of those that fail the fewest checks, and white residuals"
-    if kind != "prediction" and scorer.checks(chosen).whiteness < BY_CHANCE:
-        # No model of these describes the noise, so that one-step errors say little of the plant.
-        chosen = min(equal, key=lambda each: each.simulation_bic)
-        reason = (
-            "has the lowest BIC of simulation errors of those that fail the fewest checks, whose "
-            "residuals are not white"
-        )
+    errors = "one-step"
+    if kind == "prediction":
+        chosen = _smallest(scorer, equal, BIC)
+    else:
+        chosen = _smallest(scorer, equal, BIC, SIMULATION_BIC)
+        if scorer.checks(chosen).whiteness < BY_CHANCE:
+            # No model of these describes the noise: one-step errors say little of the plant.
+            errors, chosen = "simulation", _smallest(scorer, equal, SIMULATION_BIC)
     if chosen is best:
         return best, f"{best.name} {does} held-out samples with the lowest error."
     return chosen, (
-        f"{chosen.name} {does} held-out samples as well as {best.name}, within a standard error,"
-        f" and {reason}."
+        f"{chosen.name} {does} held-out samples as well as {best.name}, within two standard errors:"
+        " it fails the fewest checks, and is the smallest, of those against which the BIC of "
+        f"{errors} errors gives no strong evidence."
     )
 
 
 def as_good(
-    candidate: Candidate, best: Candidate, kind: Kind, standard_errors: float = 1.0
+    candidate: Candidate, best: Candidate, kind: Kind, standard_errors: float = STANDARD_ERRORS
 ) -> bool:
     """Whether a model does as well on held-out samples as another.
 
     Within some standard errors of the mean difference of the folds, and within 10 %.
     """
-
-    def folds(scores: HeldOutScores) -> tuple[float, ...]:
-        return tuple(getattr(scores, f"{kind}_folds"))
-
-    score, both = score_of(kind), (folds(candidate.scores), folds(best.scores))
-    if len(both[0]) != len(both[1]) or not np.isfinite(score(candidate)):
+    score = score_of(kind)
+    folds = [getattr(each.scores, f"{kind}_folds") for each in (candidate, best)]
+    if len(folds[0]) != len(folds[1]) or not np.isfinite(score(candidate)):
         return candidate is best
     largest = AS_GOOD
-    if len(both[0]) > 1:
-        deviation = float(np.std(np.subtract(*both), ddof=1))
+    if len(folds[0]) > 1:
+        deviation = float(np.std(np.subtract(*folds), ddof=1))
         largest = min(standard_errors * deviation / np.sqrt(INDEPENDENT_FOLDS), AS_GOOD)
     return float(np.log(score(candidate) / score(best))) <= largest
 

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.held_out.folds import FoldPlan, HeldOutScores, held_out_scores
-from evopem.errors import NoModelError
 from evopem.estimation.search.starting_polynomials import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
@@ -34,15 +33,15 @@ def with_subspace_estimate(
     fitted_level: bool,
 ) -> Decision:
     """Score a subspace estimate on the same held-out samples as the chosen model."""
-    order = _order(stretches)
+    samples = max(each.samples for each in stretches)
+    orders = [n for n in ORDERS if n * SAMPLES_PER_ORDER <= samples] or [1]
+    order = min(orders, key=lambda n: _subspace(stretches, n)[1])
     of_estimate = held_out_scores(
         stretches, plan, lambda training: _subspace(training, order)[0], objective == "absolute"
     )
-    chosen, estimated = (
-        s.fitted_level if fitted_level else s.simulation for s in (scores, of_estimate)
-    )
+    kind = "fitted_level" if fitted_level else "simulation"
+    chosen, estimated = (float(getattr(each, kind)) for each in (scores, of_estimate))
     estimate = f"subspace estimate of order {order}"
-    alternatives = (Alternative(name, chosen), Alternative(estimate, estimated))
     worse = chosen > (1.0 + CLEARLY) * estimated
     sentence = (
         f"Held-out samples are simulated with {chosen:.3g} % by {name} and with {estimated:.3g} %"
@@ -54,21 +53,12 @@ def with_subspace_estimate(
             else "."
         )
     )
-    criterion = "simulation error on held-out samples, %"
-    return Decision(SUBJECT, estimate if worse else name, alternatives, criterion, sentence)
-
-
-def _order(stretches: Sequence[Segment]) -> int:
-    """The order with the smallest BIC of simulation errors."""
-    samples = max(each.samples for each in stretches)
-    orders = [n for n in ORDERS if n * SAMPLES_PER_ORDER <= samples] or [1]
-    values = []
-    for n in orders:
-        try:
-            values.append(_subspace(stretches, n)[1])
-        except NoModelError:
-            values.append(np.inf)
-    return orders[int(np.argmin(values))]
+    return Decision(
+        *(SUBJECT, estimate if worse else name),
+        (Alternative(name, chosen), Alternative(estimate, estimated)),
+        "simulation error on held-out samples, %",
+        sentence,
+    )
 
 
 def _subspace(stretches: Sequence[Segment], order: int) -> tuple[PolynomialModel, float]:
@@ -77,6 +67,7 @@ def _subspace(stretches: Sequence[Segment], order: int) -> tuple[PolynomialModel
     Its denominator comes from MOESP (Verhaegen 1994), numerator, level and initial state from least
     squares.
     """
+    from scipy.linalg import toeplitz
     from scipy.signal import lfilter
 
     longest = max(stretches, key=lambda each: each.samples)
@@ -84,12 +75,9 @@ def _subspace(stretches: Sequence[Segment], order: int) -> tuple[PolynomialModel
     denominator = subspace_denominator(u - u.mean(), y - y.mean(), order)
     f = np.ones(order + 1)
     f[1:] = reflect_into_disc(denominator[None, :], LARGEST_RADIUS)[0]
-    impulse = np.zeros(n)
-    impulse[0] = 1.0
-    of_input, decay = lfilter([1.0], f, u), lfilter([1.0], f, impulse)
-    columns = [np.concatenate([np.zeros(k), of_input[: n - k]]) for k in range(order + 1)]
-    columns += [np.concatenate([np.zeros(k), decay[: n - k]]) for k in range(order)]
-    regressors = np.column_stack([*columns, np.ones(n)])
+    of_input, decay = lfilter([1.0], f, u), lfilter([1.0], f, np.eye(1, n)[0])
+    lagged = toeplitz(of_input, np.zeros(order + 1)), toeplitz(decay, np.zeros(order))
+    regressors = np.column_stack([*lagged, np.ones(n)])
     point: Array = np.linalg.lstsq(regressors, y, rcond=1e-10)[0].astype(float)
     errors = y - regressors @ point
     mean_square = max(float(errors @ errors) / n, np.finfo(float).tiny)

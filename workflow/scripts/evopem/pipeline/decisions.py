@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from evopem.automatic.candidates import Candidate, StructureSearch
-from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.delays import DelayChoice
+from evopem.automatic.decision import Alternative, Decision, DecisionRecord, OtherModel, Trial
 from evopem.automatic.held_out.folds import FoldPlan
+from evopem.automatic.orders import DelayChoice
 from evopem.automatic.preparation.plan import PreparationPlan
-from evopem.automatic.record import DecisionRecord, OtherModel, Trial
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice, Comparison
 from evopem.automatic.subspace_comparison import SUBJECT

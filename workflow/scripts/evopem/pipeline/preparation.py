@@ -14,9 +14,9 @@ from evopem.automatic.preparation.plan import (
     GivenPreparation,
     PreparationPlan,
     decide_preparation,
-    stretches_as_recorded,
+    prepared_data,
+    stretches_of,
 )
-from evopem.automatic.preparation.prepared_data import prepared_data
 from evopem.automatic.preparation.transforms import TransformPlan, decide_transforms
 from evopem.blas_threads import one_blas_thread
 from evopem.config.order_grid import check_samples
@@ -104,7 +104,8 @@ def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> Transf
             for each, origin in zip(divided.estimation.segments, origins, strict=True)
         ]
     )
-    found = stretches_as_recorded(recording, given.start)
+    as_recorded = GivenPreparation(given.start, 1, 0, "quadratic")
+    found = stretches_of(recording, decide_preparation(recording, as_recorded))
     return decide_transforms(
         [each.segment for each in found],
         [recording.segments[each.place].first + each.begin for each in found],

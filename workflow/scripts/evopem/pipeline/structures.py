@@ -6,12 +6,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from evopem.automatic.candidates import Scorer, StructureSearch, order_models, without_covariances
-from evopem.automatic.delays import DelayChoice, decide_delays
+from evopem.automatic.candidates import (
+    OrderLimits,
+    Scorer,
+    StructureSearch,
+    order_models,
+    without_covariances,
+)
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.held_out.folds import FoldPlan
 from evopem.automatic.held_out.folds import decide_folds as decide_common_folds
-from evopem.automatic.limits import OrderLimits
+from evopem.automatic.orders import DelayChoice, decide_delays
 from evopem.automatic.orders import search_structure as search
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.remedies import act_on_checks as act

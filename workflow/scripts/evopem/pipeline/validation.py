@@ -8,9 +8,9 @@ from typing import cast
 
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.chosen import estimate_chosen, window_of
+from evopem.automatic.decision import OtherModel
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.preparation.plan import PreparedRecord
-from evopem.automatic.record import OtherModel
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice, Comparison, Purpose
 from evopem.blas_threads import one_blas_thread

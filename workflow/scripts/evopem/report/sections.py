@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from evopem.automatic.decision import Decision
-from evopem.automatic.record import OtherModel
+from evopem.automatic.decision import Decision, OtherModel
 from evopem.config.constraints import Constraints
 from evopem.estimation.model_record import FitRecord
 from evopem.figures.view import View

@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from evopem.automatic.candidates import StructureSearch
-from evopem.automatic.record import DecisionRecord
+from evopem.automatic.decision import DecisionRecord
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice
 from evopem.config.defaults import read_settings

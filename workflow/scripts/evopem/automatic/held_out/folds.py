@@ -10,16 +10,13 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.held_out.repetition import Repetition, decide_repetition
-from evopem.automatic.held_out.response_parts import REASON, response_parts
 from evopem.automatic.held_out.simulation import (
     Model,
     errors_simulated_on,
     prediction_errors,
 )
-from evopem.automatic.held_out.stretches import Fold, folds_of
+from evopem.automatic.held_out.stretches import REASON, Fold, folds_of, response_parts
 from evopem.errors import NoModelError
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment, total_samples
 
 Array = NDArray[np.float64]
@@ -66,12 +63,12 @@ class HeldOutScores:
     geometric mean over the designs of folds of the mean over the outputs.  Simulations run on from
     the samples before (:func:`.errors_simulated_on`), with the level of the training samples, or
     with one that is fitted to the held-out samples; predictions are one step ahead.  Sums are
-    divided by the samples less what was fitted to them.  Infinite where there is none.
+    divided by the samples less the level that was fitted to them.  Infinite where there is none.
     """
 
-    simulation: float
-    fitted_level: float
-    prediction: float
+    simulation: float = np.inf
+    fitted_level: float = np.inf
+    prediction: float = np.inf
     simulation_folds: tuple[float, ...] = ()  # logarithms of the errors of each fold
     fitted_level_folds: tuple[float, ...] = ()
     prediction_folds: tuple[float, ...] = ()
@@ -82,28 +79,14 @@ class HeldOutScores:
             if np.isnan(getattr(self, name)):
                 object.__setattr__(self, name, np.inf)
 
-    @staticmethod
-    def none() -> HeldOutScores:
-        """Scores of a model that could not be fitted."""
-        return HeldOutScores(np.inf, np.inf, np.inf)
-
 
 KINDS = ("simulation", "fitted_level", "prediction")
 """The errors on held-out samples, as attributes of the scores."""
 
 
-def is_large(segments: Sequence[Segment]) -> bool:
-    """Whether a record has so many values that searches over orders are shortened."""
-    return _values(segments) > LARGE
-
-
-def is_long(segments: Sequence[Segment]) -> bool:
-    """Whether a record has so many values that descents on folds are shortened."""
-    return _values(segments) > LONG
-
-
-def _values(segments: Sequence[Segment]) -> int:
-    return sum(each.inputs.size + each.outputs.size for each in segments)
+def is_large(segments: Sequence[Segment], values: int = LARGE) -> bool:
+    """Whether a record has so many values that searches are shortened; ``LONG`` on folds."""
+    return sum(each.inputs.size + each.outputs.size for each in segments) > values
 
 
 def decide_folds(stretches: Sequence[Segment], of_polynomials: bool = True) -> FoldPlan:
@@ -116,35 +99,32 @@ def decide_folds(stretches: Sequence[Segment], of_polynomials: bool = True) -> F
     designs: tuple[tuple[int, int], ...] = DESIGNS
     if channels != (1, 1) or not of_polynomials:
         designs = OF_LARGE if is_large(stretches) else OF_SEVERAL
-    possible = [d for d in designs if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
+
+    def possible(some: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+        return [d for d in some if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
+
     overlaps = {
         d: _overlap(folds_of(stretches, *d, shortest=1))
-        for d in dict.fromkeys([*designs, *possible])
+        for d in dict.fromkeys([*designs, *possible(designs)])
     }
-    kept = [d for d in possible if overlaps[d] >= LEAST_OVERLAP]
     of_response = [d for d in OF_RESPONSE if _response_edges(stretches, d[0]) is not None]
-    alternatives = tuple(Alternative(_name(d), 1.0 - overlaps[d]) for d in overlaps)
-    if of_response:
-        kept = of_response
-        sentence = REASON
-    elif kept:
-        sentence = "The parts of the record have common input spectra, so the folds are comparable."
-    else:
-        kept = [d for d in INTERLEAVED if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
+    kept = of_response or [d for d in possible(designs) if overlaps[d] >= LEAST_OVERLAP]
+    sentence = REASON
+    if not of_response:
         sentence = (
-            "The parts of the record excite different bands, as a chirp does: the folds are "
+            "The parts of the record have common input spectra, so the folds are comparable."
+            if kept
+            else "The parts of the record excite different bands, as a chirp does: the folds are "
             "interleaved stretches."
         )
-    return FoldPlan(
-        tuple(kept),
-        Decision(
-            *("folds", " and ".join(_name(d) for d in kept), alternatives),
-            "share of a held-out part's input spectrum that the training part lacks",
-            sentence,
-        ),
-        decide_repetition(stretches),
-        bool(of_response),
+    kept = kept or possible(INTERLEAVED)
+    about = Decision(
+        *("folds", " and ".join(map(_name, kept))),
+        tuple(Alternative(_name(d), 1.0 - overlaps[d]) for d in overlaps),
+        "share of a held-out part's input spectrum that the training part lacks",
+        sentence,
     )
+    return FoldPlan(tuple(kept), about, decide_repetition(stretches), bool(of_response))
 
 
 def _response_edges(stretches: Sequence[Segment], count: int) -> list[int] | None:
@@ -164,8 +144,7 @@ def held_out_scores(
 ) -> HeldOutScores:
     """Score what a method estimates from the training part of each fold on the rest.
 
-    ``estimate`` may raise NoModelError; errors are absolute instead of squared with
-    ``absolute``.
+    ``estimate`` may raise NoModelError; errors are absolute instead of squared with ``absolute``.
     """
     outputs = np.concatenate([each.outputs for each in stretches])
     centred = outputs - outputs.mean(axis=0)
@@ -180,7 +159,7 @@ def held_out_scores(
             try:
                 model = estimate(fold.training)
             except NoModelError:
-                return HeldOutScores.none()
+                return HeldOutScores()
             parts = list(zip(fold.before, fold.held_out, strict=True))
             # The beginning of a recording alone determines state and level poorly.
             settled = [each for each in parts if each[0].samples or each[1].samples >= shortest]
@@ -189,7 +168,7 @@ def held_out_scores(
             )
         sums, counts = np.sum(of_design, axis=0)
         if not (counts[2] > 0).all():
-            return HeldOutScores.none()
+            return HeldOutScores()
         logarithms.append(_logarithms(sums, counts, scale, absolute))
         of_folds += [_logarithms(errors[0], errors[1], scale, absolute) for errors in of_design]
     simulation, fitted_level, prediction = 100.0 * np.exp(np.mean(logarithms, axis=0))
@@ -220,18 +199,10 @@ def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) 
         for kind, fitted_level in enumerate((False, True) if stretch.has_input else ()):
             errors = errors_simulated_on(model, before, stretch, fitted_level, absolute)
             sums[kind], counts[kind] = total(errors), len(errors) - int(fitted_level)
-        errors = prediction_errors(model, stretch)
-        remaining = len(errors) - _states(model) / outputs
-        if remaining > stretch.samples // 4:
-            sums[2], counts[2] = total(errors), remaining
+        errors = prediction_errors(model, stretch, before)
+        if len(errors) > stretch.samples // 4:
+            sums[2], counts[2] = total(errors), len(errors)
     return np.array([sums, counts])
-
-
-def _states(model: Model) -> int:
-    """Initial states that a prediction fits."""
-    if isinstance(model, PolynomialModel) and model.inputs <= 1:
-        return model.orders.single.nf + model.orders.noise_states
-    return model.order if isinstance(model, StateSpaceModel) else model.state_space().order
 
 
 def _overlap(folds: Sequence[Fold]) -> float:

@@ -31,9 +31,8 @@ def simulated_on(
     ``fitted_level`` a constant is fitted to the scored samples; ``robust`` takes its median.
     """
     known = before.samples or first_samples(held_out.samples)
-    inputs = np.concatenate([before.inputs, held_out.inputs])
-    outputs = np.concatenate([before.outputs, held_out.outputs])
-    states = simulated_form(model)
+    both = _joined(before, held_out)
+    inputs, outputs, states = both.inputs, both.outputs, simulated_form(model)
     with np.errstate(all="ignore"):
         computed = np.full(outputs.shape, np.inf)
         if np.abs(states.poles()).max(initial=0.0) < STABLE:
@@ -76,18 +75,40 @@ def simulated(
         )
 
 
-def prediction_errors(model: Model, stretch: Segment) -> Array:
-    """One-step prediction errors with fitted initial states, (M, l), of the last M samples."""
+def prediction_errors(model: Model, stretch: Segment, before: Segment | None = None) -> Array:
+    """One-step prediction errors, (M, l), of the last M samples.
+
+    Initial states are fitted to all samples; with the samples ``before``, none at the beginning of
+    a recording, to these or to the first tenth, which are not scored.  A state of the predictor
+    that were fitted to what is scored would draw slow waves through the noise with roots near the
+    unit circle.
+    """
     if isinstance(model, PolynomialModel) and model.inputs <= 1:
-        first = model.orders.first_residual
-        if stretch.samples <= first + 1:
-            return np.empty((0, 1))
-        initial = estimate_prediction_states(model, stretch.input, stretch.output)
-        return model.residuals(stretch.input, stretch.output, *initial)[first:, None]
-    states = model if isinstance(model, StateSpaceModel) else model.state_space()
-    first = max(states.input_delays, default=0)
-    if stretch.samples <= first + 1:
-        return np.empty((0, states.outputs))
+        orders, states = model.orders, None
+        first, count = orders.first_residual, orders.single.nf + orders.noise_states
+    else:
+        states = model if isinstance(model, StateSpaceModel) else model.state_space()
+        first, count = max(states.input_delays, default=0), states.order
+    known = stretch.samples
+    if before is not None:
+        known = max(before.samples or first_samples(known), 2 * count + first + 2)
+        stretch = _joined(before, stretch)
+    if stretch.samples <= max(first + 1, known if before is not None else 0):
+        return np.empty((0, stretch.outputs.shape[1]))
+    u, y = stretch.inputs, stretch.outputs
     with np.errstate(all="ignore"):
-        state = states.prediction_state(stretch.inputs, stretch.outputs)
-        return states.residuals(stretch.inputs, stretch.outputs, state)[first:]
+        if isinstance(model, PolynomialModel) and states is None:
+            initial = estimate_prediction_states(model, u[:known], y[:known, 0])
+            errors = model.residuals(u, y[:, 0], *initial)[:, None]
+        else:
+            assert states is not None
+            errors = states.residuals(u, y, states.prediction_state(u[:known], y[:known]))
+    return np.asarray(errors[first if before is None else known :])
+
+
+def _joined(before: Segment, stretch: Segment) -> Segment:
+    return Segment(
+        np.concatenate([before.inputs, stretch.inputs]),
+        np.concatenate([before.outputs, stretch.outputs]),
+        stretch.recording,
+    )

@@ -47,36 +47,35 @@ def decide_decimation(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     """
     edge = power_edge(stretches)
     below = f"{100 * POWER_SHARE:g} % of the power of each output lie below {edge:.3g}"
-    largest = 1.0 / (OVERSAMPLED / 2.0 * max(edge, 1e-9))
     longest = dict.fromkeys((each.recording for each in stretches), 0)
     for each in stretches:
         longest[each.recording] = max(longest[each.recording], each.samples)
-    largest = min(largest, total_samples(stretches) / LEAST_SAMPLES)
-    largest = min(largest, min(longest.values()) / SHORTEST_STRETCH)
+    largest = min(
+        2.0 / (OVERSAMPLED * max(edge, 1e-9)),
+        total_samples(stretches) / LEAST_SAMPLES,
+        min(longest.values()) / SHORTEST_STRETCH,
+    )
     factors = [factor for factor in FACTORS if factor <= largest]
+    coherent = coherence_edge(stretches) if factors and stretches[0].has_input else 0.0
+    kept = [factor for factor in factors if factor * coherent <= 0.5][-MOST_FACTORS:]
     if not factors:
-        return _not_decimated(f"{below} of the sampling rate: the record is not oversampled.")
-    if not stretches[0].has_input:
-        return _not_decimated("Without an input the rate is kept: nothing tells modes from noise.")
-    coherent = coherence_edge(stretches)
-    factors = [factor for factor in factors if factor * coherent <= 0.5][-MOST_FACTORS:]
-    if not factors:
-        return _not_decimated(
+        sentence = f"{below} of the sampling rate: the record is not oversampled."
+    elif not stretches[0].has_input:
+        kept, sentence = [], "Without an input the rate is kept: nothing tells modes from noise."
+    elif not kept:
+        sentence = (
             f"Inputs and outputs are coherent up to {coherent:.3g} of the sampling rate, though"
             f" {below} of it: a lower rate would lose dynamics."
         )
-    alternatives = [Alternative(str(f), _decimated_error(stretches, f)) for f in (1, *factors)]
+    if not kept:
+        return 1, Decision("decimation", "1", (Alternative("1", np.nan),), CRITERION, sentence)
+    alternatives = [Alternative(str(f), _decimated_error(stretches, f)) for f in (1, *kept)]
     chosen = lowest(alternatives, LEAST_GAIN)
     sentence = (
         f"{below} of the sampling rate. A factor of {chosen.name} simulates held-out samples best."
     )
-    return int(chosen.name), Decision(
-        "decimation", chosen.name, tuple(alternatives), CRITERION, sentence
-    )
-
-
-def _not_decimated(sentence: str) -> tuple[int, Decision]:
-    return 1, Decision("decimation", "1", (Alternative("1", np.nan),), CRITERION, sentence)
+    about = Decision("decimation", chosen.name, tuple(alternatives), CRITERION, sentence)
+    return int(chosen.name), about
 
 
 def power_edge(stretches: Sequence[Segment]) -> float:
@@ -84,17 +83,14 @@ def power_edge(stretches: Sequence[Segment]) -> float:
 
     The lowest of ``BANDS`` bands is taken for a floor of white noise, and left out of all.
     """
-    longest = max(stretches, key=lambda each: each.samples)
-    return max(_power_edge(y - y.mean()) for y in longest.outputs.T)
-
-
-def _power_edge(y: Array) -> float:
-    power = np.abs(np.fft.rfft(y * np.hanning(len(y)))) ** 2
-    bands = np.array_split(power, min(BANDS, len(power)))
-    floor = min(float(np.mean(band)) for band in bands)
-    above = np.cumsum(power - floor)
-    reached = np.flatnonzero(above >= POWER_SHARE * above[-1])
-    return float(reached[0] / len(y)) if len(reached) else 0.5
+    longest, edges = max(stretches, key=lambda each: each.samples), []
+    for y in longest.outputs.T:
+        power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))) ** 2
+        floor = min(map(np.mean, np.array_split(power, min(BANDS, len(power)))))
+        above = np.cumsum(power - floor)
+        reached = np.flatnonzero(above >= POWER_SHARE * above[-1])
+        edges.append(float(reached[0] / len(y)) if len(reached) else 0.5)
+    return max(edges)
 
 
 def coherence_edge(stretches: Sequence[Segment]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +23,21 @@ from evopem.automatic.preparation.decimation import (
     decide_decimation,
     decimated_stretch,
 )
-from evopem.automatic.preparation.drift import decide_differences, differenced
-from evopem.automatic.preparation.objective import decide_objective
+from evopem.automatic.preparation.disturbance import (
+    decide_differences,
+    decide_objective,
+    differenced,
+)
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.signals.prepared_data import PreparedData
+from evopem.signals.prepared_data import PreparedData, Rows, StretchOrigin
 from evopem.signals.recording import Recording, Segment
+from evopem.signals.transforms import difference, invert_difference
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
+Decided = tuple[object, Decision]
 
 
 @dataclass(frozen=True)
@@ -174,61 +178,43 @@ def decide_preparation(
     `recording`: Samples that are not finite are breaks. `given`: What is not decided here.
     """
     records = recording.separated
-    if given.start is None:
-        starts, about_start = decide_starts(records)
-    else:
-        starts = (given.start,) * len(records)
-        about_start = given_by_configuration("start", str(given.start))
-    decisions = [about_start]
-    plan = PreparationPlan(starts)
-    has_one_of_each = recording.inputs.shape[1] == recording.outputs.shape[1] == 1
-    has_one_of_each = has_one_of_each and not given.rate_alone
-    if has_one_of_each:
-        clipped, about_clipping = decide_clipping(records, starts)
-        stuck, about_stuck = decide_stuck(records, starts)
-        decisions += [about_clipping, about_stuck]
-        plan = replace(plan, clipped=clipped, stuck=stuck)
-    _check_stretches(recording, plan, names)
+    plan = PreparationPlan((0,) * len(records))
 
-    def first_prepared(most: int) -> list[Segment]:
+    def first_prepared(most: int = MOST_DECIMATED) -> list[Segment]:
         """The first samples, by what is decided before."""
         return list(first_samples(prepare(recording, plan).stretches, most))
 
-    factor, about_factor = _given_or(
-        "decimation", given.factor, lambda: decide_decimation(first_prepared(MOST_DECIMATED))
-    )
-    decisions.append(about_factor)
-    plan = replace(plan, factor=factor)
-    if has_one_of_each:
-        differences, about_differences = _given_or(
-            *("differences", given.differences),
-            lambda: decide_differences(first_prepared(MOST_DECIMATED)),
+    def settle(
+        subject: str, field: str, decide: Callable[[], Decided], value: object = None
+    ) -> None:
+        nonlocal plan
+        found, about = (value, given_by_configuration(subject, str(value)))
+        if value is None:
+            found, about = decide()
+        changes = {field: found, "decisions": (*plan.decisions, about)}
+        plan = replace(plan, **changes)  # type: ignore[arg-type]
+
+    settle("start", "starts", lambda: decide_starts(records), given.start)
+    if given.start is not None:
+        plan = replace(plan, starts=(given.start,) * len(records))
+    of_one = recording.inputs.shape[1] == recording.outputs.shape[1] == 1 and not given.rate_alone
+    if of_one:
+        settle("clipping", "clipped", lambda: decide_clipping(records, plan.starts))
+        settle("stuck samples", "stuck", lambda: decide_stuck(records, plan.starts))
+    _check_stretches(recording, plan, names)
+    settle("decimation", "factor", lambda: decide_decimation(first_prepared()), given.factor)
+    if of_one:
+        settle(
+            *("differences", "differences"),
+            *(lambda: decide_differences(first_prepared()), given.differences),
         )
-        plan = replace(plan, differences=differences)
-        objective, about_objective = _given_or(
-            *("objective", given.objective),
-            lambda: decide_objective(first_prepared(MOST_SAMPLES)),
+        settle(
+            *("objective", "objective"),
+            *(lambda: decide_objective(first_prepared(MOST_SAMPLES)), given.objective),
         )
-        decisions += [about_differences, about_objective]
-        plan = replace(plan, objective=objective)
     elif given.objective is not None:
         plan = replace(plan, objective=given.objective)
-    return replace(plan, decisions=tuple(decisions))
-
-
-def stretches_as_recorded(recording: Recording, start: int | None) -> list[Stretch]:
-    """The stretches of recordings before any decision on their rate.
-
-    ``start`` is the first sample kept, where it is given.
-    """
-    plan = decide_preparation(recording, GivenPreparation(start, 1, 0, "quadratic"))
-    return stretches_of(recording, plan)
-
-
-def _given_or(
-    subject: str, value: T | None, decide: Callable[[], tuple[T, Decision]]
-) -> tuple[T, Decision]:
-    return decide() if value is None else (value, given_by_configuration(subject, str(value)))
+    return plan
 
 
 def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequence[str]) -> None:
@@ -282,3 +268,96 @@ def _kept_ranges(segment: Segment, start: int, plan: PreparationPlan) -> list[tu
     least = SHORTEST_STRETCH * plan.factor
     ranges = [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
     return [(begin, end) for begin, end in ranges if end - begin >= least]
+
+
+def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> PreparedData:
+    """The stretches of both parts as a plan prepares them, and the way back.
+
+    `divided`: Both parts before the decisions; means are taken from them already.
+    """
+    before = divided.transforms
+    offsets = means_of(
+        [
+            differenced(each.segment, plan.differences)
+            for each in stretches_of(divided.estimation, plan)
+        ]
+    )
+    estimation, origins = _part(divided.estimation, before.estimation, plan, offsets)
+    others = plan.for_others(divided.validation)
+    validation, held_out = _part(divided.validation, before.validation, others, offsets)
+    for origin, whole in zip(before.validation, divided.validation.segments, strict=True):
+        if origin.recording not in {each.recording for each in held_out}:
+            raise InputError(
+                f"{place}.split",
+                f"{whole.samples} validation samples are too few",
+                "leave more samples to validation, or record longer",
+            )
+    ends = [each.first + each.samples for each in before.estimation]
+    continued = (
+        plan.factor == 1
+        and plan.differences == 0
+        and [each.first + each.samples for each in origins] == ends
+    )
+    slower = before.sampling_rate if plan.factor > 1 else None
+    source = before.validation_source
+    transforms = replace(
+        before,
+        sampling_rate=estimation.sampling_rate,
+        resampled_from=before.resampled_from or slower,
+        estimation=origins,
+        validation=held_out,
+        validation_source="gap" if source == "cut" and not continued else source,
+        difference=before.difference + plan.differences,
+        difference_input=before.difference_input + plan.differences,
+    )
+    return PreparedData(estimation, validation, transforms)
+
+
+def _part(
+    recording: Recording,
+    before: Sequence[StretchOrigin],
+    plan: PreparationPlan,
+    offsets: tuple[Array, Array],
+) -> tuple[Recording, tuple[StretchOrigin, ...]]:
+    """The stretches of a part in recorded units, less their means, and where they come from."""
+    rate = recording.sampling_rate / plan.factor
+    segments, origins = [], []
+    for place, begin, whole in stretches_of(recording, plan):
+        origin, segment = before[place], recording.segments[place]
+        stretch = differenced(whole, plan.differences)
+        segments.append(
+            Segment(stretch.inputs - offsets[0], stretch.outputs - offsets[1], origin.recording)
+        )
+        means = np.array(origin.input_means), np.array(origin.output_means)
+        if plan.differences:  # no mean of the signals is left in them
+            initial = [
+                difference(signals + mean, plan.differences)[1]
+                for signals, mean in zip((whole.inputs, whole.outputs), means, strict=True)
+            ]
+            means = np.zeros_like(means[0]), np.zeros_like(means[1])
+        else:
+            initial = [
+                _later(segment.inputs + means[0], origin.input_initial, begin),
+                _later(segment.outputs + means[1], origin.output_initial, begin),
+            ]
+        origins.append(
+            StretchOrigin(
+                origin.recording,
+                (origin.first + begin) // plan.factor + plan.differences,
+                origin.start + begin / recording.sampling_rate + plan.differences / rate,
+                stretch.samples,
+                tuple((means[0] + offsets[0]).tolist()),
+                tuple((means[1] + offsets[1]).tolist()),
+                *initial,
+            )
+        )
+    if not segments:
+        return recording, ()
+    return replace(recording.with_segments(segments), sampling_rate=rate), tuple(origins)
+
+
+def _later(signals: Array, initial: Rows, begin: int) -> Rows:
+    """What differences start from, when their first ``begin`` samples are left out."""
+    if begin == 0 or not initial:
+        return initial
+    return difference(invert_difference(signals, initial)[begin:], len(initial))[1]

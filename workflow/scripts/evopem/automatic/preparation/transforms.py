@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,8 @@ from evopem.automatic.decision import Alternative, Decision, given_by_configurat
 from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
 from evopem.automatic.held_out.simulation import simulated_on
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, Fold, first_samples, folds_of
+from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.errors import InputError, NoModelError
-from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
 from evopem.signals.transforms import (
@@ -50,6 +51,7 @@ SPREAD_ORDER = 4
 # Lags of the ARX model with which a drift is estimated, and the sum of its output coefficients that
 # leaves a level.
 DRIFT_ORDER, LEAST_DECAY = 4, 1e-3
+Slopes = Callable[[Sequence[Segment]], tuple[float, float]]
 CRITERION = "simulation error on held-out samples in recorded units, % of the output"
 # Box-Cox parameters this near to 1 change nothing.
 LEAST_CURVATURE = 0.1
@@ -96,7 +98,7 @@ def decide_transforms(
     folds = _folds(kept)
     plain = None
     if folds and not ((trend or not continued) and box_cox):
-        plain = _errors(folds, _as_recorded)
+        plain = _errors(folds)
     slopes, about_trend = (0.0, 0.0), _not_tried("trend", "none")
     if trend:
         about_trend = given_by_configuration("trend", "none")
@@ -117,10 +119,9 @@ def _decide_trend(
 ) -> tuple[tuple[float, float], Decision]:
     """The slopes of input and output: lines through both, or a drift estimated with a model."""
     kinds = {"line of each channel": _lines, "drift of the output": _drift}
-    errors = {name: _errors(folds, _without_slopes(slopes)) for name, slopes in kinds.items()}
-    alternatives = (
-        Alternative("none", _together(plain)),
-        *(Alternative(name, _together(found)) for name, found in errors.items()),
+    errors = {name: _errors(folds, _plans_by(slopes)) for name, slopes in kinds.items()}
+    alternatives = tuple(
+        Alternative(name, _together(found)) for name, found in ({"none": plain} | errors).items()
     )
     better = [name for name, found in errors.items() if _gains(found, plain)]
     if not better:
@@ -150,11 +151,8 @@ def _lines(stretches: Sequence[Segment]) -> tuple[float, float]:
 
 def _drift(stretches: Sequence[Segment]) -> tuple[float, float]:
     """Slope of the output's drift, estimated along with an ARX model."""
-    n = DRIFT_ORDER
-    rows, target = [], []
-    for each in stretches:
-        if each.samples <= 2 * n:
-            continue
+    n, rows, target = DRIFT_ORDER, [], []
+    for each in (long for long in stretches if long.samples > 2 * DRIFT_ORDER):
         u, t = (each.inputs - each.inputs.mean(axis=0)).T
         y = each.output - each.output.mean()
         lagged = [y[n - k : each.samples - k] for k in range(1, n + 1)]
@@ -171,15 +169,15 @@ def _drift(stretches: Sequence[Segment]) -> tuple[float, float]:
 def _decide_box_cox(
     stretches: Sequence[Segment], folds: Sequence[Fold], plain: Array
 ) -> tuple[float | None, Decision]:
-    probability = spread_test([_without_time(each) for each in stretches])
-    correlation = f"p = {probability:.2g} of the correlation of their ranks"
+    probability = spread_test([_transformed(each) for each in stretches])
+    spread = (
+        "The spread of the residuals of an ARX model {} on the level of the output"
+        f" (p = {probability:.2g} of the correlation of their ranks)"
+    )
+    none = Alternative("none", _together(plain))
     if not probability < SPREAD_LEVEL:
-        sentence = (
-            "The spread of the residuals of an ARX model does not depend on the level of the output"
-            f" ({correlation})."
-        )
-        alternatives: tuple[Alternative, ...] = (Alternative("none", _together(plain)),)
-        return None, Decision("Box-Cox", "none", alternatives, CRITERION, sentence)
+        sentence = spread.format("does not depend") + "."
+        return None, Decision("Box-Cox", "none", (none,), CRITERION, sentence)
     outputs = [each.output for each in stretches]
     shift = positive_shift(*outputs)
     try:
@@ -188,17 +186,13 @@ def _decide_box_cox(
         parameter = 1.0
     transformed = np.full_like(plain, LARGEST_ERROR)
     if abs(parameter - 1.0) >= LEAST_CURVATURE:
-        transformed = _errors(folds, _box_cox(parameter, shift))
-    alternatives = (
-        Alternative("none", _together(plain)),
-        Alternative(f"λ = {parameter:g}", _together(transformed)),
-    )
+        transformed = _errors(folds, lambda _: TransformPlan(parameter), shift)
+    alternatives = none, Alternative(f"λ = {parameter:g}", _together(transformed))
     taken = _gains(transformed, plain)
-    effect = "simulate" if taken else "do not simulate"
-    sentence = (
-        f"The spread of the residuals of an ARX model depends on the level of the output"
-        f" ({correlation}), {'and' if taken else 'yet'} models of the transformed output {effect}"
-        " every part of the held-out samples better in recorded units."
+    sentence = spread.format("depends") + (
+        f", {'and' if taken else 'yet'} models of the transformed output"
+        f" {'simulate' if taken else 'do not simulate'} every part of the held-out samples better"
+        " in recorded units."
     )
     choice = alternatives[int(taken)].name
     return (parameter if taken else None), Decision(
@@ -213,27 +207,15 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     """
     from scipy.stats import spearmanr
 
-    u = np.concatenate([each.input for each in stretches])
-    y = np.concatenate([each.output for each in stretches])
-    scales = power_of_two_scale(u - u.mean()), power_of_two_scale(y - y.mean())
-    scaled = [
-        replace(
-            each,
-            inputs=(each.inputs - u.mean()) / scales[0],
-            outputs=(each.outputs - y.mean()) / scales[1],
-        )
-        for each in stretches
-    ]
+    scaled = PreparedRecord.scaled(stretches, 1.0, PreparationPlan(())).stretches
     try:
         found = fit(scaled, Orders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1), FitSettings())
     except NoModelError:
         return float("nan")
-    sizes, predicted = [], []
     longer = [each for each in scaled if each.samples > found.first + 1]
-    for stretch, residuals in zip(longer, found.residuals, strict=False):
-        sizes.append(np.abs(residuals[:, 0]))
-        predicted.append(stretch.output[-len(residuals) :] - residuals[:, 0])
-    return float(spearmanr(np.concatenate(sizes), np.concatenate(predicted)).pvalue)
+    outputs = [each.output[-len(e) :] for each, e in zip(longer, found.residuals, strict=False)]
+    residuals = np.concatenate(found.residuals)[:, 0]
+    return float(spearmanr(np.abs(residuals), np.concatenate(outputs) - residuals).pvalue)
 
 
 def _folds(stretches: Sequence[Segment]) -> list[Fold]:
@@ -246,81 +228,50 @@ def _folds(stretches: Sequence[Segment]) -> list[Fold]:
     ]
 
 
-Forward = Callable[[Segment], Segment]
-Back = Callable[[Segment, Array], Array]
-Transform = Callable[[Sequence[Segment]], tuple[Forward, Back]]
-"""From training stretches, whose second input is the time: how a stretch is transformed, and how a
-simulation of its output, (N,), is taken back to recorded units."""
+def _plans_by(slopes_of: Slopes) -> Callable[[Sequence[Segment]], TransformPlan]:
+    """Plans with the slopes of training samples, which are taken from the held-out ones, too."""
+    return lambda training: TransformPlan(None, *slopes_of(training))
 
 
-def _without_time(stretch: Segment) -> Segment:
-    return replace(stretch, inputs=stretch.inputs[:, :1])
+def _transformed(
+    stretch: Segment, plan: TransformPlan = TransformPlan(), shift: float = 0.0
+) -> Segment:
+    """A stretch, whose second input is the time, by a plan."""
+    u, t = stretch.inputs.T
+    y = stretch.output - plan.output_trend * t
+    if plan.box_cox is not None and len(y):
+        y = box_cox(y, plan.box_cox, shift)
+    return replace(stretch, inputs=u - plan.input_trend * t, outputs=y)
 
 
-def _as_recorded(_: Sequence[Segment]) -> tuple[Forward, Back]:
-    return _without_time, lambda _, simulation: simulation
-
-
-def _without_slopes(slopes_of: Callable[[Sequence[Segment]], tuple[float, float]]) -> Transform:
-    """The slopes of the training samples are taken from the held-out ones, too."""
-
-    def transform(training: Sequence[Segment]) -> tuple[Forward, Back]:
-        of_input, of_output = slopes_of(training)
-
-        def forward(stretch: Segment) -> Segment:
-            u, t = stretch.inputs.T
-            y = stretch.output - of_output * t
-            return replace(stretch, inputs=u - of_input * t, outputs=y)
-
-        def back(stretch: Segment, simulation: Array) -> Array:
-            return simulation + of_output * stretch.inputs[:, 1]
-
-        return forward, back
-
-    return transform
-
-
-def _box_cox(parameter: float, shift: float) -> Transform:
-    def transform(training: Sequence[Segment]) -> tuple[Forward, Back]:
-        mean = float(
-            np.mean(np.concatenate([box_cox(each.output, parameter, shift) for each in training]))
-        )
-
-        def forward(stretch: Segment) -> Segment:
-            y = stretch.output
-            y = box_cox(y, parameter, shift) - mean if len(y) else y
-            return replace(_without_time(stretch), outputs=y)
-
-        def back(_: Segment, simulation: Array) -> Array:
-            return invert_box_cox(simulation + mean, parameter, shift)
-
-        return forward, back
-
-    return transform
-
-
-def _errors(folds: Sequence[Fold], transform: Transform) -> Array:
+def _errors(
+    folds: Sequence[Fold],
+    plan_of: Callable[[Sequence[Segment]], TransformPlan] = lambda _: TransformPlan(),
+    shift: float = 0.0,
+) -> Array:
     """Error of each probe in each fold, (probes, folds), as a share of the output's deviation."""
     errors = np.full((len(PROBES), len(folds)), LARGEST_ERROR)
-    for column, fold in enumerate(folds):
+    for (column, fold), (row, orders) in product(enumerate(folds), enumerate(PROBES)):
         outputs = [each.output - each.output.mean() for each in fold.held_out]
         power = float(np.mean(np.concatenate(outputs) ** 2))
-        for row, orders in enumerate(PROBES):
-            try:
-                forward, back = transform(fold.training)
-                fitted = [forward(each) for each in fold.training]
-                model = fit(fitted, orders, FitSettings(), stages=FOLD_STAGES).model
-                left = []
-                for before, held_out in zip(fold.before, fold.held_out, strict=True):
-                    found = simulated_on(model, forward(before), forward(held_out), True)[:, 0]
-                    scored = held_out.between(held_out.samples - len(found), held_out.samples)
-                    left.append(back(scored, found) - scored.output)
-            except (NoModelError, InputError):
-                continue
-            with np.errstate(all="ignore"):
-                error = float(np.sqrt(np.mean(np.concatenate(left) ** 2) / power))
-            if np.isfinite(error):
-                errors[row, column] = min(error, LARGEST_ERROR)
+        try:
+            plan = plan_of(fold.training)
+            fitted = [_transformed(each, plan, shift) for each in fold.training]
+            model = fit(fitted, orders, FitSettings(), stages=FOLD_STAGES).model
+            left = []
+            for parts in zip(fold.before, fold.held_out, strict=True):
+                past, stretch = (_transformed(each, plan, shift) for each in parts)
+                found = simulated_on(model, past, stretch, fitted_level=True)[:, 0]
+                if plan.box_cox is not None:
+                    found = invert_box_cox(found, plan.box_cox, shift)
+                u_and_t, y = (each[-len(found) :] for each in (parts[1].inputs, parts[1].output))
+                left.append(found + plan.output_trend * u_and_t[:, 1] - y)
+        except (NoModelError, InputError):
+            continue
+        with np.errstate(all="ignore"):
+            error = float(np.sqrt(np.mean(np.concatenate(left) ** 2) / power))
+        if np.isfinite(error):
+            errors[row, column] = min(error, LARGEST_ERROR)
     return np.maximum(errors, np.finfo(float).tiny)
 
 

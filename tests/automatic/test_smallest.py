@@ -1,0 +1,72 @@
+"""The smallest of the models that held-out samples and BIC do not tell apart."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from evopem.automatic.candidates import Candidate
+from evopem.automatic.held_out.folds import HeldOutScores
+from evopem.automatic.structures import _smallest_as_good, as_good
+from evopem.models.polynomial import PolynomialModel
+
+SAMPLES, ONE = 500, np.ones(1)
+MODEL = PolynomialModel(ONE, ONE, ONE, ONE, ONE, 1)
+# Noise that all models leave, from fold to fold.
+NOISE = np.log([3.0, 3.4, 2.8, 3.1, 3.2])
+
+
+def candidate(parameters, effect=(0.0,) * 5, evidence=0.0):
+    """With the effect of a model on the errors of each fold, and evidence of BIC against it."""
+    logarithms = tuple(NOISE + np.array(effect))
+    error, bic = float(np.exp(np.mean(logarithms))), evidence / SAMPLES
+    scores = HeldOutScores(error, error, error, logarithms, logarithms, logarithms)
+    return Candidate("oe", parameters, (1,), parameters, bic, bic, scores, MODEL)
+
+
+def chosen(*candidates, failed=None):
+    checks = {id(each): SimpleNamespace(failed=(), whiteness=0.5) for each in candidates}
+    if failed is not None:
+        checks[id(failed)] = SimpleNamespace(failed=("Excitation adequate",), whiteness=0.5)
+    scorer = SimpleNamespace(independent_samples=SAMPLES, checks=lambda each: checks[id(each)])
+    best = min(candidates, key=lambda each: each.scores.simulation)
+    return _smallest_as_good(scorer, candidates, best, "simulation")
+
+
+def test_of_models_that_are_as_good_the_smallest_is_taken():
+    small, large = candidate(8, evidence=4.0), candidate(12, (-0.002, 0.001, -0.003, 0.002, 0.0))
+    found, sentence = chosen(large, small)
+    assert found is small
+    assert "smallest" in sentence
+
+
+@pytest.mark.parametrize(
+    "small",
+    [
+        candidate(8, (0.05, 0.06, 0.05, 0.07, 0.06)),  # a small loss, but in every fold
+        candidate(8, evidence=40.0),
+    ],
+)
+def test_what_folds_or_bic_tell_apart_is_not(small):
+    large = candidate(12)
+    assert chosen(large, small)[0] is large
+
+
+def test_a_model_beyond_the_excitation_loses_to_one_that_is_not():
+    small, large = candidate(8), candidate(41)
+    assert chosen(small, large, failed=large)[0] is small
+    assert chosen(small, large, failed=small)[0] is large
+
+
+def test_a_lower_error_one_step_ahead_alone_does_not_take_a_larger_model_for_simulation():
+    """States that are fitted to all samples let undamped poles draw drifts one step ahead."""
+    small, large = replace(candidate(8), bic=1.0), candidate(12)
+    assert chosen(large, small)[0] is small
+
+
+def test_the_standard_error_is_that_of_the_difference():
+    """Folds differ by far more than two models on the same folds."""
+    assert np.std(NOISE) > 0.05
+    assert not as_good(candidate(8, (0.03, 0.031, 0.029, 0.03, 0.03)), candidate(9), "simulation")
+    assert as_good(candidate(8, (0.03, -0.03, 0.03, -0.02, 0.0)), candidate(9), "simulation")
