@@ -95,13 +95,13 @@ def test_stages_reach_their_part_of_the_package_and_no_more():
     assert "evopem/signals/readers/matlab.py" in reached["read_recording"]
     assert "evopem/signals/readers/matlab.py" not in reached["prepare_samples"]
     assert "evopem/estimation/order_selection.py" in reached["estimate_candidates"]
-    assert "evopem/signals/spectral/multitaper.py" in reached["estimate_spectrum"]
+    assert "evopem/signals/spectra.py" in reached["estimate_spectrum"]
     early = ("read_recording", "prepare_samples", "estimate_spectrum", "estimate_candidates")
     for name in (*early, "search_structure", "choose"):
         later = [each for each in reached[name] if "/figures/" in each or "/report/" in each]
         assert later == [], name
-    for module in ("multitaper", "peaks"):
-        assert f"evopem/signals/spectral/{module}.py" not in reached["estimate_candidates"]
+    for module in ("spectra", "peaks"):
+        assert f"evopem/signals/{module}.py" not in reached["estimate_candidates"]
     assert "evopem/config/defaults.py" not in reached["estimate_candidates"]
 
 
@@ -109,7 +109,7 @@ def test_stages_reach_their_part_of_the_package_and_no_more():
     ("module", "users", "others"),
     [
         (
-            "signals/spectral/multitaper.py",
+            "signals/spectra.py",
             {"estimate_spectrum"},
             {"prepare_samples", "estimate_candidates"},
         ),

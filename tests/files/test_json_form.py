@@ -35,7 +35,7 @@ from evopem.results.fleet import DatasetSummary
 from evopem.results.identity import MadeFrom
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
-from evopem.signals.spectral.summary import SpectrumSummary
+from evopem.signals.spectrum_summary import SpectrumSummary
 from evopem.synthesis.truth import Truth
 from evopem.validation.validation import Validation
 

@@ -15,11 +15,11 @@ from evopem.estimation.order_selection import complete_estimate, estimate_candid
 from evopem.files.json_form import to_json
 from evopem.models.response_tables import frequency_response_table
 from evopem.models.structures import armax_orders
+from evopem.signals.peaks import summarize_spectrum
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import check_recording
-from evopem.signals.spectral.multitaper import multitaper_spectrum
-from evopem.signals.spectral.peaks import summarize_spectrum
+from evopem.signals.spectra import multitaper_spectrum
 from evopem.validation.validate import validate
 
 ORDERS = armax_orders(2, 2, 1, 1)

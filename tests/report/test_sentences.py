@@ -16,7 +16,7 @@ from evopem.report import chapter
 from evopem.report.modes import mode_rows
 from evopem.report.numbers import THIN, count, number, percent
 from evopem.report.verdict import verdict
-from evopem.signals.spectral.peaks import SpectralPeak
+from evopem.signals.peaks import SpectralPeak
 from evopem.signals.timestamps import Unevenness
 from evopem.synthesis.truth import true_mode
 

@@ -7,10 +7,9 @@ import pytest
 from scipy.signal import freqz, lfilter
 
 from evopem.errors import InputError
+from evopem.signals.peaks import spectral_peaks
 from evopem.signals.recording import Recording, concatenated
-from evopem.signals.spectral.frequency_response import frequency_response
-from evopem.signals.spectral.multitaper import multitaper_spectrum
-from evopem.signals.spectral.peaks import spectral_peaks
+from evopem.signals.spectra import frequency_response, multitaper_spectrum
 
 # Percival & Walden (1993, eq. 46a): two close resonances, a range of 65 dB.
 AR4 = np.array([1.0, -2.7607, 3.8106, -2.6535, 0.9238])

@@ -18,7 +18,7 @@ from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.signals.recording_info import describe_recording
-from evopem.signals.spectral.summary import SpectrumSummary
+from evopem.signals.spectrum_summary import SpectrumSummary
 from evopem.validation.checks import Evidence, checks
 from evopem.validation.checks.search import ranges_of_phases
 from evopem.validation.validate import validate

@@ -25,7 +25,7 @@ from evopem.figures.chart import (
 )
 from evopem.figures.style import extremes, with_unit
 from evopem.figures.view import Pair, View
-from evopem.signals.spectral.summary import SpectralPeak
+from evopem.signals.spectrum_summary import SpectralPeak
 
 PLANT, NOISE_FILTER = "model G", "noise filter H"
 # Bins of the gain on the first screen; twice as many points show all its extremes.

@@ -16,11 +16,11 @@ from evopem.estimation.model_record import FORMS
 from evopem.figures.style import with_unit
 from evopem.models.mode_matching import StabilizationPole, stabilization
 from evopem.results.dataset import DatasetResults
-from evopem.signals.spectral.multitaper import multitaper_spectrum
-from evopem.signals.spectral.peaks import spectral_peaks
+from evopem.signals.peaks import spectral_peaks
+from evopem.signals.spectra import multitaper_spectrum
 
 if TYPE_CHECKING:
-    from evopem.signals.spectral.summary import SpectralPeak
+    from evopem.signals.spectrum_summary import SpectralPeak
 
 # Length of the transforms of the outputs, and of the residuals: coarse, since white noise has no
 # lines.

@@ -39,7 +39,7 @@ from evopem.pipeline.structures import errors_name_dataset, load_record, load_sc
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import Recording
-from evopem.signals.spectral.frequency_response import frequency_response
+from evopem.signals.spectra import frequency_response
 
 NFFT = 1024
 Log = Callable[[str], None]

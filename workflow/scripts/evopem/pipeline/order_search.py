@@ -19,7 +19,7 @@ from evopem.files.json_form import load, save
 from evopem.models.structures import orders_of
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
-from evopem.signals.spectral.summary import SpectrumSummary
+from evopem.signals.spectrum_summary import SpectrumSummary
 
 Log = Callable[[str], None]
 

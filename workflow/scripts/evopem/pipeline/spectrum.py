@@ -6,10 +6,9 @@ from evopem.config.settings import SpectrumSettings
 from evopem.files.atomic import write_table
 from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
+from evopem.signals.peaks import summarize_spectrum
 from evopem.signals.prepared_data import load_prepared
-from evopem.signals.spectral.frequency_response import frequency_response
-from evopem.signals.spectral.multitaper import multitaper_spectrum
-from evopem.signals.spectral.peaks import summarize_spectrum
+from evopem.signals.spectra import frequency_response, multitaper_spectrum
 
 
 def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:

@@ -17,8 +17,8 @@ from evopem.figures.view import View
 from evopem.models.mode_matching import PERSISTENT_ORDERS, persistent_frequencies
 from evopem.models.modes import Mode
 from evopem.results.dataset import DatasetResults
+from evopem.signals.peaks import line_spacing
 from evopem.signals.prepared_data import Transforms
-from evopem.signals.spectral.peaks import line_spacing
 
 # The search counts as near its final objective from this ratio on.
 NEAR = 1.001

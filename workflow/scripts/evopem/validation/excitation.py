@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.signals.spectral.multitaper import multitaper_spectrum
+from evopem.signals.spectra import multitaper_spectrum
 
 Array = NDArray[np.float64]
 

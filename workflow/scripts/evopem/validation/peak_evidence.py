@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from evopem.config.settings import SpectrumSettings
 from evopem.errors import InputError
 from evopem.models.polynomial import PolynomialModel
+from evopem.signals.peaks import spectral_peaks
 from evopem.signals.recording import Recording
-from evopem.signals.spectral.multitaper import Spectrum, multitaper_spectrum
-from evopem.signals.spectral.peaks import spectral_peaks
+from evopem.signals.spectra import Spectrum, multitaper_spectrum
 from evopem.validation.responses import Model
 
 # Share of records in which a peak of a right model exceeds its `chance`.

@@ -18,7 +18,7 @@ from evopem.automatic.state_space import fits_in_state_space
 from evopem.errors import InputError, NoModelError
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment, total_samples
-from evopem.signals.spectral.frequency_response import frequency_response
+from evopem.signals.spectra import frequency_response
 
 Array = NDArray[np.float64]
 

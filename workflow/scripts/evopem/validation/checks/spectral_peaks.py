@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from evopem.signals.spectral.peaks import line_spacing
+from evopem.signals.peaks import line_spacing
 from evopem.validation.checks.check import Check, Evidence
 
 if TYPE_CHECKING:

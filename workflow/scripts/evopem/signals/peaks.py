@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.signals.spectral.multitaper import Spectrum
-from evopem.signals.spectral.summary import SpectralPeak, SpectrumSummary
-from evopem.signals.spectral.tapers import CONFIDENCE
+from evopem.signals.spectra import CONFIDENCE, Spectrum
+from evopem.signals.spectrum_summary import SpectralPeak, SpectrumSummary
 
 Floats = NDArray[np.float64]
 

@@ -1,0 +1,111 @@
+"""Recordings with missing samples: stretches between them, with what was recorded between."""
+
+import numpy as np
+import pytest
+
+import evopem
+from evopem.config.channels import ChannelSettings
+from evopem.config.settings import PreparationSettings, SplitSettings
+from evopem.errors import InputError
+from evopem.signals.output_level import output_levels
+from evopem.signals.preparation import prepare
+from evopem.signals.prepared_data import measured_outputs
+from evopem.signals.reading import read_measured
+from evopem.signals.recording_checks import SHORTEST_STRETCH
+
+N, RATE = 4000, 50.0
+LOST = [0, 700, 701, 1480, 2810, 2830]
+CHANNELS = ChannelSettings(("u",), ("y",), sampling_rate=RATE)
+A, B = [1.0, -1.5, 0.9], [0.0, 1.0, 0.5]
+
+
+def signals():
+    from scipy.signal import lfilter
+
+    u, e = np.random.default_rng(7).standard_normal((2, N))
+    return u, lfilter(B, A, u) + lfilter([1.0], A, 0.05 * e) + 40.0
+
+
+def written(path, lost=LOST, fields=("nan", "", "inf", "9.91E37")):
+    u, y = signals()
+    rows = [[repr(float(each)) for each in row] for row in zip(u, y, strict=True)]
+    for number, sample in enumerate(lost):
+        rows[sample][number % 2] = fields[number % len(fields)]
+    path.write_text("u,y\n" + "".join(f"{','.join(row)}\n" for row in rows))
+    return path
+
+
+def test_stretches_between_missing_samples(tmp_path):
+    u, y = signals()
+    recording, _, left_out = read_measured(written(tmp_path / "r.csv"), CHANNELS)
+    expected = [(1, 700), (702, 1480), (1481, 2810), (2831, N)]  # 19 samples are no stretch
+    assert left_out == N - sum(stop - first for first, stop in expected)
+    assert recording.segment_firsts == tuple(first for first, _ in expected)
+    assert recording.segment_recordings == (0, 0, 0, 0)
+    for segment, (first, stop) in zip(recording.segments, expected, strict=True):
+        np.testing.assert_array_equal(segment.output, y[first:stop])
+        np.testing.assert_array_equal(segment.input, u[first:stop])
+    np.testing.assert_allclose(
+        recording.times * RATE, np.concatenate([range(*e) for e in expected])
+    )
+
+
+@pytest.mark.parametrize("lost", [range(0, N, SHORTEST_STRETCH), range(450)])
+def test_too_many_missing_samples_are_refused(tmp_path, lost):
+    with pytest.raises(InputError, match=r"% of the recording are lost, and up to 10 % may be"):
+        read_measured(written(tmp_path / "r.csv", lost), CHANNELS)
+
+
+@pytest.mark.parametrize("resample", [None, RATE / 2])
+@pytest.mark.parametrize("difference", [0, 1])
+def test_prepared_stretches_lead_back_to_measured_samples(tmp_path, resample, difference):
+    recording = read_measured(written(tmp_path / "r.csv"), CHANNELS).recording
+    settings = PreparationSettings(split=SplitSettings(estimation=0.75, discard=100))
+    transforms = settings.transforms.__class__(box_cox="none", difference=difference)
+    settings = settings.__class__(split=settings.split, transforms=transforms, resample=resample)
+    prepared = prepare(recording, settings)
+    record = prepared.transforms
+    assert record.validation_source == "gap"
+    assert not record.several_recordings
+    assert prepared.before_validation is None
+    means = {each.output_means for each in (*record.estimation, *record.validation)}
+    assert len(means) == 1
+    _, y = signals()
+    for part, origins in (
+        (prepared.estimation, record.estimation),
+        (prepared.validation, record.validation),
+    ):
+        assert [each.first for each in part.segments] == [each.first for each in origins]
+        for segment, origin in zip(part.segments, origins, strict=True):
+            measured = measured_outputs(record, origin, segment.outputs)[difference:, 0]
+            assert origin.start == pytest.approx(
+                origin.first / record.sampling_rate, abs=0.51 / record.sampling_rate
+            )
+            if resample is None:
+                found = y[origin.first : origin.first + origin.samples]
+                np.testing.assert_allclose(measured, found, atol=1e-8)
+    share = record.estimation_samples / (record.estimation_samples + record.validation_samples)
+    assert share == pytest.approx(0.75, abs=0.01)
+
+
+def test_the_level_of_stretches_is_that_of_the_whole(tmp_path):
+    recording = read_measured(written(tmp_path / "r.csv"), CHANNELS).recording
+    (level,) = output_levels(recording)
+    assert level == pytest.approx(40.0 + 3.75 * recording.input.mean(), abs=0.05)
+
+
+def test_a_mode_is_found_beside_gaps():
+    """Masked samples are missing samples; the model predicts and simulates as without the gaps."""
+    u, y = signals()
+    masked = np.ma.masked_array(y, np.isin(np.arange(N), LOST))
+    masked.data[LOST] = 9999.0
+    keys = {"structure": "armax", "orders": {"joint": [2, 2], "nb": [2, 2]}, "delay": [1, 1]}
+    quick = {"search": {"evaluations": 300}, "spectrum": {"nfft": 512}}
+    found = evopem.identify(u, masked, RATE, show_progress=False, **keys, **quick)
+    frequency = abs(np.log(np.roots(A)[0])) * RATE / 2 / np.pi
+    assert found.modes["frequency_hz"].iloc[0] == pytest.approx(frequency, rel=2e-3)
+    (origin,) = found.results.recording_info.files
+    assert (origin.segments, origin.left_out) == (4, 25)
+    validation = found.results.validation
+    assert len(validation.stretches) == len(found.results.model.transforms.validation)
+    assert validation.simulation_error_percent < 15.0

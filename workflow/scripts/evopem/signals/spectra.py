@@ -1,0 +1,305 @@
+"""Multitaper spectra: the density of a signal, and the responses and coherence of channels.
+
+Sources: Thomson, D. J. (1982), "Spectrum estimation and harmonic analysis", Proc. IEEE 70;
+Percival & Walden (1993), "Spectral Analysis for Physical Applications", chapter 7; Bendat &
+Piersol (2010), "Random Data", section 7.4 and chapter 9; Carter (1987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.errors import InputError
+from evopem.signals.recording import Recording
+
+Floats = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+
+# Bound on the iterations of the adaptive weights, which nearly always converge in about ten.
+MAX_WEIGHT_ITERATIONS = 500
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """One-sided power spectral density with its 95 % confidence band."""
+
+    frequencies: Floats  # Hz, from 0 to the Nyquist frequency
+    # unit² / Hz; the density's sum times the frequency step is the signal's variance
+    density: Floats
+    lower: Floats  # the 95 % band
+    upper: Floats
+    degrees_of_freedom: Floats  # of the chi-square distribution behind the band
+    time_halfbandwidth: float  # NW
+    tapers: int  # K = 2NW - 1
+    nfft: int  # length of the transforms
+    segments: int  # segments of the signal; 1 unless it is longer than `nfft`
+    halfbandwidth_hz: float  # W: the density at a frequency is an average over ± W
+
+    @property
+    def resolution_hz(self) -> float:
+        """Smallest distance (Hz) at which two lines are resolved: 2W."""
+        return 2.0 * self.halfbandwidth_hz
+
+
+def multitaper_spectrum(
+    signal: Floats, sampling_rate: float, time_halfbandwidth: float = 4.0, nfft: int = 8192
+) -> Spectrum:
+    """Thomson's adaptive multitaper estimate of the power spectral density.
+
+    The mean is removed. A signal of up to `nfft` samples is padded with zeros to `nfft`. A
+    longer one is divided into the fewest equal segments of at most `nfft` samples, whose
+    eigenspectra are averaged. Then `nfft` sets the resolution, every segment narrows the
+    band, and the memory does not grow with the signal. At most one sample a segment is left
+    out at the end.
+
+    The adaptive weights are those of Percival & Walden (1993, eq. 368a), the chi-square band
+    has the degrees of freedom of their eq. 370b, halved at zero and at the Nyquist frequency.
+    It covers the variance of the estimate, not the bias of a peak narrower than W.
+    The whole density is scaled (by a few per cent at most for a stationary signal) so that
+    its integral equals the variance.
+
+    `time_halfbandwidth` is NW, at least 1, and K = 2NW - 1 tapers are used; the length `nfft` of
+    the transforms is more than 2NW.
+    """
+    from scipy.stats import chi2
+
+    found = _spectra([signal[:, None]], sampling_rate, time_halfbandwidth, nfft)
+    layout, freedom = found.layout, found.freedom
+    # Both sides of the spectrum; zero and Nyquist stand alone.
+    density = 2.0 * found.matrices[:, 0, 0].real
+    density[0] /= 2.0
+    if nfft % 2 == 0:
+        density[-1] /= 2.0
+    density *= float(found.variances[0]) / (density.sum() * sampling_rate / nfft)
+    tail = (1.0 - CONFIDENCE) / 2.0
+    return Spectrum(
+        frequencies=layout.frequencies,
+        density=density,
+        lower=density * freedom / chi2.ppf(1.0 - tail, freedom),
+        upper=density * freedom / chi2.ppf(tail, freedom),
+        degrees_of_freedom=freedom,
+        time_halfbandwidth=float(time_halfbandwidth),
+        tapers=layout.tapers,
+        nfft=nfft,
+        segments=layout.segments,
+        halfbandwidth_hz=layout.halfbandwidth_hz,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Empirical frequency responses from m inputs to l outputs, at F frequencies."""
+
+    frequencies: Floats  # (F,), Hz
+    response: NDArray[np.complex128]  # (F, l, m), the H1 estimate (output unit / input unit)
+    gain_lower: Floats  # (F, l, m), 95 % band of its modulus
+    gain_upper: Floats
+    coherence: Floats  # (F, l), multiple squared coherence of an output with all inputs, 0 to 1
+    degrees_of_freedom: Floats  # (F,), twice the number of independent estimates behind each value
+
+    @property
+    def gain(self) -> Floats:
+        """Modulus of the response, (F, l, m)."""
+        return np.abs(self.response)
+
+    @property
+    def phase_deg(self) -> Floats:
+        """Phase of the response in (-180, 180], (F, l, m)."""
+        return np.degrees(np.angle(self.response))
+
+    def coherence_limit(self, probability: float) -> Floats:
+        """What the coherence of independent signals exceeds with a probability, (F,).
+
+        Of n independent estimates it has the beta distribution of m and n - m (Carter 1987).  NaN
+        where there are no more than m estimates.
+        """
+        from scipy.stats import beta
+
+        inputs, estimates = self.response.shape[2], self.degrees_of_freedom / 2.0
+        limit = beta.isf(probability, inputs, np.maximum(estimates - inputs, np.finfo(float).tiny))
+        return np.where(estimates > inputs, limit, np.nan)
+
+
+def frequency_response(
+    recording: Recording, time_halfbandwidth: float = 4.0, nfft: int = 8192
+) -> FrequencyResponse:
+    """Frequency responses and coherence of all channels from their multitaper cross-spectra.
+
+    H1 = S_yu S_uu^-1: unbiased by noise on the outputs, pulled towards zero by noise on the
+    inputs. All spectra share one set of weights, the geometric mean of the signals' adaptive
+    weights, so the coherence never exceeds 1. The band of the gain is Student's, with ν - 2m
+    degrees of freedom: ``|H_ij| ± t sqrt((S_uu^-1)_jj S_yy,i (1 - γ_i²) / (ν - 2m))`` (Bendat &
+    Piersol 2010, section 9.2, for the modulus alone), cut off at 0. Segments longer than `nfft`
+    samples are divided as in `multitaper_spectrum`; the estimates of all segments are averaged.
+
+    `time_halfbandwidth` is NW; with a single estimate every coherence is 1, which is refused.
+    """
+    from scipy.stats import t as student
+
+    inputs = recording.inputs.shape[1]
+    parts = [each for each in recording.segments if each.samples > 2.0 * time_halfbandwidth]
+    signals = [np.column_stack([each.inputs, each.outputs]) for each in parts or recording.segments]
+    found = _spectra(signals, recording.sampling_rate, time_halfbandwidth, nfft)
+    if found.layout.tapers * found.layout.segments < 2:
+        raise InputError(
+            "spectrum: time_halfbandwidth",
+            f"{time_halfbandwidth:g} gives a single taper, and a coherence needs two",
+            "choose at least 1.5",
+        )
+    spectra, freedom = found.matrices, found.freedom
+    s_uu, s_yu = spectra[:, :inputs, :inputs], spectra[:, inputs:, :inputs]
+    s_yy = np.einsum("fii->fi", spectra)[:, inputs:].real
+    inverse = np.linalg.pinv(s_uu, rcond=1e-10, hermitian=True)
+    response = s_yu @ inverse
+    explained = np.einsum("fij,fij->fi", response, s_yu.conj()).real
+    coherence = np.clip(explained / s_yy, 0.0, 1.0)
+    # At zero and Nyquist the coefficients are real and the count is halved; keep one free.
+    residual_freedom = np.maximum(freedom - 2.0 * inputs, 1.0)
+    quantile = student.ppf(0.5 + CONFIDENCE / 2.0, residual_freedom)
+    left = s_yy * (1.0 - coherence) * (quantile**2 / residual_freedom)[:, None]
+    radius = np.sqrt(left[:, :, None] * np.einsum("fii->fi", inverse).real[:, None, :])
+    return FrequencyResponse(
+        frequencies=found.layout.frequencies,
+        response=response,
+        gain_lower=np.maximum(np.abs(response) - radius, 0.0),
+        gain_upper=np.abs(response) + radius,
+        coherence=coherence,
+        degrees_of_freedom=freedom,
+    )
+
+
+@dataclass(frozen=True)
+class _Tapering:
+    """Segments, tapers and transforms of a signal."""
+
+    sequences: Floats  # (K, L): the tapers, each of unit energy
+    concentrations: Floats  # (K,): share of a taper's energy within its band
+    segments: int
+    nfft: int
+    frequencies: Floats
+    halfbandwidth_hz: float
+
+    @property
+    def tapers(self) -> int:
+        """Number of tapers K."""
+        return int(self.concentrations.size)
+
+    @classmethod
+    def of(
+        cls, samples: int, sampling_rate: float, time_halfbandwidth: float, nfft: int
+    ) -> _Tapering:
+        """Tapers of 2NW - 1 sequences for a signal, and the segments it is divided into."""
+        from scipy.signal.windows import dpss
+
+        tapers = int(2 * time_halfbandwidth - 1)
+        if tapers < 1:
+            raise InputError(
+                "spectrum: time_halfbandwidth",
+                f"{time_halfbandwidth:g} leaves no taper",
+                "choose at least 1; 4 is usual",
+            )
+        segments = -(-samples // nfft)
+        length = samples // max(segments, 1)
+        if length <= 2 * time_halfbandwidth:
+            raise InputError(
+                "spectrum",
+                f"segments of {length} samples are too short for a time-halfbandwidth of"
+                f" {time_halfbandwidth:g}",
+                "choose a larger nfft or a smaller time_halfbandwidth, or give more samples",
+            )
+        sequences, concentrations = dpss(
+            length, time_halfbandwidth, Kmax=tapers, return_ratios=True
+        )
+        return cls(
+            sequences=sequences,
+            # Rounding may give a share of 1 or more, but some leakage always remains.
+            concentrations=np.minimum(concentrations, 1.0 - np.finfo(np.float64).eps),
+            segments=segments,
+            nfft=nfft,
+            frequencies=np.asarray(np.fft.rfftfreq(nfft, 1.0 / sampling_rate), np.float64),
+            halfbandwidth_hz=time_halfbandwidth * sampling_rate / length,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Spectra:
+    """Spectral matrices of c channels at F frequencies."""
+
+    matrices: NDArray[np.complex128]  # (F, c, c), two-sided
+    variances: Floats  # (c,)
+    freedom: Floats  # (F,) degrees of freedom, Percival & Walden (1993, eq. 370b)
+    layout: _Tapering
+
+
+def _spectra(
+    signals: Sequence[Floats], rate: float, time_halfbandwidth: float, nfft: int
+) -> _Spectra:
+    """Spectral matrices from segments, (n, c) each, weighted alike in all channels.
+
+    Their weights are the geometric mean of the channels' adaptive weights.
+    """
+    signals = [each - each.mean(axis=0) for each in signals]
+    variances = np.concatenate(signals).var(axis=0)
+    if not variances.all():
+        raise InputError("spectrum", "a signal is constant", "choose channels that vary")
+    layouts = [_Tapering.of(len(each), rate, time_halfbandwidth, nfft) for each in signals]
+    longest = max(layouts, key=lambda each: each.sequences.shape[1])
+    layout = replace(longest, segments=sum(each.segments for each in layouts))
+    channels = len(variances)
+    products = np.zeros((layout.tapers, layout.frequencies.size, channels, channels), complex)
+    for each, own in zip(signals, layouts, strict=True):
+        length = own.sequences.shape[1]
+        for segment in each[: own.segments * length].reshape(own.segments, length, channels):
+            # Eigencoefficients: transforms of the tapered segment, (K, F, c).
+            found = np.fft.rfft(own.sequences[:, :, None] * segment, nfft, axis=1)
+            products += found[..., :, None] * found[..., None, :].conj()
+    products /= layout.segments * rate
+    of_channels = [
+        _adaptive_weights(products[:, :, k, k].real, layout, variances[k] / rate)
+        for k in range(channels)
+    ]
+    weights = np.exp(np.mean(np.log(of_channels), axis=0)) if channels > 1 else of_channels[0]
+    freedom = 2.0 * layout.segments * weights.sum(axis=0) ** 2 / (weights**2).sum(axis=0)
+    # Real coefficients have half the freedom of complex ones.
+    freedom[0] /= 2.0
+    if nfft % 2 == 0:
+        freedom[-1] /= 2.0
+    averaged = _weighted_average(weights[..., None, None], products)
+    return _Spectra(averaged, variances, freedom, layout)
+
+
+def _adaptive_weights(eigenspectra: Floats, layout: _Tapering, flat_density: float) -> Floats:
+    """Thomson's weights b_k² λ_k, shape (K, F), Percival & Walden (1993, eq. 368a).
+
+    A taper counts less wherever its leakage from the rest of the spectrum, at most
+    (1 - λ_k) times the variance, outweighs the density itself. The factor S², common to the
+    tapers of one frequency, is left out: it cancels in every use, and would make the weights
+    vanish where there is no power at all.
+    """
+    if layout.tapers == 1:
+        return np.ones_like(eigenspectra)
+    # In units of about the flat density: a square of the density itself may leave the range of
+    # numbers. A power of two changes no other bit.
+    _, exponent = np.frexp(flat_density)
+    eigenspectra, flat_density = (
+        np.ldexp(eigenspectra, -exponent),
+        np.ldexp(flat_density, -exponent),
+    )
+    kept = layout.concentrations[:, np.newaxis]
+    leaked = (1.0 - kept) * flat_density
+    density = eigenspectra[:2].mean(axis=0)
+    for _ in range(MAX_WEIGHT_ITERATIONS):
+        weights = kept / (kept * density + leaked) ** 2
+        previous, density = density, _weighted_average(weights, eigenspectra)
+        if np.all(np.abs(density - previous) <= 1e-9 * density):
+            break
+    return weights
+
+
+def _weighted_average(weights: Floats, values: NDArray) -> NDArray:
+    return (weights * values).sum(axis=0) / weights.sum(axis=0)

@@ -1,1 +1,0 @@
-"""Spectral estimates: multitaper density, peaks and the empirical frequency response."""
