@@ -18,13 +18,14 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+sys.path[:0] = [str(ROOT / "workflow" / "scripts"), str(ROOT / "tests")]
+
+from vibrating_structure import VibratingStructure  # noqa: E402
 
 from evopem.estimation.state_space.estimate import estimates_of_orders  # noqa: E402
 from evopem.report.index_page import movements  # noqa: E402
 from evopem.results.followed_modes import RecordedMode, follow_modes  # noqa: E402
 from evopem.signals.recording import recording_of  # noqa: E402
-from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
 
 RATE, SAMPLES, ORDER = 100.0, 2000, 8
 SHAPES = np.array([[1.0, 0.5, 0.2, -0.6], [0.6, -1.0, 0.5, 0.3], [0.3, 0.4, -1.0, 0.8]])

@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+sys.path[:0] = [str(ROOT / "workflow" / "scripts"), str(ROOT / "tests")]
 
 RATE = 100.0
 # What replaces the ending of a record's file in the files of results.
@@ -59,7 +59,7 @@ REACHES = (0.02, 0.05)
 
 
 def write_records(folder: Path, count: int, driven: bool) -> None:
-    from evopem.synthesis.vibrating_structure import random_structure
+    from vibrating_structure import random_structure
 
     folder.mkdir(parents=True, exist_ok=True)
     for number in range(count):

@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+sys.path[:0] = [str(ROOT / "workflow" / "scripts"), str(ROOT / "tests")]
 
 from covered_intervals import CoveredIntervals  # noqa: E402
+from vibrating_structure import VibratingStructure  # noqa: E402
 
 from evopem import SearchSettings, estimate  # noqa: E402
 from evopem.estimation.state_space.estimate import estimates_of_orders  # noqa: E402
 from evopem.signals.recording import recording_of  # noqa: E402
-from evopem.synthesis.vibrating_structure import VibratingStructure  # noqa: E402
 
 RATE = 100.0
 

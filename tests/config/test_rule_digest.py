@@ -109,7 +109,7 @@ def test_stages_reach_their_part_of_the_package_and_no_more():
     ("module", "users", "others"),
     [
         (
-            "signals/spectra.py",
+            "signals/peaks.py",
             {"estimate_spectrum"},
             {"prepare_samples", "estimate_candidates"},
         ),

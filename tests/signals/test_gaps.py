@@ -99,7 +99,7 @@ def test_a_mode_is_found_beside_gaps():
     u, y = signals()
     masked = np.ma.masked_array(y, np.isin(np.arange(N), LOST))
     masked.data[LOST] = 9999.0
-    keys = {"structure": "armax", "orders": {"joint": [2, 2], "nb": [2, 2]}, "delay": [1, 1]}
+    keys = {"structure": "armax", "orders": {"joint": [2, 2], "nb": [2, 2]}}
     quick = {"search": {"evaluations": 300}, "spectrum": {"nfft": 512}}
     found = evopem.identify(u, masked, RATE, show_progress=False, **keys, **quick)
     frequency = abs(np.log(np.roots(A)[0])) * RATE / 2 / np.pi

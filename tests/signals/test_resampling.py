@@ -8,7 +8,7 @@ from scipy.signal import freqz
 
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
-from evopem.signals.resampling import anti_alias_filter, resample_recording, resample_signal
+from evopem.signals.transforms import anti_alias_filter, resample_recording, resample_signal
 
 RATIOS = [Fraction(1, 2), Fraction(4, 5), Fraction(2, 25), Fraction(147, 160), Fraction(1, 25)]
 
@@ -74,9 +74,6 @@ def test_input_and_output_stay_together_and_are_not_changed():
 @pytest.mark.parametrize(
     ("rate", "expected"),
     [
-        (0.0, "not a sampling rate"),
-        (-3.0, "not a sampling rate"),
-        (float("nan"), "not a sampling rate"),
         (200.0, "above the recording's 125 Hz"),
         (100.0 / np.pi, "not in the ratio of whole numbers"),
         (1e-6, "not in the ratio of whole numbers"),

@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 from scipy.signal import lsim
-
-from evopem.synthesis.vibrating_structure import VibratingStructure, random_structure
+from vibrating_structure import VibratingStructure, random_structure
 
 
 def test_velocities_have_the_covariance_and_spectral_peaks_of_the_continuous_structure():

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from vibrating_structure import VibratingStructure
 
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.files.json_form import from_json, to_json
@@ -11,7 +12,6 @@ from evopem.models.mode_matching import OrderModel
 from evopem.models.mode_shapes import assurance
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, recording_of
-from evopem.synthesis.vibrating_structure import VibratingStructure
 from evopem.validation.mode_evidence import (
     ModeTable,
     held_out_mode_tests,

@@ -169,7 +169,8 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
     channels = read_channels(path, [first.reference, second.reference])
     if channels[0].values.size != channels[1].values.size:
         raise InputError(source, "its two channels have different lengths", "name input and output")
-    test = causality_test(*(each.values.astype(float) for each in channels))
+    signals = np.column_stack([each.values.astype(float) for each in channels])
+    test = causality_test(*signals[np.isfinite(signals).all(axis=1)].T)
     if test.direction == 0:
         raise InputError(
             source,

@@ -19,13 +19,7 @@ class Correlation:
 
 
 def autocorrelation(signal: NDArray[np.float64], lags: int) -> Correlation:
-    """Biased sample autocorrelation, 1 at lag 0.
-
-    ``r(k) = sum (x[t + k] - m) (x[t] - m) / sum (x[t] - m)**2``, m the mean (Ljung 1999,
-    section 6.1): positive semi-definite, and never above 1.
-
-    The lags are 0 … `lags`, which is less than N.
-    """
+    """Biased sample autocorrelation at lags 0 … `lags` < N (Ljung 1999, section 6.1)."""
     both = cross_correlation(signal, signal, lags)
     return Correlation(both.lags[lags:], both.values[lags:])
 
@@ -35,11 +29,8 @@ def cross_correlation(
 ) -> Correlation:
     """Biased sample cross-correlation: ``first`` at time t + k with ``second`` at time t.
 
-    ``r(k) = sum (x[t + k] - mx) (y[t] - my) / sqrt(sum (x - mx)**2 sum (y - my)**2)``. With
-    the residuals first and the input second, positive lags hold what the model has left
-    unused of past inputs; negative lags show feedback.
-
-    The lags are -`lags` … `lags`, which is less than N.
+    With the residuals first and the input second, positive lags, to `lags` < N, hold what the model
+    has left unused of past inputs; negative ones show feedback.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 

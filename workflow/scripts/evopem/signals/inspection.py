@@ -12,6 +12,7 @@ from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.channels import Channel, Reference
+from evopem.signals.recording_checks import MOST_MISSING
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import has_even_steps, timing
 
@@ -51,9 +52,8 @@ class FileContents:
 def inspect_file(path: str | Path) -> FileContents:
     """Read all channels of a measured file and tell times from signals.
 
-    A channel that increases by the same step from sample to sample, or holds dates, or increases
-    and is named as a time, is taken for a time. A channel that cannot be read, or holds text or a
-    constant, is left out.
+    A time has even steps, or holds dates, or increases and is named as one. A channel that cannot
+    be read, or holds text or a constant, is left out.
     """
     names = channel_names(path)
     signals: list[SignalColumn] = []
@@ -86,9 +86,7 @@ def may_tell_time(channels: ChannelSettings) -> bool:
 def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | None:
     """The channel of time stamps of a file that states no sampling rate; None where none is sure.
 
-    It has a word for time in its name, uniform stamps and a unit that is known.
-
-    ``signals`` are the channels that are read, of which none is the time.
+    It is none of the signals, is named as a time, and has uniform stamps of a known unit.
     """
     first = read_channels(path, signals[:1])[0]
     if first.sampling_rate is not None:
@@ -140,4 +138,5 @@ def _is_signal(channel: Channel) -> bool:
     values = channel.values
     if values.dtype.kind not in "fiub" or values.size < 2:
         return False
-    return bool(np.isfinite(values).all()) and bool((values != values[0]).any())
+    finite = values[np.isfinite(values)]
+    return finite.size >= (1.0 - MOST_MISSING) * values.size and np.ptp(finite.astype(float)) > 0.0

@@ -69,7 +69,11 @@ def read_channels(
     ``header_lines`` and ``decimal_mark`` are those of a text table, where they are stated.
     """
     path = Path(path)
-    options = _text_options(path, header_lines, decimal_mark)
+    stated = {"header_lines": header_lines, "decimal_mark": decimal_mark}
+    options: dict[str, Any] = {key: value for key, value in stated.items() if value is not None}
+    if options and format_of(path) != "text":
+        problem = f"{next(iter(options))} is stated for a file that is no text table"
+        raise InputError(str(path), problem, "remove it")
     if format_of(path) == "text":
         options["references"] = references
     return _read(path, options, lambda contents: contents.read(references))
@@ -94,35 +98,12 @@ def format_of(path: Path) -> str:
 
 
 def local_path(path: Path) -> Path:
-    """The path as the operating system's calls take it in any locale.
-
-    In the C locale without UTF-8 mode Python cannot encode a name such as "Größe.csv". Files are
-    then named by the bytes of UTF-8.
-    """
+    """The path as the operating system's calls take it; in the C locale as UTF-8."""
     try:
         os.fsencode(path)
     except UnicodeEncodeError:
         return Path(os.fsdecode(str(path).encode("utf-8", "surrogateescape")))
     return path
-
-
-def _text_options(path: Path, header_lines: int | None, decimal_mark: str | None) -> dict[str, Any]:
-    """The options that are given, which must fit the format."""
-    stated = {"header_lines": header_lines, "decimal_mark": decimal_mark}
-    options = {key: value for key, value in stated.items() if value is not None}
-    problem = remedy = ""
-    if options and format_of(path) != "text":
-        problem, remedy = (
-            f"{next(iter(options))} is stated for a file that is no text table",
-            "remove it",
-        )
-    elif header_lines is not None and header_lines < 0:
-        problem, remedy = f"header_lines is {header_lines}", "give 0 or a number above"
-    elif decimal_mark not in (None, ".", ","):
-        problem, remedy = f'the decimal mark is "{decimal_mark}"', 'give "." or ","'
-    if problem:
-        raise InputError(str(path), problem, remedy)
-    return options
 
 
 def _read(path: Path, options: dict[str, Any], use: Callable[[Contents], T]) -> T:
@@ -176,8 +157,7 @@ def _reader_of(path: Path) -> ModuleType:
 def _refuse_crashing(opened: Callable[[], object], path: Path) -> None:
     """Refuse a file that crashes its reader, by reading it first in a separate process.
 
-    A damaged file can make compiled code access invalid memory, as in scipy's reader of MATLAB
-    files. That ends the process without an exception.
+    A damaged file can make compiled code access invalid memory, which ends the process.
     """
     with warnings.catch_warnings():
         # From Python 3.12 on, a fork beside the idle threads of a BLAS is warned about.

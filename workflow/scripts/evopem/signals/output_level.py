@@ -26,12 +26,9 @@ RANK_TOLERANCE = 1e-10
 def output_levels(recording: Recording) -> tuple[float, ...]:
     """Level of each output at which inputs at their means would hold it, in its unit.
 
-    The mean of an output is this level for a long record only: what the inputs before the record
-    add to its beginning, and what the response to their end lacks, shift it by about the memory of
-    the system over the number of samples. A regression of the output on past inputs, past outputs
-    and a constant is free of these ends (Ljung 1999, section 14.1). Its level takes the place of
-    the mean where its constant differs from that of the mean, and its sum of output coefficients
-    from zero, at 1 %: an output that drifts has no level.
+    What the inputs before a short record add to its beginning shifts the mean. A regression on past
+    inputs, past outputs and a constant is free of it (Ljung 1999, section 14.1). Its level takes
+    the place of the mean where it differs at 1 % and the output does not drift.
     """
     u = recording.inputs - recording.inputs.mean(axis=0)
     deviations = u.std(axis=0)

@@ -22,18 +22,13 @@ MAX_AVERAGED_SHARE = 0.2
 
 
 def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
-    """Peaks of a density that are larger than noise alone makes them.
+    """Peaks of a density that are larger than noise alone makes them, rising in frequency.
 
-    A peak is a local maximum whose prominence exceeds the spread between the largest and
-    the smallest of M independent estimates, reached in 5 % of records:
-    ``10 log10(q(1 - a) / q(a))`` with q the quantile of the estimate over its expectation
-    (chi-square, the degrees of freedom those found at the peak and in its valley), ``a =
-    0.05 / (2M)``, and M the number of resolution cells (width 2W) up to the Nyquist
-    frequency. The rule is applied to the density as it is and to its averages over 4 and
-    over 16 cells, whose smaller spread reveals broad, well damped peaks; a broad one
-    counts only where no narrower one lies on its upper half (in dB). Within W of
-    zero and of the Nyquist frequency the density is held at its value W away, because
-    the removal of the mean lowers it there. The peaks rise in frequency.
+    A peak is a local maximum whose prominence exceeds the spread between the largest and the
+    smallest of M independent estimates, reached in 5 % of records: ``10 log10(q(1 - a) / q(a))``
+    with q the chi-square quantile over its expectation, ``a = 0.05 / (2M)``, and M the number of
+    resolution cells (width 2W). So are those of averages over 4 and over 16 cells, which reveal
+    broad peaks; a broad one counts only where no narrower one lies on its upper half.
     """
     from scipy.ndimage import uniform_filter1d
 
@@ -63,11 +58,7 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
 
 
 def line_spacing(frequencies: Sequence[float]) -> float | None:
-    """Spacing in Hz of the evenly spaced spectral lines of a periodic input; None without any.
-
-    Lines are more than ten peaks of which four fifths follow each other at a distance within 30 %
-    of the median one.
-    """
+    """Spacing (Hz) of the lines of a periodic input, more than ten, most of them evenly spaced."""
     gaps = np.diff(np.sort(np.asarray(frequencies, dtype=float)))
     if gaps.size < MIN_LINES:
         return None

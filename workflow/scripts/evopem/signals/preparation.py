@@ -15,8 +15,13 @@ from evopem.signals.output_level import output_levels
 from evopem.signals.prepared_data import PreparedData, Source, StretchOrigin, Transforms
 from evopem.signals.recording import MINIMUM_SAMPLES, Recording, Segment
 from evopem.signals.recording_checks import check_recording, check_validation
-from evopem.signals.resampling import resample_recording
-from evopem.signals.transforms import box_cox, difference, likeliest_box_cox, positive_shift
+from evopem.signals.transforms import (
+    box_cox,
+    difference,
+    likeliest_box_cox,
+    positive_shift,
+    resample_recording,
+)
 
 Range = tuple[int, int, int]
 """A stretch of consecutive samples, the first sample of it and the one after the last."""
@@ -47,18 +52,11 @@ def prepare(
 ) -> PreparedData:
     """Make one or several recordings stationary, and divide them for estimation and validation.
 
-    In this order: resample; Box-Cox transform of the output; differences of the outputs and
-    of the inputs, the other signals losing their first samples so that all stay aligned;
-    discard; cut; subtract the inputs' means and the outputs' levels in the estimation samples. A
-    validation recording passes through the same transforms with the same parameters. An
-    automatic Box-Cox parameter is found from the estimation samples alone.
-
-    Each segment is resampled and differenced by itself. ``discard`` applies to each recording, and
-    each of several is freed of its own means and levels. Without a validation recording the last
-    recordings validate, or, with ``split.by`` of ``samples``, the last samples of each.
-
-    With a validation recording, ``split.estimation`` of 1.0 takes all samples. ``place`` and
-    ``recorded`` are the key of the data set and all files, for errors.
+    Each segment is resampled, its output Box-Cox transformed, and differenced, all signals staying
+    aligned. From each recording samples are discarded, the rest is divided, and the inputs' means
+    and the outputs' levels in the estimation samples, or in a recording's own, are subtracted.
+    Parameters are found from estimation samples alone. ``place`` and ``recorded`` are the key of
+    the data set and all files, for errors.
     """
     key = f"{place}." if place else ""
     if validation_recording is not None:
@@ -69,13 +67,6 @@ def prepare(
         stretches += _stretches(validation_recording, settings, own, key)
     transforms = settings.transforms
     counts = (transforms.difference, transforms.difference_input)
-    for name, count in zip(("difference", "difference_input"), counts, strict=True):
-        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
-            raise InputError(
-                f"{key}transforms.{name}",
-                f"{count!r} is not a number of differences",
-                "give a whole number of at least 0",
-            )
     ranges = _divided(stretches, own, settings.split, max(counts), f"{key}split")
     stretches, parameter, shift = _transformed(
         stretches, transforms.box_cox, ranges.estimation, f"{key}transforms.box_cox"
@@ -146,11 +137,8 @@ def _stretches(
 def _section(
     stretch: _Stretch, first: int, stop: int, counts: tuple[int, int]
 ) -> tuple[Segment, StretchOrigin]:
-    """Differenced samples and where they come from, their means and levels still unknown.
-
-    The differences begin as many samples before the first as they cost, so that inputs and outputs
-    stay aligned.
-    """
+    """Differenced samples and where they come from, their means and levels still unknown."""
+    # Differences begin as many samples earlier as they cost, so that all channels stay aligned.
     recording, number, start = stretch
     rate = recording.sampling_rate
     outputs, output_initial = difference(recording.outputs[first - counts[0] : stop], counts[0])
@@ -168,8 +156,8 @@ def _divided(
 ) -> _Ranges:
     """The samples of recordings for estimation and for validation.
 
-    The recordings of files for validation stand last, after the ``own`` ones of the data set;
-    ``lost`` first samples of each stretch go to its differences.
+    Those of files for validation stand last, after ``own``; ``lost`` first samples of each stretch
+    go to its differences.
     """
     count = 1 + stretches[-1].number
     places = [[i for i, each in enumerate(stretches) if each.number == n] for n in range(count)]
@@ -192,17 +180,17 @@ def _divided(
         return found
 
     def whole(numbers: range) -> list[Range]:
-        first = [discarded(available[n], split, key) for n in numbers]
+        first = [_discarded(available[n], split, key) for n in numbers]
         found = [ranges(n, f, available[n]) for n, f in zip(numbers, first, strict=True)]
         return [each for of_one in found for each in of_one]
 
     def cut(numbers: range) -> tuple[list[Range], list[Range]]:
         estimation, validation = [], []
         for number in numbers:
-            first, stop = estimation_range(available[number], split, True, key)
+            first, stop = _estimation_range(available[number], split, True, key)
             if count == 1 and split.estimation == SplitSettings().estimation:
                 inputs = np.concatenate([each.recording.inputs[lost:] for each in stretches])
-                stop = before_last_change(inputs, first, stop) if inputs.shape[1] else stop
+                stop = _before_last_change(inputs, first, stop) if inputs.shape[1] else stop
             estimation += ranges(number, first, stop)
             validation += ranges(number, stop, available[number])
         return estimation, validation
@@ -212,16 +200,16 @@ def _divided(
         if own > 1 or count > 2:
             return _Ranges(whole(range(own)), held_out, "file")
         return _Ranges(
-            ranges(0, *estimation_range(available[0], split, False, key)), held_out, "file"
+            ranges(0, *_estimation_range(available[0], split, False, key)), held_out, "file"
         )
     if own > 1 and split.by == "recordings":
         totals = [sum(stretches[place].recording.samples for place in each) for each in places]
-        kept = own - held_out_recordings(totals, 1.0 - split.estimation)
+        kept = own - _held_out_recordings(totals, 1.0 - split.estimation)
         return _Ranges(whole(range(kept)), whole(range(kept, own)), "recordings")
     return _Ranges(*cut(range(own)), "cut" if len(stretches) == own else "gap")
 
 
-def estimation_range(
+def _estimation_range(
     available: int, split: SplitSettings, cut: bool, source: str
 ) -> tuple[int, int]:
     """First estimation sample and the one after the last, among the differenced samples."""
@@ -231,42 +219,32 @@ def estimation_range(
             "the differences leave no sample of the recording",
             "difference less often or give a longer recording",
         )
-    first = discarded(available, split, source)
+    first = _discarded(available, split, source)
     remaining = available - first
-    chosen = split.estimation
-    if not cut and isinstance(chosen, float) and chosen == 1.0:
-        return first, available
-    key = f"{source}.estimation"
-    samples = _number_of_samples(chosen, remaining, key, smallest=1)
+    samples = max(1, _number_of_samples(split.estimation, remaining))
     if samples > remaining:
-        raise InputError(
-            key,
-            f"{samples} samples are asked for and {remaining} remain after the discarded ones",
-            "ask for fewer samples or a share such as 0.8",
-        )
-    if cut and samples == remaining:
-        raise InputError(
-            key,
-            f"all {remaining} samples are asked for, so none remain to validate on",
-            "ask for fewer samples or name a validation_file",
-        )
-    return first, first + samples
+        problem = f"{samples} samples are asked for and {remaining} remain after the discarded ones"
+        remedy = "ask for fewer samples or a share such as 0.8"
+    elif cut and samples == remaining:
+        problem = f"all {remaining} samples are asked for, so none remain to validate on"
+        remedy = "ask for fewer samples or name a validation_file"
+    else:
+        return first, first + samples
+    raise InputError(f"{source}.estimation", problem, remedy)
 
 
-def held_out_recordings(samples: Sequence[int], share: float) -> int:
+def _held_out_recordings(samples: Sequence[int], share: float) -> int:
     """How many of the last recordings hold about a share of all samples; at least one."""
     held = np.cumsum(samples[:0:-1])
     return int(np.argmin(np.abs(held - share * sum(samples)))) + 1
 
 
-def before_last_change(inputs: NDArray[np.float64], first: int, stop: int) -> int:
+def _before_last_change(inputs: NDArray[np.float64], first: int, stop: int) -> int:
     """Where the validation samples begin when the built-in share is to test the inputs' response.
 
-    That is `stop`, the sample after the last estimation sample by the built-in share, unless all
-    inputs, (N, m), rest from there on. Then it is a tenth of the samples before their last change,
-    so that the state before it can be told from the response to it. At least half of the samples
-    have to remain for estimation, and an input has to change among them: of a sequence of steps the
-    last one is held out. After a single step or blow it stays `stop`.
+    That is `stop` unless all inputs, (N, m), rest from there on. Then it is a tenth of the samples
+    before their last change, if half of the samples remain for estimation and an input changes
+    among them: of a sequence of steps the last one is held out.
     """
     if np.ptp(inputs[stop:], axis=0).any():
         return stop
@@ -278,30 +256,21 @@ def before_last_change(inputs: NDArray[np.float64], first: int, stop: int) -> in
     return begin
 
 
-def discarded(available: int, split: SplitSettings, source: str) -> int:
+def _discarded(available: int, split: SplitSettings, source: str) -> int:
     """Number of samples to leave out at the start of `available` ones."""
-    key = f"{source}.discard"
-    discard = _number_of_samples(split.discard, available, key, smallest=0)
+    discard = _number_of_samples(split.discard, available)
     if discard >= available:
         raise InputError(
-            key,
+            f"{source}.discard",
             f"{discard} samples are to be discarded and there are only {available}",
             "discard fewer samples",
         )
     return discard
 
 
-def _number_of_samples(value: float, available: int, source: str, smallest: int) -> int:
-    """Turn a number of samples (int) or a share (float between 0 and 1) into samples."""
-    if isinstance(value, int) and not isinstance(value, bool) and value >= smallest:
-        return value
-    if isinstance(value, float) and 0.0 < value < 1.0:
-        return max(smallest, round(value * available))
-    raise InputError(
-        source,
-        f"{value!r} is neither a number of samples nor a share",
-        f"give a whole number from {smallest} or a fraction between 0 and 1",
-    )
+def _number_of_samples(value: float, available: int) -> int:
+    """A number of samples (int) or a share of the available ones (float) as a number."""
+    return value if isinstance(value, int) else round(value * available)
 
 
 def _transformed(
@@ -325,12 +294,8 @@ def _transformed(
     if setting == "auto":
         known = [signals[place][first:stop] for place, first, stop in estimation]
         parameter = likeliest_box_cox(np.concatenate(known), shift, source)
-    elif isinstance(setting, int | float) and not isinstance(setting, bool):
-        parameter = float(setting)
     else:
-        raise InputError(
-            source, f"{setting!r} is not a Box-Cox parameter", 'give a number, "auto" or "none"'
-        )
+        parameter = float(setting)
     bent = [
         each._replace(
             recording=replace(

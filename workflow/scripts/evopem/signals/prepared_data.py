@@ -42,9 +42,8 @@ class StretchOrigin:
 class Transforms:
     """Every parameter that takes prepared samples back to measured ones.
 
-    ``validation_source`` is ``cut`` where the validation samples of each recording follow its
-    estimation samples, ``gap`` where they follow later, ``file`` where they come from other files,
-    and ``recordings`` where the last recordings of the data set validate.
+    The validation samples of each recording follow its estimation samples (``cut``) or come later
+    (``gap``); or they are of other files, or of the last recordings of the data set.
     """
 
     sampling_rate: float  # of the prepared samples (Hz)
@@ -110,12 +109,10 @@ class PreparedData:
 
 
 def measured_outputs(transforms: Transforms, origin: StretchOrigin, outputs: Array) -> Array:
-    """Take prepared outputs back to the measured unit, (n + difference, l).
+    """Take prepared outputs back to the measured unit, (n + difference, l); at the prepared rate.
 
-    The outputs, (n, l), begin with the first sample of a stretch: the stretch itself, or, after a
-    cut, estimation and validation samples joined. The first ``difference`` samples of the result
-    are those just before. Rounding errors grow with the summation, see `invert_difference`;
-    resampling is not undone.
+    The outputs, (n, l), begin with the first sample of a stretch; the first ``difference`` samples
+    of the result are those just before.
     """
     measured = invert_difference(outputs + origin.output_means, origin.output_initial)
     if transforms.box_cox is not None:

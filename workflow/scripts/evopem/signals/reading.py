@@ -42,11 +42,6 @@ def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecord
     unknown or contradicted by the time stamps; units do not fit; or too many samples are missing.
     """
     source = str(Path(path))
-    rate = channels.sampling_rate
-    if rate is not None and not (np.isfinite(rate) and rate > 0):
-        raise InputError(
-            source, f"{rate} Hz is not a sampling rate", "give a positive number of Hz"
-        )
     inputs, outputs = _expanded(path, channels)
     references = {
         kind if len(listed) == 1 else f"{kind} {number}": each

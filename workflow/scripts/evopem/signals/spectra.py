@@ -49,22 +49,14 @@ class Spectrum:
 def multitaper_spectrum(
     signal: Floats, sampling_rate: float, time_halfbandwidth: float = 4.0, nfft: int = 8192
 ) -> Spectrum:
-    """Thomson's adaptive multitaper estimate of the power spectral density.
+    """Thomson's adaptive multitaper estimate of the power spectral density, without the mean.
 
-    The mean is removed. A signal of up to `nfft` samples is padded with zeros to `nfft`. A
-    longer one is divided into the fewest equal segments of at most `nfft` samples, whose
-    eigenspectra are averaged. Then `nfft` sets the resolution, every segment narrows the
-    band, and the memory does not grow with the signal. At most one sample a segment is left
-    out at the end.
-
-    The adaptive weights are those of Percival & Walden (1993, eq. 368a), the chi-square band
-    has the degrees of freedom of their eq. 370b, halved at zero and at the Nyquist frequency.
-    It covers the variance of the estimate, not the bias of a peak narrower than W.
-    The whole density is scaled (by a few per cent at most for a stationary signal) so that
-    its integral equals the variance.
-
-    `time_halfbandwidth` is NW, at least 1, and K = 2NW - 1 tapers are used; the length `nfft` of
-    the transforms is more than 2NW.
+    A signal of more than `nfft` samples is divided into the fewest equal segments of at most
+    `nfft`, whose eigenspectra are averaged: every segment narrows the band. K = 2NW - 1 tapers of
+    `time_halfbandwidth` NW have the adaptive weights of Percival & Walden (1993, eq. 368a); the
+    chi-square band covers the variance, not the bias of a peak narrower than W. The density is
+    scaled (by a few per cent at most for a stationary signal) so that its integral equals the
+    variance.
     """
     from scipy.stats import chi2
 
@@ -130,14 +122,10 @@ def frequency_response(
 ) -> FrequencyResponse:
     """Frequency responses and coherence of all channels from their multitaper cross-spectra.
 
-    H1 = S_yu S_uu^-1: unbiased by noise on the outputs, pulled towards zero by noise on the
-    inputs. All spectra share one set of weights, the geometric mean of the signals' adaptive
-    weights, so the coherence never exceeds 1. The band of the gain is Student's, with ν - 2m
-    degrees of freedom: ``|H_ij| ± t sqrt((S_uu^-1)_jj S_yy,i (1 - γ_i²) / (ν - 2m))`` (Bendat &
-    Piersol 2010, section 9.2, for the modulus alone), cut off at 0. Segments longer than `nfft`
-    samples are divided as in `multitaper_spectrum`; the estimates of all segments are averaged.
-
-    `time_halfbandwidth` is NW; with a single estimate every coherence is 1, which is refused.
+    H1 = S_yu S_uu^-1: unbiased by noise on the outputs, pulled towards zero by noise on the inputs.
+    The weights are common to all spectra, so the coherence never exceeds 1. The band of the gain is
+    Student's, with ν - 2m degrees of freedom: ``|H_ij| ± t sqrt((S_uu^-1)_jj S_yy,i (1 - γ_i²) / (ν
+    - 2m))`` (Bendat & Piersol 2010, section 9.2, for the modulus alone), cut off at 0.
     """
     from scipy.stats import t as student
 
@@ -276,10 +264,8 @@ def _spectra(
 def _adaptive_weights(eigenspectra: Floats, layout: _Tapering, flat_density: float) -> Floats:
     """Thomson's weights b_k² λ_k, shape (K, F), Percival & Walden (1993, eq. 368a).
 
-    A taper counts less wherever its leakage from the rest of the spectrum, at most
-    (1 - λ_k) times the variance, outweighs the density itself. The factor S², common to the
-    tapers of one frequency, is left out: it cancels in every use, and would make the weights
-    vanish where there is no power at all.
+    A taper counts less wherever its leakage, at most (1 - λ_k) times the variance, outweighs the
+    density. The factor S², common to the tapers of one frequency, cancels and is left out.
     """
     if layout.tapers == 1:
         return np.ones_like(eigenspectra)

@@ -104,16 +104,13 @@ def timing(
 ) -> Timing:
     """What time stamps, (N,) numbers, dates (datetime64) or durations, say of the samples.
 
-    Their unit is `time_unit`; without it the one that the file states, as `unit` or in the name
-    ("time_ms", "t [µs]"). A unit that is stated and not known is refused. Where none is stated,
-    numbers with a fraction are seconds; whole numbers are taken in the unit in which they agree
-    with the stated rate, and as nanoseconds since 1970 where they are that large. Others are
-    refused. A stated rate (Hz) with which the stamps agree is returned.
+    Their unit is `time_unit`, else the one that the file states, as `unit` or in the name. Without
+    one, numbers with a fraction are seconds; whole numbers are taken in the unit in which they
+    agree with the stated rate (Hz), which is then returned, and large ones as nanoseconds since
+    1970.
 
-    Each step must be within 10 % of the median step, and each stamp within half a step, or 0.1 % of
-    the record, of the uniform grid from the first stamp to the last. Or they are those of even
-    times but for the ticks of a coarse clock, which neighbouring samples may share. With
-    `interpolate` others are brought to an even grid, if not too many samples are missing.
+    The stamps must be uniform, or uniform but for the ticks of a coarse clock. With `interpolate`
+    others are brought to an even grid, if not too many samples are missing.
     """
     place = f'time "{name}"' if name else "time"
     if time_unit is not None and time_unit not in TIME_UNITS:
@@ -280,15 +277,12 @@ def _clock_of_uneven(times: Array) -> CoarseClock | None:
 
 
 def coarse_clock(times: Array) -> CoarseClock | None:
-    """The clock of time stamps that are even but for its resolution; None where there is none.
+    """The clock of time stamps, (N,) from 0, that are even but for its resolution; else None.
 
-    Stamps of even samples, cut or rounded to the ticks of a clock, have steps of two lengths, one
-    tick apart: 0 and 10 ms where samples 3 ms apart are stamped by a clock of 10 ms, 3 and 4 ms
-    where samples 3.3 ms apart are stamped in milliseconds. They all lie in a band one tick wide
-    around even times. Samples that are lost or repeated irregularly leave that band. Regular ones
-    would not, so that a tick of more than half the usual step has to show in many steps.
-
-    ``times``, (N,), begin with 0.
+    Stamps of even samples, cut or rounded to ticks, have steps of two lengths, one tick apart (0
+    and 10 ms, or 3 and 4 ms), and lie in a band one tick wide around even times. Samples that are
+    lost or repeated irregularly leave that band; regular ones would not, so that a tick of more
+    than half the usual step has to show in many steps.
     """
     steps = np.diff(times)
     shortest, longest = float(steps.min(initial=np.inf)), float(steps.max(initial=0.0))

@@ -1,24 +1,31 @@
-"""Box-Cox transform and differencing, each with its exact inverse."""
+"""Resampling; Box-Cox transform and differencing, each with its exact inverse."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
+from evopem.signals.recording import Recording
 
+PASS_BAND = 0.9
+"""Upper edge of the pass band, as a share of the new Nyquist frequency."""
+STOP_BAND_DB = 90.0
+"""Design attenuation (dB) from the new Nyquist frequency on; 80 dB are promised."""
+LARGEST_FACTOR = 10_000
+"""Largest numerator or denominator of the ratio of the two rates."""
 BOX_COX_RANGE = (-5.0, 5.0)
 """Where ``auto`` looks for the Box-Cox parameter."""
 
 
 def positive_shift(*signals: NDArray[np.float64]) -> float:
-    """The shift that makes every sample of all signals positive; 0.0 when they already are.
+    """The shift that makes every sample of all signals, (N,) each, positive; 0.0 when they are.
 
-    The smallest shifted sample lands one standard deviation of the first signal above
-    zero: a rule free of units, and far enough from the transform's singularity at zero
-    that no single sample dominates.
-
-    The signals are the outputs, (N,) each, of all recordings that share the transform.
+    The smallest lands one standard deviation of the first signal above zero: a rule free of units,
+    and far enough from the transform's singularity that no single sample dominates.
     """
     smallest = min(float(signal.min()) for signal in signals)
     if smallest > 0.0:
@@ -29,12 +36,7 @@ def positive_shift(*signals: NDArray[np.float64]) -> float:
 def box_cox(
     signal: NDArray[np.float64], parameter: float, shift: float, source: str = "box_cox"
 ) -> NDArray[np.float64]:
-    """Box-Cox transform of a shifted signal: ``((y + shift)**parameter - 1) / parameter``.
-
-    Box & Cox (1964); the logarithm at parameter 0.
-
-    The shift, in the signal's unit, is added first.
-    """
+    """``((y + shift)**parameter - 1) / parameter``, the logarithm at 0 (Box & Cox 1964)."""
     from scipy.special import boxcox
 
     shifted = signal + shift
@@ -72,10 +74,7 @@ def invert_box_cox(
 
 
 def likeliest_box_cox(signal: NDArray[np.float64], shift: float, source: str = "box_cox") -> float:
-    """The Box-Cox parameter of largest likelihood for a normal distribution.
-
-    Box & Cox (1964), searched between the bounds of `BOX_COX_RANGE`.
-    """
+    """The Box-Cox parameter in `BOX_COX_RANGE` of largest likelihood for a normal distribution."""
     from scipy.optimize import minimize_scalar
     from scipy.stats import boxcox_normmax
 
@@ -101,10 +100,9 @@ def likeliest_box_cox(signal: NDArray[np.float64], shift: float, source: str = "
 def difference(
     signals: NDArray[np.float64], times: int
 ) -> tuple[NDArray[np.float64], tuple[tuple[float, ...], ...]]:
-    """Difference signals, (N, channels), `times` times, keeping what the inverse needs.
+    """Difference signals, (N, channels), `times` < N times.
 
-    `times` is less than N.  The second value holds the first sample of the signals, of their first
-    differences, … (`times` rows).
+    The second value holds the first sample of the signals, of their first differences, …
     """
     initial = []
     differenced = np.array(signals, dtype=np.float64)
@@ -117,12 +115,75 @@ def difference(
 def invert_difference(
     differenced: NDArray[np.float64], initial: tuple[tuple[float, ...], ...]
 ) -> NDArray[np.float64]:
-    """Undo `difference`: sum up once for every row of initial values, the last one first.
-
-    There are as many samples more than in `differenced` as there are rows. Rounding errors add up
-    with each summation: about ``eps * N**times`` of the largest difference.
-    """
+    """Undo `difference`; rounding errors are about ``eps * N**times`` of the largest difference."""
     signals = np.array(differenced, dtype=np.float64)
     for first in reversed(initial):
         signals = np.cumsum(np.vstack([first, signals]), axis=0)
     return signals
+
+
+def resample_recording(recording: Recording, sampling_rate: float, source: str) -> Recording:
+    """Bring all channels of a recording to a lower sampling rate.
+
+    They pass the same filter (see `resample_signal`), so their relations, delay included,
+    are unchanged below the pass band's edge. An equal rate returns the recording as it is.
+    """
+    old = recording.sampling_rate
+    if sampling_rate > old:
+        raise InputError(
+            source,
+            f"{sampling_rate:g} Hz is above the recording's {old:g} Hz and would add an empty band",
+            "choose a lower rate or leave the key out",
+        )
+    ratio = Fraction(sampling_rate / old).limit_denominator(LARGEST_FACTOR)
+    if ratio == 1:
+        return recording
+    if ratio == 0 or abs(float(ratio) * old / sampling_rate - 1.0) > 1e-9:
+        raise InputError(
+            source,
+            f"{sampling_rate!r} Hz and the recording's {old!r} Hz are not in the ratio of whole"
+            f" numbers up to {LARGEST_FACTOR}",
+            "choose a rate that divides more evenly",
+        )
+    return replace(
+        recording,
+        inputs=resample_signal(recording.inputs, ratio),
+        outputs=resample_signal(recording.outputs, ratio),
+        sampling_rate=float(sampling_rate),
+    )
+
+
+def resample_signal(signal: NDArray[np.float64], ratio: Fraction) -> NDArray[np.float64]:
+    """A signal, (N,) or (N, channels), at a rate lower by a ratio: ceil(N * ratio) samples.
+
+    The filter is linear-phase, and its delay is taken out. Beyond its ends (about 60 new samples)
+    the signal is continued by odd reflection, which keeps its level and slope.
+    """
+    from scipy.signal import resample_poly
+
+    if signal.ndim == 2:
+        resampled = [resample_signal(np.ascontiguousarray(each), ratio) for each in signal.T]
+        samples = -(-len(signal) * ratio.numerator // ratio.denominator)
+        return np.column_stack([np.empty((samples, 0)), *resampled])
+    coefficients = anti_alias_filter(ratio)
+    return resample_poly(
+        signal,
+        ratio.numerator,
+        ratio.denominator,
+        window=coefficients,
+        padtype="antireflect",
+    )
+
+
+def anti_alias_filter(ratio: Fraction) -> NDArray[np.float64]:
+    """Kaiser FIR at the intermediate rate (old rate times numerator), unit gain at zero.
+
+    Kaiser, J. F. (1974), "Nonrecursive digital filter design using the I0-sinh window".
+    """
+    from scipy.signal import firwin, kaiserord
+
+    # The new Nyquist frequency, as a share of the intermediate rate's own.
+    nyquist = 1.0 / ratio.denominator
+    length, beta = kaiserord(STOP_BAND_DB, (1.0 - PASS_BAND) * nyquist)
+    length |= 1  # an odd length has a whole-sample delay, which can be taken out exactly
+    return firwin(length, 0.5 * (1.0 + PASS_BAND) * nyquist, window=("kaiser", beta))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
@@ -15,6 +16,16 @@ from evopem.errors import InputError
 
 Reference = int | str
 """A channel by its number, counted from 1, or by its name."""
+
+_SYMBOL = (
+    r"(?:[yzafpnuµμmcdhkMGTPEZY]|da)?(?:m|s|g|A|K|mol|cd|Hz|N|Pa|J|W|C|V|F|Ω|Ohm|ohm|S|Wb|T|H|lm|lx"
+    r"|rad|sr|bar|eV|L|l|Nm|Wh|Ah|Vs|Ns|S/s)|°C?|°F|deg[CF]?|degrees?|rpm|RPM|rps|rev|U|%|dB|in|ft"
+    r"|lbf?|psi|min|h|hr|d|pu|p\.u\.|cnt|counts?|digits?|g's|G|1|[Vv]olts?|[Aa]mps?|[Aa]mperes?"
+    r"|[Ss]ec(?:onds?)?|[Mm]illiseconds?|m?sec|usec|[Nn]ewtons?|[Mm]et(?:er|re)s?|[Hh]ertz"
+)
+_POWER = r"(?:\^?[+-]?\d+|\^\([+-]?\d+\)|\*\*-?\d+|[⁺⁻]?[¹²³⁴])?"
+UNIT = re.compile(rf"(?:{_SYMBOL}){_POWER}(?:[ ·⋅*/.-](?:{_SYMBOL}){_POWER})*")
+_HEADING = re.compile(r"(.*\S)\s*(?:\[([^\[\]]*)\]|\(([^()]*)\))\s*")
 
 LONGEST_LIST = 20
 """An error lists at most this many channel names; a file may hold thousands."""
@@ -48,8 +59,19 @@ class Contents:
         return [names[0] for names in self.names]
 
     def read(self, references: Sequence[Reference]) -> list[Channel]:
-        """The channels that references stand for."""
-        return self.load([self.find(each) for each in references])
+        """The channels that references stand for, their units told from names like "Tip [m/s²]"."""
+        found = self.load([self.find(each) for each in references])
+        split = [split_heading(each.name) for each in found]
+        return [
+            replace(channel, name=name, unit=unit)
+            if unit and not channel.unit and self._named(name) == 1
+            else channel
+            for channel, (name, unit) in zip(found, split, strict=True)
+        ]
+
+    def _named(self, name: str) -> int:
+        """How many channels have a name, whatever their units."""
+        return sum(split_heading(each)[0] == name for each in self.listed)
 
     def find(self, reference: Reference) -> int:
         """Index (from 0) of the channel that a reference stands for."""
@@ -65,6 +87,9 @@ class Contents:
                 source, f"{reference!r} names no {kind}", "give a number from 1 or a name"
             )
         places = [index for index, names in enumerate(self.names) if reference in names]
+        if not places and self._named(reference) == 1:
+            split = [split_heading(each) for each in self.listed]
+            places = [n for n, (name, unit) in enumerate(split) if unit and name == reference]
         if len(places) == 1:
             return places[0]
         if places:
@@ -77,6 +102,15 @@ class Contents:
             raise self.refusals[reference.lstrip("/")]
         why = "" if named else f", because there is no header with a name for each {kind}"
         raise InputError(source, f'there is no {kind} "{reference}"{why}', here)
+
+
+def split_heading(name: str) -> tuple[str, str]:
+    """The name without brackets at its end, and what they hold if it is a known unit, else ""."""
+    found = _HEADING.fullmatch(name)
+    if not found:
+        return name, ""
+    unit = (found.group(2) or found.group(3) or "").strip()
+    return found.group(1), unit if UNIT.fullmatch(unit) and not unit.isdigit() else ""
 
 
 def listing(names: Sequence[str]) -> str:

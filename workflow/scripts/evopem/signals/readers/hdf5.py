@@ -62,9 +62,7 @@ class StoredDataset:
 def opened(path: Path, is_matlab: bool = False) -> Iterator[Contents]:
     """The datasets of a file by their paths, or the variables of a MATLAB file of version 7.3.
 
-    A field of a dataset of records is named ``dataset.field``. The attribute ``unit`` or
-    ``units`` of a dataset is its unit. The sampling rate is a single-number dataset or an
-    attribute named as in `RATE_NAMES`, of the dataset or of a group around it.
+    A field of a dataset of records is named ``dataset.field``. Units and rates are attributes.
     """
     h5py = library("h5py", path)
     arrays: dict[str, StoredDataset] = {}

@@ -78,12 +78,9 @@ def contents_of(
 ) -> Contents:
     """The channels among named arrays; ``kind`` is what the format calls an array.
 
-    A vector is one channel. A matrix is one channel for each column, ``name:1``, ``name:2``, …;
-    with fewer rows than columns, one for each row. Single numbers, texts and objects are none.
-
-    A channel's sampling rate is the single number named as in `RATE_NAMES` in its own group, else
-    in the nearest group around it; groups end with points or slashes. Units and attributes are
-    given by their path in the file.
+    A vector is one channel, a matrix one for each column, ``name:1``, ``name:2``, … (with fewer
+    rows, for each row). The sampling rate is the single number named as in `RATE_NAMES` in the
+    nearest group; groups end with points or slashes. Units and attributes are given by their path.
     """
     units = units or {}
     rates = _stated_rates({**arrays, **(attributes or {})}, units)

@@ -18,9 +18,7 @@ from evopem.signals.time_units import seconds_of
 def opened(path: Path) -> Iterator[Contents]:
     """The channels of a file, ``group/channel``, also known without the group.
 
-    The sampling rate comes from the waveform property ``wf_increment`` (in the unit of
-    ``wf_xunit_string``), the unit from ``unit_string``, the start from ``wf_start_time`` and
-    ``wf_start_offset``.
+    Rate, unit and start come from the properties wf_increment, unit_string and wf_start_time.
     """
     nptdms = library("nptdms", path)
     try:

@@ -46,9 +46,8 @@ def opened(
 ) -> Iterator[Contents]:
     """The columns of a table; dates come as datetime64, missing numbers as NaN.
 
-    The number of lines above the first row of numbers is found where ``header_lines`` does not
-    state it, and a row above that may be a sample is refused, as an ambiguous decimal mark is where
-    it is not stated. The names that are asked for help to find the headings.
+    The names that are asked for help to find the headings; a row above the numbers that may be a
+    sample is refused unless ``header_lines`` counts it.
     """
     lines = read_lines(path)
     sample = _lower_half(lines.rows)
@@ -83,8 +82,7 @@ def opened(
 def _lower_half(rows: Sequence[Row]) -> list[Row]:
     """At most about `SAMPLED_ROWS` rows, evenly out of the lower half of the file.
 
-    Preamble and headings stand in the upper half. The last row is left out, since it may be cut
-    short.
+    Headings stand in the upper half; the last row may be cut short.
     """
     lower = rows[len(rows) // 2 : -1] or rows[-1:]
     step = max(1, len(lower) // SAMPLED_ROWS)
@@ -144,9 +142,8 @@ def _refuse_interruptions(
 def _may_be_sample(line: str, dialect: Dialect, width: int, below: bool) -> bool:
     """Whether a line that begins like a comment may be a sample with a damaged first field.
 
-    A comment has a blank after its mark. Below the headings it must not hold a number in as many
-    fields as a row has. Without the blank, it must not be a number, and not have as many fields
-    as a row: below the table or its headings any, above with a number.
+    A comment has a blank after its mark; below the headings it holds no number in as many fields as
+    a row has. Without the blank, it is no number and has not as many fields as a row.
     """
     rest = line.lstrip("".join(COMMENT_MARKS))
     fields, inner = dialect.split(line), dialect.split(rest.strip())

@@ -39,11 +39,7 @@ class Lines:
 
 
 def read_lines(path: Path) -> Lines:
-    """Read a text file and sort its lines.
-
-    An error value of a spreadsheet, such as ``#N/A``, at the beginning of a line is part of a
-    row and not a comment. Rows at the end that consist of separators only are left out.
-    """
+    """Read a text file and sort its lines, without rows of separators alone at the end."""
     text = _decode(path).replace("\r\n", "\n").replace("\r", "\n")
     lines = Lines(separator=_stated_separator(text))
     numbered = list(enumerate(text.split("\n"), start=1))
@@ -186,13 +182,10 @@ def is_date(text: str) -> bool:
 def choose_dialect(
     sample: Sequence[Row], separator: str | None = None, decimal_mark: str | None = None
 ) -> Dialect:
-    """The separator and decimal mark under which most fields are numbers.
+    """The separator and decimal mark under which most fields are numbers, where they are not given.
 
-    On a tie a decimal point comes before a decimal comma, and tab, semicolon, comma, blanks
-    follow in this order. Blanks are taken only where no other separator makes most fields
-    numbers, so that blanks within a single field do not decide on the whole table.
-
-    A separator or decimal mark that is known already is given.
+    On a tie a decimal point comes before a comma, and tab, semicolon, comma in this order; blanks
+    only where no other separator makes most fields numbers.
     """
     quoted = any('"' in line for _, line in sample)
     decimals = (decimal_mark,) if decimal_mark else (".", ",")
@@ -220,9 +213,8 @@ def refuse_ambiguous_thousands(
 ) -> None:
     """Refuse a column in which a mark may separate thousands as well as decimals.
 
-    Commas are ambiguous when every number with a comma has groups of three digits after it.
-    Points are when, in addition, other numbers of the column are whole and fields are separated
-    by semicolons, as in the countries that write 1.234 for a thousand.
+    Commas before groups of three digits everywhere; points alike, beside whole numbers in fields
+    that are separated by semicolons, as where 1.234 is a thousand.
     """
     mark = dialect.decimal_mark
     pattern = _COMMA_THOUSANDS if mark == "," else _POINT_THOUSANDS
@@ -248,9 +240,8 @@ def refuse_split_decimals(
 ) -> None:
     """Refuse a comma-separated table without headings whose commas seem to mark decimals too.
 
-    The signs, in a table of whole numbers with an even number of columns: the line above it has
-    half as many fields; or there are fields such as "-0" before and "05" after a comma; or the
-    same commas in every row are followed by a blank, and others are not.
+    Of whole numbers in an even number of columns: the line above has half as many fields, or fields
+    are such as "-0" and "05", or every other comma is followed by a blank.
     """
     if dialect.separator != "," or dialect.decimal_mark != "." or width % 2:
         return

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import Reference
+from evopem.signals.readers.channels import UNIT, Reference
 from evopem.signals.readers.text_dialect import COMMENT_MARKS, Dialect, Lines, Row
 
 _NO_VALUE = {
@@ -22,14 +22,6 @@ _NO_VALUE = {
 _NEARLY_NUMBER = re.compile(r"(?=.*\d)[+-]?[\d.,][\d.,:;/_ '’%exEX+-]*")
 """A number that is spoilt, or a time of day."""
 
-_SYMBOL = (
-    r"(?:[yzafpnuµμmcdhkMGTPEZY]|da)?(?:m|s|g|A|K|mol|cd|Hz|N|Pa|J|W|C|V|F|Ω|Ohm|ohm|S|Wb|T|H|lm|lx"
-    r"|rad|sr|bar|eV|L|l|Nm|Wh|Ah|Vs|Ns|S/s)|°C?|°F|deg[CF]?|degrees?|rpm|RPM|rps|rev|U|%|dB|in|ft"
-    r"|lbf?|psi|min|h|hr|d|pu|p\.u\.|cnt|counts?|digits?|g's|G|1|[Vv]olts?|[Aa]mps?|[Aa]mperes?"
-    r"|[Ss]ec(?:onds?)?|[Mm]illiseconds?|m?sec|usec|[Nn]ewtons?|[Mm]et(?:er|re)s?|[Hh]ertz"
-)
-_POWER = r"(?:\^?[+-]?\d+|\^\([+-]?\d+\)|\*\*-?\d+|[⁺⁻]?[¹²³⁴])?"
-_UNIT = re.compile(rf"(?:{_SYMBOL}){_POWER}(?:[ ·⋅*/.-](?:{_SYMBOL}){_POWER})*")
 _BRACKETED = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
 
 
@@ -53,14 +45,10 @@ def find_heading(
 ) -> Heading:
     """Find the first row of numbers, the names of the columns and their units.
 
-    A row of numbers has a number or a date in every column where most rows of the sample have
-    one. Headings are the row of texts directly above, or, when a row of units stands there, the
-    one above that; without such a row, the last comment above with a text for each column.
-    Every other row between the headings and the numbers might be a sample and is refused, unless
-    `header_lines` says that it is none.
-
-    The sample holds rows out of the part of the file that certainly holds numbers, in ``width``
-    columns; ``header_lines`` is the number of lines above the first row of numbers.
+    A row of numbers has a number or a date in every column where most rows of the sample have one.
+    Headings are the row of texts directly above, or above a row of units; without such a row, the
+    last comment with a text for each column. Every other row between might be a sample and is
+    refused, unless `header_lines`, the number of lines above the numbers, counts it.
     """
     search = _Search(path, lines.rows, dialect, width, _value_columns(sample, dialect, width))
     if header_lines is not None:
@@ -130,11 +118,7 @@ class _Search:
         return any(counted == [str(base + i) for i in range(len(counted))] for base in (0, 1))
 
     def numbered_columns(self, start: int, sample: Sequence[Row]) -> Heading:
-        """Headings 0, 1, …, where the numbers below are certainly written in another way.
-
-        They are when the numbers have the same number of decimals everywhere, or when only the
-        first row has an empty field in front, above the row numbers.
-        """
+        """Headings 0, 1, …, where the numbers below are certainly written in another way."""
         below = [
             self.dialect.split(line) for number, line in sample if number != self.rows[start][0]
         ]
@@ -212,11 +196,7 @@ class _Search:
             self._refuse(start - 1, "is a second row of texts that are not known as units", start)
 
     def _other_width(self, start: int) -> tuple[list[str], list[str]] | None:
-        """Headings of another number than the columns, as some programs write them.
-
-        R's ``write.table`` writes none for the row names in front; LabVIEW writes one for the
-        comments, and other programs close the line with a separator.
-        """
+        """Headings of another number than the columns: R names no row names, LabVIEW a comment."""
         names = self.fields(start - 1)
         if len(names) == self.width + 1 and names[-1].lower() == "comment":
             return names[:-1], [""] * self.width
@@ -249,8 +229,7 @@ class _Search:
     ) -> Heading:
         """The headings above the line that the configuration states.
 
-        Of several rows of texts the lowest one with all the names asked for holds the headings,
-        and without names the lowest one that holds no units.
+        The lowest row with all names asked for; without names the lowest that holds no units.
         """
         start = next((i for i, row in enumerate(self.rows) if row[0] > header_lines), None)
         if start is None:
@@ -289,7 +268,7 @@ def is_unit_row(fields: Sequence[str]) -> bool:
     """Whether the fields are units: known ones, in brackets, or empty, but not all empty."""
     filled = [text for text in fields if text and text != "-"]
     return bool(filled) and all(
-        _UNIT.fullmatch(text)
+        UNIT.fullmatch(text)
         or (_BRACKETED.fullmatch(text) and text[1:-1].strip().lower() not in _NO_VALUE - {"-"})
         for text in filled
     )

@@ -23,9 +23,8 @@ _FREQUENCY_AXIS = 18
 def opened(path: Path) -> Iterator[Contents]:
     """The time records among the datasets of type 58, by number among these or by name.
 
-    A name is any of the five identification lines, the response entity's name, the
-    ordinate's label, or node and direction as in ``12:Z+``; it must mean one dataset only.
-    The sampling rate comes from the abscissa.
+    A name is any of the five identification lines, the response entity's name, the ordinate's
+    label, or node and direction as in ``12:Z+``.
     """
     pyuff = library("pyuff", path)
     _refuse_broken_off(path)
