@@ -36,7 +36,7 @@ from evopem.results.identity import MadeFrom
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
 from evopem.signals.spectrum_summary import SpectrumSummary
-from evopem.synthesis.truth import Truth
+from evopem.synthesis.armax import Truth
 from evopem.validation.validation import Validation
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"

@@ -7,7 +7,7 @@ from evopem.config.settings import DatasetSettings
 from evopem.models.structures import armax_orders
 from evopem.report.numbers import number
 from evopem.results.dataset import DatasetResults
-from evopem.synthesis.truth import true_mode
+from evopem.synthesis.armax import true_mode
 
 SAMPLING_RATE = 100.0
 # Table 2: natural frequency in Hz, damping ratio.

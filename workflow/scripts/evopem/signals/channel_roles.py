@@ -38,12 +38,8 @@ class CausalityTest:
 
     @property
     def direction(self) -> int:
-        """1 where the first channel drives the second, -1 for the reverse, 0 where neither is sure.
-
-        One direction is significant and the other is not.
-        """
-        forward, backward = self.forward < SIGNIFICANCE, self.backward < SIGNIFICANCE
-        return int(forward) - int(backward)
+        """1 where the first channel alone drives the second, -1 for the reverse, 0 for neither."""
+        return int(self.forward < SIGNIFICANCE) - int(self.backward < SIGNIFICANCE)
 
 
 def causality_test(first: Array, second: Array) -> CausalityTest:
@@ -54,31 +50,25 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
     """
     from scipy.special import fdtrc
 
-    signals = [_standardized(each[:MOST_SAMPLES]) for each in (first, second)]
-    samples = len(signals[0])
-    most = min(MOST_LAGS, samples // SAMPLES_PER_LAG)
+    one, other = (_standardized(each[:MOST_SAMPLES]) for each in (first, second))
+    most = min(MOST_LAGS, len(one) // SAMPLES_PER_LAG)
     if most < 1:
         return CausalityTest(np.nan, np.nan, 0)
+    rows = len(one) - most
     with one_blas_thread():
-        pairs = ((signals[1], signals[0]), (signals[0], signals[1]))
-        triangles = [_triangle(target, other, most) for target, other in pairs]
-        rows = samples - most
-        criteria = [
-            sum(
-                np.log(max(_remainders(each, lags, most)[1], 1e-300))
-                + 2 * lags * np.log(rows) / rows
-                for each in triangles
-            )
-            for lags in range(1, most + 1)
-        ]
-        lags = int(np.argmin(criteria)) + 1
-        found = []
-        for each in triangles:
-            own, both = _remainders(each, lags, most)
-            freedom = rows - 2 * lags - 1
+        triangles = [_triangle(*pair, most) for pair in ((other, one), (one, other))]
+
+        def criterion(lags: int) -> float:
+            left = [max(_remainders(each, lags, most)[1], 1e-300) for each in triangles]
+            return float(np.log(left).sum()) + 4 * lags * np.log(rows) / rows
+
+        lags = min(range(1, most + 1), key=criterion)
+        freedom = rows - 2 * lags - 1
+        p_values = []
+        for own, both in (_remainders(each, lags, most) for each in triangles):
             statistic = (own - both) / lags / max(both / freedom, 1e-300)
-            found.append(float(fdtrc(lags, freedom, max(statistic, 0.0))))
-    return CausalityTest(found[0], found[1], lags)
+            p_values.append(float(fdtrc(lags, freedom, max(statistic, 0.0))))
+    return CausalityTest(p_values[0], p_values[1], lags)
 
 
 def _standardized(signal: Array) -> Array:
@@ -88,11 +78,9 @@ def _standardized(signal: Array) -> Array:
 
 def _triangle(target: Array, other: Array, most: int) -> Array:
     """R of the QR decomposition of a constant, past targets, past others and the target."""
-    samples = len(target)
-    columns = [np.ones(samples - most)]
-    for signal in (target, other):
-        columns += [signal[most - lag : samples - lag] for lag in range(1, most + 1)]
-    columns.append(target[most:])
+    stop = len(target)
+    past = [x[most - lag : stop - lag] for x in (target, other) for lag in range(1, most + 1)]
+    columns = [np.ones(stop - most), *past, target[most:]]
     return np.asarray(np.linalg.qr(np.column_stack(columns), mode="r"))
 
 
@@ -107,19 +95,15 @@ def _remainders(triangle: Array, lags: int, most: int) -> tuple[float, float]:
     return left[0], left[1]
 
 
-INPUT_NAMES = frozenset(
-    (
-        *("u", "in", "input", "excitation", "command", "drive", "stimulus"),
-        *("force", "torque", "voltage", "valve", "heater"),
-    )
-)
+INPUT_NAMES = frozenset((
+    "u", "in", "input", "excitation", "command", "drive", "stimulus", "force", "torque", "voltage",
+    "valve", "heater",
+))  # fmt: skip
 """Words that name an input."""
-OUTPUT_NAMES = frozenset(
-    (
-        *("y", "out", "output", "response", "acceleration", "acc", "accel", "velocity", "speed"),
-        *("position", "displacement", "angle", "temperature", "level"),
-    )
-)
+OUTPUT_NAMES = frozenset((
+    "y", "out", "output", "response", "acceleration", "acc", "accel", "velocity", "speed",
+    "position", "displacement", "angle", "temperature", "level",
+))  # fmt: skip
 """Words that name an output."""
 
 
@@ -166,18 +150,19 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
     inputs, outputs = (named(contents.signals, words) for words in (INPUT_NAMES, OUTPUT_NAMES))
     if len(inputs) == 1 and len(outputs) == 1 and inputs != outputs:
         return ChannelRoles(inputs[0].reference, outputs[0].reference, time)
-    channels = read_channels(path, [first.reference, second.reference])
-    if channels[0].values.size != channels[1].values.size:
+    if first.samples != second.samples:
         raise InputError(source, "its two channels have different lengths", "name input and output")
+    channels = read_channels(path, [first.reference, second.reference])
     signals = np.column_stack([each.values.astype(float) for each in channels])
     test = causality_test(*signals[np.isfinite(signals).all(axis=1)].T)
     if test.direction == 0:
+        both = test.forward < SIGNIFICANCE
         raise InputError(
             source,
             f"{first.reference!r} and {second.reference!r} cannot be told apart as input and"
-            " output: their names do not say it, and the past of "
-            + _undecided(test)
-            + f" at {100 * SIGNIFICANCE:g} %",
+            " output: their names do not say it, and the past of"
+            f" {'each' if both else 'neither'} improves predictions of the other at"
+            f" {100 * SIGNIFICANCE:g} %",
             "name input and output",
         )
     if test.direction > 0:
@@ -188,15 +173,5 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
 
 def named(signals: Iterable[SignalColumn], words: frozenset[str]) -> list[SignalColumn]:
     """The channels whose names hold one of some words."""
-    found = []
-    for signal in signals:
-        parts = re.split(r"[^a-z]+", str(signal.reference).casefold())
-        if words.intersection(parts):
-            found.append(signal)
-    return found
-
-
-def _undecided(test: CausalityTest) -> str:
-    if test.forward < SIGNIFICANCE:
-        return "each improves predictions of the other"
-    return "neither improves predictions of the other"
+    parts = {each: re.split(r"[^a-z]+", str(each.reference).casefold()) for each in signals}
+    return [each for each in parts if words.intersection(parts[each])]

@@ -167,11 +167,7 @@ def resample_signal(signal: NDArray[np.float64], ratio: Fraction) -> NDArray[np.
         return np.column_stack([np.empty((samples, 0)), *resampled])
     coefficients = anti_alias_filter(ratio)
     return resample_poly(
-        signal,
-        ratio.numerator,
-        ratio.denominator,
-        window=coefficients,
-        padtype="antireflect",
+        signal, ratio.numerator, ratio.denominator, window=coefficients, padtype="antireflect"
     )
 
 

@@ -8,7 +8,7 @@ from evopem.config.channels import Synthesis, SyntheticSource
 from evopem.config.settings import TransformSettings
 from evopem.errors import InputError, check_choice
 from evopem.signals.recording import Recording
-from evopem.synthesis.truth import Truth
+from evopem.synthesis.armax import Truth
 
 
 def synthesize(source: SyntheticSource, transforms: TransformSettings) -> tuple[Recording, Truth]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.signals.recording import Recording
-from evopem.synthesis.truth import Truth, true_mode
+from evopem.synthesis.armax import Truth, true_mode
 
 Array = NDArray[np.float64]
 
@@ -60,10 +60,7 @@ def flexible_arm(seed: int, samples: int, sampling_rate: float = 100.0) -> tuple
     block[:states, :states], block[:states, states:] = a, b
     step = expm(block / sampling_rate)
     acceleration = _response(
-        step[:states, :states],
-        step[:states, states:],
-        c,
-        np.column_stack([command, disturbance]),
+        step[:states, :states], step[:states, states:], c, np.column_stack([command, disturbance])
     )
     record = slice(warm_up, warm_up + samples)
     delayed = acceleration[warm_up - TRANSPORT_SAMPLES : warm_up - TRANSPORT_SAMPLES + samples]
