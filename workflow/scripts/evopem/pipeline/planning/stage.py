@@ -14,15 +14,11 @@ from typing import Any, Literal
 
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import AUTOMATIC_STRUCTURES
-from evopem.pipeline.planning.stage_lists import LISTS, Task
+from evopem.pipeline.planning.stage_lists import ARGUMENTS, LISTS, Task, Value
 
 Demand = Literal["small", "reading", "model", "estimation"]
 
 _WORD = re.compile(r"{(\w+)}")
-
-
-Value = str | Callable[[Task], Any]
-"""An argument of a stage: the path of an attribute of the settings, or what computes it."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +28,16 @@ class Stage:
     name: str  # that of its rule
     function: str  # module below ``evopem.pipeline`` and name, with a colon between them
     title: str  # what the stage does, in words; it may hold wildcards
-    applies: Callable[[DatasetSettings], bool]  # whether a data set has the stage
+    # Whether a data set has the stage
+    applies: Callable[[DatasetSettings], bool] = lambda _: True
     # inputs, outputs: attributes of :class:`.DatasetFiles`, with the argument of a method behind a
     # colon. Words in braces are wildcards or keys of :data:`LISTS`, which stand for several files
     # or none.
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
-    # Arguments of the function by their names: exactly the settings that the results depend on
+    # Arguments of the function, exactly the settings that the results depend on: names of
+    # :data:`ARGUMENTS` or of settings, and others by their names
+    given: tuple[str, ...] = ()
     settings: Mapping[str, Value] = field(default_factory=dict)
     # For each wildcard of the outputs, the list of :data:`LISTS` that holds its values
     wildcards: Mapping[str, str] = field(default_factory=dict)
@@ -79,7 +78,8 @@ class Stage:
 
     def arguments(self, task: Task) -> dict[str, Any]:
         """The arguments of the function that come from the settings."""
-        return {name: _value(value, task) for name, value in self.settings.items()}
+        given = {name: ARGUMENTS.get(name, name) for name in self.given}
+        return {name: _value(value, task) for name, value in (given | {**self.settings}).items()}
 
     def words(self, task: Task) -> str:
         """What a job does, in words."""

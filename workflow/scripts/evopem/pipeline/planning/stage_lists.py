@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from evopem.config import order_grid
 from evopem.config.configuration import RunSettings
-from evopem.config.settings import AutomaticSettings, DatasetSettings
+from evopem.config.settings import AutomaticSettings, DatasetSettings, OrderGrid
 from evopem.config.structures import (
     AUTOMATIC_STRUCTURES,
     is_polynomial,
@@ -19,6 +20,8 @@ from evopem.config.structures import (
 )
 from evopem.pipeline.planning.constraint_plan import known_rate
 from evopem.results.layout import DatasetFiles
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -33,23 +36,18 @@ class Task:
 
 
 def is_recorded(settings: DatasetSettings) -> bool:
-    """Whether there are recorded files."""
+    """Whether there are recorded files; otherwise the recording is simulated."""
     return bool(settings.source.all_files)
 
 
 def is_synthetic(settings: DatasetSettings) -> bool:
     """Whether the recording is simulated."""
-    return not settings.source.all_files
+    return not is_recorded(settings)
 
 
 def is_validated(settings: DatasetSettings) -> bool:
     """Whether there is an independent recording for validation."""
     return bool(settings.source.validation_files)
-
-
-def is_any(_: DatasetSettings) -> bool:
-    """Every data set."""
-    return True
 
 
 def is_single(settings: DatasetSettings) -> bool:
@@ -90,11 +88,10 @@ def wanted(task: Task) -> tuple[str, ...]:
     return (structure,) if structure in structures(task) else structures(task)
 
 
-def nested(task: Task) -> tuple[str, ...]:
+def _nested(task: Task) -> tuple[str, ...]:
     """The structures whose models are starts of a search."""
-    if has_several(task.settings):
-        return ()
-    return AUTOMATIC_STRUCTURES[task.values["structure"]]
+    several = has_several(task.settings)
+    return () if several else AUTOMATIC_STRUCTURES[task.values["structure"]]
 
 
 def purposes(task: Task) -> tuple[str, ...]:
@@ -102,28 +99,24 @@ def purposes(task: Task) -> tuple[str, ...]:
     return (_automatic(task).other_purpose,) if task.settings.channels.inputs else ()
 
 
-def phases(task: Task) -> tuple[str, ...]:
+def _phases(task: Task) -> tuple[str, ...]:
     """The phases of an order search; of one channel also those in their place."""
     return () if has_several(task.settings) else order_grid.phases_of_dataset(task.settings)
 
 
-def part_count(task: Task) -> int:
+def _part_count(task: Task) -> int:
     """How many jobs the candidates of a phase are divided into."""
-    grid = task.settings.order_grid
-    return order_grid.part_count(task.values["phase"], grid, task.run.candidates_per_job)
+    grid, per_job = task.settings.order_grid, task.run.candidates_per_job
+    return order_grid.part_count(task.values["phase"], grid, per_job)
 
 
-def is_told(task: Task) -> bool:
+def _is_told(task: Task) -> bool:
     """Whether input, output and time are told from the first file."""
     return getattr(task.settings.source, "channels_from_file", False)
 
 
 def _automatic(task: Task) -> AutomaticSettings:
     return task.settings.automatic or AutomaticSettings()
-
-
-def _parts(task: Task) -> list[str]:
-    return [str(number) for number in range(1, part_count(task) + 1)]
 
 
 def compared_phase(task: Task) -> str | None:
@@ -158,31 +151,30 @@ def _where(applies: Callable[[Task], bool], *names: str) -> Callable[[Task], lis
     return lambda task: list(names) if applies(task) else []
 
 
-def _of(applies: Callable[[DatasetSettings], bool]) -> Callable[[Task], bool]:
-    return lambda task: applies(task.settings)
+def _of(provide: Callable[[DatasetSettings], T]) -> Callable[[Task], T]:
+    return lambda task: provide(task.settings)
 
+
+_DECISIONS = tuple(f"decision:{name}" for name in ("preparation", "remedies", "folds", "delay"))
 
 LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "structures": structures,
     "wanted": wanted,
-    "nested": nested,
+    "nested": _nested,
     "purposes": purposes,
-    "phases": phases,
-    "last": lambda task: phases(task)[-1:],
+    "phases": _phases,
+    "last": lambda task: _phases(task)[-1:],
     "compared": _compared,
     "searched": _searched,
-    "parts": _parts,
+    "parts": lambda task: [str(number + 1) for number in range(_part_count(task))],
     "previous": _previous,
     "resonances": _where(_resonances, "spectrum_summary"),
-    "roles": _where(is_told, "recording_info"),
+    "roles": _where(_is_told, "recording_info"),
     "validation": _where(_of(is_validated), "validation_recording"),
     "validation_info": _where(_of(is_validated), "validation_recording_info"),
     "plan": _where(_of(is_automatic), "decision:preparation"),
     "truth": _where(_of(is_synthetic), "truth"),
-    "decided": _where(
-        *(_of(is_automatic), "decision:preparation", "decision:remedies"),
-        *("decision:folds", "decision:delay"),
-    ),
+    "decided": _where(_of(is_automatic), *_DECISIONS),
     "about_search": _where(_of(has_several), "decision:search"),
     "time_response": _where(_of(is_single), "time_response"),
     "decisions": _where(_of(is_automatic), "decisions"),
@@ -190,7 +182,7 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "tabulated": _where(
         *(_of(has_several), "search:{structures}", "decision:comparison", "decision:remedies")
     ),
-    "shown": lambda task: SHOWN if is_single(task.settings) else SHOWN_OF_SEVERAL,
+    "shown": lambda task: _SHOWN if is_single(task.settings) else _SHOWN_OF_SEVERAL,
 }
 """What words in the inputs and outputs of stages stand for."""
 
@@ -198,26 +190,26 @@ PREPARED = ("prepared", "transforms")
 VALIDATION = (
     *("validation", "residual_autocorrelation", "cross_correlation", "simulation", "horizons"),
 )
-SHOWN: tuple[str, ...] = (
+# What figures and report read.
+_SHOWN: tuple[str, ...] = (
     *("{truth}", "{decisions}", "config", "recording", "recording_info", *PREPARED, "spectrum"),
     *("spectrum_summary", "phase:{phases}", "candidates", "model", "frequency_response"),
     *("time_response", *VALIDATION, "{validation_info}"),
 )
-"""What figures and report read."""
-SHOWN_OF_SEVERAL: tuple[str, ...] = (
+_SHOWN_OF_SEVERAL: tuple[str, ...] = (
     *("search:{structures}", "config", "recording_info", "{validation_info}", *PREPARED),
     *("recording", "candidates", "decision:remedies", "decisions", "model"),
     *("frequency_response", *VALIDATION),
 )
 
 
-def window(task: Task) -> object:
+def _window(task: Task) -> object:
     """The samples on which the chapter's recipe compares models."""
     settings = task.settings
     return None if settings.automatic else order_grid.scoring_window(settings)
 
 
-def requirements(task: Task) -> object:
+def _requirements(task: Task) -> object:
     """What a record must have for the order grid of the chapter's recipe."""
     by_chapter = is_by_chapter(task.settings)
     return order_grid.sample_requirements(task.settings) if by_chapter else None
@@ -231,14 +223,16 @@ def fit_to_check(task: Task) -> object:
     return (settings.fit, settings.order_grid) if waits else None
 
 
+def grid(of_phase: Callable[[str, OrderGrid], OrderGrid]) -> Callable[[Task], OrderGrid]:
+    """What the candidates of a phase, or the selection among them, depend on of the order grid."""
+    return lambda task: of_phase(task.values["phase"], task.settings.order_grid)
+
+
 def choices(*names: str) -> Callable[[Task], AutomaticSettings]:
     """Some settings of the automatic recipe, the others built in."""
-
-    def provide(task: Task) -> AutomaticSettings:
-        given = _automatic(task)
-        return AutomaticSettings(**{name: getattr(given, name) for name in names})
-
-    return provide
+    return lambda task: AutomaticSettings(
+        **{name: getattr(_automatic(task), name) for name in names}
+    )
 
 
 def orders_of_structure(task: Task) -> AutomaticSettings:
@@ -248,7 +242,7 @@ def orders_of_structure(task: Task) -> AutomaticSettings:
     return AutomaticSettings(orders=orders.of_polynomials if polynomial else orders.of_states)
 
 
-def fits(task: Task) -> dict[str, object]:
+def _fits(task: Task) -> dict[str, object]:
     """What fits of several channels have in common; those of one channel depend on nothing."""
     common: dict[str, object] = {"objective": "quadratic", "level": True}
     search, own = task.settings.search, _automatic(task)
@@ -256,3 +250,24 @@ def fits(task: Task) -> dict[str, object]:
         return common | {"weighting": None, "max_root_radius": 0.9999, "seed": 1}
     radius, seed = search.max_root_radius, search.seed
     return common | {"weighting": own.weighting, "max_root_radius": radius, "seed": seed}
+
+
+Value = str | Callable[[Task], Any]
+"""An argument of a stage: the path of an attribute of the settings, or what computes it."""
+
+ARGUMENTS: Mapping[str, Value] = {
+    "told": _is_told,
+    "is_validated": _of(is_validated),
+    "given": _of(order_grid.given_preparation),
+    "requirements": _requirements,
+    "of_polynomials": _of(is_single),
+    "with_models": _of(has_several),
+    "is_automatic": _of(is_automatic),
+    "nested": _nested,
+    "structures": structures,
+    "phases": _phases,
+    "parts": _part_count,
+    "window": _window,
+    "fits": _fits,
+}
+"""Arguments that are the same in every stage; others of their names are attributes of settings."""
