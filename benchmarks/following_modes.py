@@ -23,8 +23,9 @@ sys.path[:0] = [str(ROOT / "workflow" / "scripts"), str(ROOT / "tests")]
 from vibrating_structure import VibratingStructure  # noqa: E402
 
 from evopem.estimation.state_space.estimate import estimates_of_orders  # noqa: E402
+from evopem.models.modes import Mode  # noqa: E402
 from evopem.report.index_page import movements  # noqa: E402
-from evopem.results.followed_modes import RecordedMode, follow_modes  # noqa: E402
+from evopem.results.followed_modes import follow_modes  # noqa: E402
 from evopem.signals.recording import recording_of  # noqa: E402
 
 RATE, SAMPLES, ORDER = 100.0, 2000, 8
@@ -34,28 +35,18 @@ STRUCTURE = VibratingStructure(
 )
 
 
-def recorded_modes(structure: VibratingStructure, fleet: int, number: int) -> list[RecordedMode]:
+def recorded_modes(structure: VibratingStructure, fleet: int, number: int) -> list[Mode]:
     """The modes of one recording, order known; those damped by more than 20 % are not trusted."""
     generator = np.random.default_rng(np.random.SeedSequence(22, spawn_key=(fleet, number)))
     y = structure.ambient_record(SAMPLES, RATE, 0.15, generator)
     (estimated,) = estimates_of_orders(recording_of(None, y, RATE), [ORDER], width=3)
-    return [
-        RecordedMode(
-            mode.frequency_hz,
-            mode.damping_ratio,
-            mode.frequency_se_hz,
-            mode.damping_se,
-            mode.damping_ratio < 0.2,
-            tuple(mode.shape.tolist()),
-        )
-        for mode in estimated.model.modes()
-    ]
+    return [mode for mode in estimated.model.modes() if mode.damping_ratio < 0.2]
 
 
 def told(values: np.ndarray, errors: np.ndarray) -> list[str]:
     """What is told of a mode that was estimated again and again."""
     recordings = {
-        f"r{place:04d}": [RecordedMode(100.0 + value, 0.02, error, 0.002)]
+        f"r{place:04d}": [Mode(100.0 + value, 0.02, 0.9 + 0.1j, error, 0.002)]
         for place, (value, error) in enumerate(zip(values, errors, strict=True))
     }
     return [sentence for mode in follow_modes(recordings) for sentence in movements(mode)]

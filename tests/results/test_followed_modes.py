@@ -4,17 +4,18 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from evopem.models.modes import Mode
 from evopem.report import build_index
 from evopem.report.index_page import followed_charts, movements
 from evopem.report.templates import template_folder
-from evopem.results.followed_modes import RecordedMode, follow_modes, followed_table, group_of
+from evopem.results.followed_modes import follow_modes, followed_table, group_of
 
 
 TEMPLATES = template_folder()
 
 
-def mode(frequency, error=0.01, trusted=True, shape=()):
-    return RecordedMode(frequency, 0.02, error, 0.002, trusted, shape)
+def mode(frequency, error=0.01, shape=(1.0,)):
+    return Mode(frequency, 0.02, 0.9 + 0.1j, error, 0.002, np.array(shape, dtype=complex))
 
 
 def fleet(count, drop_from, seed=1):
@@ -69,7 +70,7 @@ def test_the_order_is_that_of_a_condition_where_one_is_given():
 def test_doubted_and_missing_modes_leave_gaps_and_pair_nothing_wrongly():
     recordings = fleet(12, 99)
     recordings["day05"] = [mode(8.71, 0.009), mode(20.0)]  # the mode at 8.7 Hz, not that at 8
-    recordings["day06"][0] = mode(3.1, trusted=False)
+    recordings["day06"][0] = mode(3.1, error=np.inf)
     first, second, third = follow_modes(recordings)
     assert "day05" not in first.recordings + second.recordings
     assert "day06" not in first.recordings
@@ -85,7 +86,7 @@ def test_shapes_keep_modes_apart_whose_frequencies_cross():
         for number in range(10)
     }
     followed = follow_modes(recordings)
-    assert [len({m.shape for m in each.modes}) for each in followed] == [1, 1]
+    assert [len({tuple(m.shape) for m in each.modes}) for each in followed] == [1, 1]
 
 
 def test_different_structures_are_followed_apart_and_single_recordings_not_at_all():

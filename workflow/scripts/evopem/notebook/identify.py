@@ -154,9 +154,8 @@ def _validation_signals(
         return ()
     tables = [given] if hasattr(given, "columns") else given
     if not isinstance(tables, tuple | list) or not tables:
-        raise InputError(
-            source, "it is neither a table nor a pair of signals", "give (input, output)"
-        )
+        problem = "it is neither a table nor a pair of signals"
+        raise InputError(source, problem, "give (input, output)")
     if all(hasattr(each, "columns") for each in tables) and not hasattr(wanted.output, "iloc"):
         found = given_recordings(given, wanted, source)
     elif len(tables) == 2:

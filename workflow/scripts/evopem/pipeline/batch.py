@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from evopem.config.settings import DatasetSettings
@@ -36,10 +36,8 @@ def identify_batch(
     """Identify recordings one after the other, each whatever becomes of the others.
 
     Each keeps :attr:`.DatasetFiles.batch_results`, with all that is not among them in an archive.
-    One whose process was killed before is tried after all others, because it may be again.
-
-    Raises InputError at the end, when any recording could not be identified; its own message is on
-    standard error and in its log.
+    One whose process was killed before is tried after all others, because it may be again. At the
+    end an `InputError` names those that failed; their messages are on standard error and in logs.
     """
     failed = []
     for name in _killed_last(folder, recordings):
@@ -58,7 +56,9 @@ def identify_batch(
         else:
             log(f"{name}: complete after {time.monotonic() - began:.1f} s")
     if failed:
-        _explain(failed, len(recordings), folder)
+        shown = ", ".join([*failed[:_SHOWN], *(["…"] if len(failed) > _SHOWN else [])])
+        problem = f"{len(failed)} of the {len(recordings)} recordings of this job failed ({shown})"
+        raise InputError(str(folder), problem, "see the message of each one")
 
 
 def _identify(files: DatasetFiles, settings: DatasetSettings, code: str, cores: int) -> None:
@@ -94,13 +94,3 @@ def _killed_last(folder: str | Path, names: Mapping[str, object]) -> list[str]:
         return record is not None and record.message is None
 
     return sorted(names, key=was_killed)
-
-
-def _explain(failed: Sequence[str], count: int, folder: str | Path) -> None:
-    shown = ", ".join(failed[:_SHOWN])
-    more = f" and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
-    raise InputError(
-        str(folder),
-        f"{len(failed)} of the {count} recordings of this job failed ({shown}{more})",
-        "see the message of each one",
-    )

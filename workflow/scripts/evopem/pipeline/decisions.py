@@ -214,11 +214,7 @@ def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:
 
 
 def summarize_dataset(files: DatasetFiles, phases: tuple[str, ...], is_automatic: bool) -> None:
-    """Check the model of one data set, and write the summary.
-
-    ``phases``: of the order search; none for several channels.  ``is_automatic``: whether the
-    automatic recipe has chosen the model.
-    """
+    """Check the model of one data set, and write the summary; several channels have no phases."""
     record = load(ModelRecord, files.model)
     ranges = ranges_of_phases({phase: load(PhaseSelection, files.phase(phase)) for phase in phases})
     if not phases:

@@ -18,7 +18,6 @@ from evopem.results.fleet import (
     Entry,
     fleet_table,
     read_entry,
-    recorded_modes,
     without_formulas,
 )
 from evopem.results.followed_modes import FollowedMode, follow_modes, followed_table
@@ -28,10 +27,7 @@ from evopem.results.layout import OVERVIEW, DatasetFiles
 def collect_fleet(
     files: DatasetFiles, names: tuple[str, ...], page: str, order: dict[str, Any]
 ) -> None:
-    """List data sets, and follow the modes of those whose results are whole.
-
-    Raises InputError when a list cannot be written.
-    """
+    """List data sets, and follow the modes of those whose results are whole."""
     entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
     lists = [f"{files.folder}/{Path(each).name}" for each in OVERVIEW]
     for write in _lists(entries, template_folder(), page, lists, positions(order)).values():
@@ -76,7 +72,7 @@ def _lists(
     @cache
     def followed() -> list[FollowedMode]:
         recordings = {
-            name: recorded_modes(entry)
+            name: [m for m, kept in zip(entry.modes, entry.trusted, strict=True) if kept]
             for name, entry in entries.items()
             if isinstance(entry, DatasetSummary)
         }

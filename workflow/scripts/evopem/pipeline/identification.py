@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from evopem.config.defaults import read_settings
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
-from evopem.files.json_form import from_json, to_json
+from evopem.files.json_form import to_json
 from evopem.pipeline.call import Log, call
 from evopem.pipeline.planning.stage import Stage
 from evopem.pipeline.planning.stage_lists import Task
@@ -60,17 +59,6 @@ def _in_order(waiting: list[StageJob]) -> Iterator[StageJob]:
         yield ready
 
 
-def identify(
-    files: DatasetFiles,
-    settings: dict[str, Any],
-    with_report: bool,
-    log: Log | None = None,
-    cores: int = 1,
-) -> None:
-    """Run all stages of a data set, as the job of a rule; settings are in their JSON form."""
-    identify_dataset(files, from_json(DatasetSettings, settings), with_report, log, cores)
-
-
 def identify_dataset(
     files: DatasetFiles,
     settings: DatasetSettings,
@@ -98,10 +86,7 @@ def remove_parts(listed: list[StageJob]) -> None:
 
 
 def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
-    """Run one stage again on the files of a data set's folder, without Snakemake.
-
-    Raises InputError when the data set has no such stage.
-    """
+    """Run one stage again on the files of a data set's folder, without Snakemake."""
     files = DatasetFiles(str(folder))
     listed = jobs(read_settings(files.config), files)
     wanted = [job for job in listed if name in (job.name, job.stage.name)]

@@ -13,15 +13,9 @@ FOR_REPORT = ("pandas", "matplotlib", "jinja2")
 
 
 def check_packages(needed: Sequence[str], source: str, work: str) -> None:
-    """Refuse to begin what a missing package would end.
-
-    Raises InputError naming the extra that brings them.
-    """
+    """Refuse to begin what a missing package would end."""
     missing = [name for name in needed if importlib.util.find_spec(name) is None]
     if missing:
-        raise InputError(
-            source,
-            f"{work} need {', '.join(missing)}, which "
-            f"{'is' if len(missing) == 1 else 'are'} not installed",
-            'run pip install "evopem[report]"',
-        )
+        are = "is" if len(missing) == 1 else "are"
+        problem = f"{work} need {', '.join(missing)}, which {are} not installed"
+        raise InputError(source, problem, 'run pip install "evopem[report]"')

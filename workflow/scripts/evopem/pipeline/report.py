@@ -51,10 +51,7 @@ def commit_of(workflow: Path) -> str:
 
 
 def write_report(files: DatasetFiles) -> None:
-    """Set the results and figures of one data set into one HTML file.
-
-    It names the commit of the workflow that it belongs to.
-    """
+    """Set the results and figures of one data set into one HTML file."""
     write_text(files.report, report_page(files, read_results(files), _figures(files)))
 
 

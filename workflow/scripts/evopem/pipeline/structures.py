@@ -97,10 +97,7 @@ def search_structure(
     with_models: bool,
     log: Log | None = None,
 ) -> None:
-    """Search the orders of one structure, from the optima of those nested in it.
-
-    Raises InputError when the record is too short.
-    """
+    """Search the orders of one structure, from the optima of those nested in it."""
     smaller = {each: load(StructureSearch, files.search(each)) for each in nested}
     with errors_name_dataset(files), one_blas_thread():
         found = search(load_scorer(files, settings, fits), structure, smaller, log)
@@ -116,10 +113,7 @@ def choose(
     settings: AutomaticSettings,
     fits: FitSettings,
 ) -> None:
-    """Choose a model for each purpose among the candidates of all structures.
-
-    Raises InputError when the recording is too short for every structure.
-    """
+    """Choose a model for each purpose among the candidates of all structures."""
     searches = [load(StructureSearch, files.search(each)) for each in structures]
     with errors_name_dataset(files), one_blas_thread():
         scorer = load_scorer(files, settings, fits, of_choice=True)

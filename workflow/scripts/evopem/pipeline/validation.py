@@ -96,8 +96,6 @@ def complete_other(
 
     It is the one of the comparison of structures, without acting on its checks and without a global
     search.  Constraints hold for models of several channels.
-
-    Raises InputError when the record is too short.
     """
     prepared = load_prepared(files.prepared, files.transforms)
     choice = load(Comparison, files.decision("comparison")).choice(purpose)

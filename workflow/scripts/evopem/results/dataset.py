@@ -129,10 +129,12 @@ def read_results(files: DatasetFiles) -> DatasetResults:
     """The results of one data set; an `InputError` names a file that is missing or damaged."""
     settings = read_settings(files.config)
 
-    def optional_table(path: str) -> pd.DataFrame:
-        return read_table(path) if single else pd.DataFrame()
-
     single = settings.is_single_channel
+
+    def tables(*names: str, exist: bool = True) -> dict[str, pd.DataFrame]:
+        paths = {name: getattr(files, name) for name in names}
+        return {name: read_table(paths[name]) if exist else pd.DataFrame() for name in names}
+
     phases = phases_of_dataset(settings) if single else ()
     structures = () if single else searched_forms(settings)
     is_automatic = not single or settings.automatic is not None
@@ -145,20 +147,15 @@ def read_results(files: DatasetFiles) -> DatasetResults:
         if Path(validation_info).exists()
         else None,
         prepared=load_prepared(files.prepared, files.transforms),
-        candidates=read_table(files.candidates),
-        frequency_response=read_table(files.frequency_response),
         model=load_record(files.model),
         validation=load(Validation, files.validation),
         validation_tables=ValidationTables(
-            residual_autocorrelation=read_table(files.residual_autocorrelation),
-            cross_correlation=read_table(files.cross_correlation),
-            simulation=read_table(files.simulation),
-            horizons=read_table(files.horizons),
+            **tables("residual_autocorrelation", "cross_correlation", "simulation", "horizons")
         ),
+        **tables("candidates", "frequency_response"),
+        **tables("spectrum", "time_response", exist=single),
         truth=load(Truth, files.truth) if Path(files.truth).exists() else None,
         decisions=load(DecisionRecord, files.decisions) if is_automatic else None,
-        spectrum=optional_table(files.spectrum),
-        time_response=optional_table(files.time_response),
         spectrum_summary=load(SpectrumSummary, files.spectrum_summary)
         if single
         else SpectrumSummary(math.nan, 0, 0, 0, math.nan, (), 0),
@@ -169,10 +166,7 @@ def read_results(files: DatasetFiles) -> DatasetResults:
 
 
 def read_table(path: str) -> pd.DataFrame:
-    """Read a CSV table of the results.
-
-    Raises InputError when the file is missing or not a table.
-    """
+    """Read a CSV table of the results."""
     try:
         return pd.read_csv(path)
     except (OSError, ValueError):

@@ -16,7 +16,6 @@ from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
 from evopem.models.structures import Orders
-from evopem.results.followed_modes import RecordedMode
 from evopem.results.identity import IncompleteDataset, incompleteness
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, Evidence, checks, failed_checks
@@ -92,9 +91,7 @@ def summarize(evidence: Evidence) -> DatasetSummary:
         model=model.text,
         orders=model.orders,
         bic=model.bic,
-        prediction_error_percent=validation.prediction_error_percent,
-        simulation_error_percent=validation.simulation_error_percent,
-        fitted_state_error_percent=validation.fitted_state_error_percent,
+        **{error: getattr(validation, error) for error in _ERRORS},
         checks=tuple(checks(evidence)),
         modes=tuple(each.mode for each in validation.modes.modes),
         trusted=tuple(each.trusted for each in validation.modes.modes),
@@ -116,23 +113,8 @@ def _gain_outline(record: ModelRecord) -> tuple[float, ...]:
     return tuple(np.round(outline, 1).tolist())
 
 
-def recorded_modes(summary: DatasetSummary) -> list[RecordedMode]:
-    """The modes of a data set, as they are followed over recordings."""
-    return [
-        RecordedMode(
-            *(mode.frequency_hz, mode.damping_ratio, mode.frequency_se_hz, mode.damping_se),
-            trusted,
-            tuple(map(complex, mode.shape)) if len(mode.shape) > 1 else (),
-        )
-        for mode, trusted in zip(summary.modes, summary.trusted, strict=True)
-    ]
-
-
 def read_entry(files: DatasetFiles, required: Collection[str] = (), pending: bool = False) -> Entry:
-    """Read the summary of a data set, or find out why its results are not whole.
-
-    ``required``, ``pending``: as of :func:`evopem.results.identity.incompleteness`.
-    """
+    """Read the summary of a data set, or find out why its results are not whole."""
     try:
         fault = incompleteness(files, required, pending)
         return load(DatasetSummary, files.summary) if fault is None else fault
@@ -143,13 +125,7 @@ def read_entry(files: DatasetFiles, required: Collection[str] = (), pending: boo
 
 
 def fleet_table(entries: Mapping[str, Entry]) -> pd.DataFrame:
-    """Put every mode of every data set into one table.
-
-    A data set without modes, or without complete results, has one row. Cells without a value are
-    missing.
-
-    ``entries``: by the names of the data sets.
-    """
+    """A row for each mode of each data set, or one row without; by the names of the data sets."""
     import pandas as pd
 
     names = dict.fromkeys(
@@ -165,10 +141,7 @@ def fleet_table(entries: Mapping[str, Entry]) -> pd.DataFrame:
 
 
 def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
-    """Put an apostrophe before text that a spreadsheet program would take for a formula.
-
-    Numbers are not changed.
-    """
+    """Put an apostrophe before text that a spreadsheet program would take for a formula."""
     safe = table.copy()
     for column in table.columns[table.dtypes == "string"]:
         text = table[column]
@@ -189,11 +162,8 @@ def check_column(name: str) -> str:
     return "check_" + re.sub(r"\W+", "_", name.lower()).strip("_")
 
 
-_ERRORS = (
-    "prediction_error_percent",
-    "simulation_error_percent",
-    "fitted_state_error_percent",
-)
+_ERRORS = tuple(f"{kind}_error_percent" for kind in ("prediction", "simulation", "fitted_state"))
+_COPIED = ("file", "sha256", "sampling_rate", "estimation_samples", "validation_samples", "model")
 _COLUMN_TYPES = (
     dict.fromkeys(("dataset", "status", "problem", "file", "sha256"), "string")
     | {"sampling_rate": "float64"}
@@ -212,15 +182,8 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
     own = {
         "dataset": name,
         "status": "complete",
-        "file": entry.file,
-        "sha256": entry.sha256,
-        "sampling_rate": entry.sampling_rate,
-        "estimation_samples": entry.estimation_samples,
-        "validation_samples": entry.validation_samples,
-        "model": entry.model,
-        **(_orders_of(entry)),
-        "bic": entry.bic,
-        **{error: getattr(entry, error) for error in _ERRORS},
+        **{copied: getattr(entry, copied) for copied in (*_COPIED, "bic", *_ERRORS)},
+        **_orders_of(entry),
         "failed_checks": len(entry.failed),
         **{check_column(check.name): check.passed for check in entry.checks},
     }

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.mode_shapes import assurance
+from evopem.models.modes import Mode
 from evopem.validation.drifts import Drift, constant_probability, find_drift
 from evopem.validation.level_changes import FEWEST, Levels, find_levels
 
@@ -41,19 +42,6 @@ NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True)
-class RecordedMode:
-    """A mode of one recording."""
-
-    frequency_hz: float
-    damping_ratio: float
-    # frequency_se_hz, damping_se: standard errors
-    frequency_se_hz: float
-    damping_se: float
-    trusted: bool = True  # whether the data give no reason to doubt it
-    shape: tuple[complex, ...] = ()  # empty for a single output
-
-
-@dataclass(frozen=True)
 class FollowedMode:
     """One mode in the recordings of a structure that have it."""
 
@@ -62,7 +50,7 @@ class FollowedMode:
     recordings: tuple[str, ...]  # those that have it, in their order
     # Position of each: its number from 1, or the value that the recordings are ordered by
     places: tuple[float, ...]
-    modes: tuple[RecordedMode, ...]  # in each recording
+    modes: tuple[Mode, ...]  # in each recording
     levels: Levels | None  # of the frequency; None for too few recordings
     drift: Drift | None  # of the frequency, where it says more than steps do
     constant: bool  # whether a constant frequency, weighted by the errors, is not rejected
@@ -76,15 +64,15 @@ class FollowedMode:
 @dataclass
 class _Track:
     places: list[int] = field(default_factory=list)
-    modes: list[RecordedMode] = field(default_factory=list)
+    modes: list[Mode] = field(default_factory=list)
 
-    def add(self, place: int, mode: RecordedMode) -> None:
+    def add(self, place: int, mode: Mode) -> None:
         self.places.append(place)
         self.modes.append(mode)
 
     @property
-    def recent(self) -> list[RecordedMode]:
-        return self.modes[-RECENT:]
+    def frequencies(self) -> list[float]:
+        return [mode.frequency_hz for mode in self.modes]
 
 
 def group_of(name: str) -> str:
@@ -94,15 +82,15 @@ def group_of(name: str) -> str:
 
 
 def follow_modes(
-    recordings: Mapping[str, Sequence[RecordedMode]], places: Mapping[str, float] | None = None
+    recordings: Mapping[str, Sequence[Mode]], places: Mapping[str, float] | None = None
 ) -> list[FollowedMode]:
     """Recognise the modes of each structure in its recordings, and test whether they moved.
 
-    Only trusted modes with a known standard error are followed.  All tests of all modes together
-    warn with a probability of at most :data:`FALSE_ALARMS` where nothing changes.
+    Only modes with a known standard error are followed.  All tests of all modes together warn with
+    a probability of at most :data:`FALSE_ALARMS` where nothing changes.
 
-    ``recordings``: by name, in their order where no places are given.  ``places``: what the
-    recordings are ordered by.  Returns by group and frequency.
+    ``recordings``: trusted modes by name, in their order where no places are given.  ``places``:
+    what the recordings are ordered by.  Returns by group and frequency.
     """
     groups: dict[str, list[str]] = {}
     for name in recordings:
@@ -116,7 +104,7 @@ def follow_modes(
             for track in _tracks([recordings[name] for name in names])
             if len(track.modes) >= max(2, math.ceil(FOUND_IN * len(names)))
         ]
-        kept.sort(key=lambda track: median(mode.frequency_hz for mode in track.modes))
+        kept.sort(key=lambda track: median(track.frequencies))
         tracks += [(group, names, number, track) for number, track in enumerate(kept, start=1)]
     tested = sum(len(track.modes) >= FEWEST for *_, track in tracks)
     followed = []
@@ -171,7 +159,7 @@ def _rows(followed: FollowedMode) -> list[dict[str, object]]:
             | _interval("frequency", "_hz", mode.frequency_hz, mode.frequency_se_hz)
             | _interval("damping", "_percent", 100.0 * mode.damping_ratio, 100.0 * mode.damping_se)
             | {
-                "mac": assurance(np.array(first), np.array(mode.shape)) if first else math.nan,
+                "mac": assurance(first, mode.shape) if len(first) > 1 else math.nan,
                 "level_hz": math.nan if levels is None else levels.values[index],
                 "warning": warning,
             }
@@ -181,16 +169,13 @@ def _rows(followed: FollowedMode) -> list[dict[str, object]]:
 
 def _interval(name: str, unit: str, value: float, error: float) -> dict[str, float]:
     half = NORMAL_95 * error
-    return {
-        f"{name}{unit}": value,
-        f"{name}_se{unit}": error,
-        f"{name}_low{unit}": value - half,
-        f"{name}_high{unit}": value + half,
-    }
+    values = (value, error, value - half, value + half)
+    ends = ("", "_se", "_low", "_high")
+    return {f"{name}{end}{unit}": each for end, each in zip(ends, values, strict=True)}
 
 
 def _course(
-    modes: Sequence[RecordedMode], places: Sequence[float], significance: float
+    modes: Sequence[Mode], places: Sequence[float], significance: float
 ) -> tuple[Levels | None, Drift | None, bool]:
     """Levels, drift and constancy; half of the significance is for either of the first two."""
     values = np.array([mode.frequency_hz for mode in modes])
@@ -216,13 +201,13 @@ def _left(values: Array, errors: Array, fitted: Sequence[float]) -> float:
     return float(np.sum(((values - np.array(fitted)) / errors) ** 2))
 
 
-def _tracks(recordings: Sequence[Sequence[RecordedMode]]) -> list[_Track]:
+def _tracks(recordings: Sequence[Sequence[Mode]]) -> list[_Track]:
     """Modes paired from recording to recording; one that fits none begins a new track."""
     from scipy.optimize import linear_sum_assignment
 
     tracks: list[_Track] = []
     for place, modes in enumerate(recordings):
-        usable = [mode for mode in modes if _usable(mode)]
+        usable = [mode for mode in modes if 0.0 < mode.frequency_se_hz < math.inf]
         paired: set[int] = set()
         if tracks and usable:
             distances = np.array([[_distance(track, mode) for track in tracks] for mode in usable])
@@ -238,19 +223,15 @@ def _tracks(recordings: Sequence[Sequence[RecordedMode]]) -> list[_Track]:
     return tracks
 
 
-def _usable(mode: RecordedMode) -> bool:
-    return mode.trusted and math.isfinite(mode.frequency_se_hz) and mode.frequency_se_hz > 0.0
-
-
-def _distance(track: _Track, mode: RecordedMode) -> float:
+def _distance(track: _Track, mode: Mode) -> float:
     """Distance of a mode from the latest ones of a track; above 1 it is another one."""
-    level = median(each.frequency_hz for each in track.recent)
-    error = median(each.frequency_se_hz for each in track.recent)
+    level = median(track.frequencies[-RECENT:])
+    error = median(each.frequency_se_hz for each in track.modes[-RECENT:])
     allowed = max(SAME_FREQUENCY * level, STANDARD_ERRORS * math.hypot(error, mode.frequency_se_hz))
     distance = abs(mode.frequency_hz - level) / allowed
     last = track.modes[-1].shape
     if len(last) < 2 or len(last) != len(mode.shape):
         return distance
-    lost = (1.0 - assurance(np.array(last), np.array(mode.shape))) / (1.0 - SAME_SHAPE)
+    lost = (1.0 - assurance(last, mode.shape)) / (1.0 - SAME_SHAPE)
     # Close modes are told apart by their shapes, far ones by their frequencies.
     return lost if lost > 1.0 else 0.5 * (distance + lost) if distance <= 1.0 else distance

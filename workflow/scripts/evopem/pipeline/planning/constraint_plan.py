@@ -30,10 +30,7 @@ def known_rate(settings: DatasetSettings) -> float | None:
 def check_fit(
     fit: FitSettings, grid: OrderGrid, sampling_rate: float | None, source: str, place: str
 ) -> None:
-    """Refuse a focus or constraints that some model of a grid cannot have.
-
-    Raises InputError naming the key and the orders.
-    """
+    """Refuse a focus or constraints that some model of a grid cannot have."""
     constraints = fit.constraints
     if constraints is not None and sampling_rate is None:
         constraints = _without_frequencies(constraints)
@@ -85,26 +82,18 @@ def _without_frequencies(constraints: Constraints) -> Constraints:
 
 
 def check_planned_fits(datasets: Mapping[str, DatasetSettings], source: str) -> None:
-    """Check focus and constraints of every data set, as far as the configuration shows it.
-
-    Raises InputError naming the key.
-    """
+    """Check focus and constraints of every data set, as far as the configuration shows it."""
     for name, settings in datasets.items():
         if not settings.fit.changes_model:
             continue
         rate, place, grid = known_rate(settings), f"datasets.{name}.", settings.order_grid
         check_fit(settings.fit, grid, rate, source, place)
         if settings.fit.constraints is not None and rate is not None:
+            # Imports numpy, which only a configuration with constraints needs before its first job.
+            from evopem.estimation.pem.constrained_model import constrained_parameters
+
+            radius = settings.search.max_root_radius
             for orders in selectable_orders(grid):
+                # They may leave no pole, or no polynomial with what is fixed.
                 with naming_key(orders, source, place):
-                    _check_region(settings, settings.fit.constraints, orders, rate)
-
-
-def _check_region(
-    settings: DatasetSettings, constraints: Constraints, orders: Orders, rate: float
-) -> None:
-    """Refuse constraints that leave no pole, or no polynomial with what is fixed."""
-    # Imports numpy, which only a configuration with constraints needs before its first job.
-    from evopem.estimation.pem.constrained_model import constrained_parameters
-
-    constrained_parameters(constraints, orders, rate, settings.search.max_root_radius)
+                    constrained_parameters(settings.fit.constraints, orders, rate, radius)

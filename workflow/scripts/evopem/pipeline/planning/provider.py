@@ -80,18 +80,14 @@ class Provider:
             own = {wildcard: f"{{{wildcard}}}" for wildcard in stage.wildcards}
             yield stage, sorted(stage.made_by(Task(settings, FILES, own, self.config.run)))
 
-    def task(self, dataset: str, values: dict[str, str] | None = None) -> Task:
-        """A job of a data set, with the wildcard in the paths of its files."""
-        return Task(self.config.datasets[dataset], FILES, values or {}, self.config.run)
-
     def values(self, wildcard: str) -> str:
         """A constraint of a wildcard to the values that it has for any data set."""
         values = {
             task.values[wildcard]
-            for dataset, settings in self.config.datasets.items()
+            for settings in self.config.datasets.values()
             for stage in stages_of(settings)
             if wildcard in stage.wildcards and wildcard != "part"
-            for task in stage.tasks(self.task(dataset))
+            for task in stage.tasks(Task(settings, FILES))
         }
         return "|".join(map(re.escape, sorted(values))) or "(?!)"
 
@@ -131,9 +127,8 @@ class Provider:
     @property
     def targets(self) -> list[str]:
         """What a run makes, apart from the lists of all data sets."""
-        if self.config.batches:
-            return self.batch_checksums
-        return [result for name in self.config.datasets for result in self.results(name)]
+        made = [result for name in self.config.datasets for result in self.results(name)]
+        return self.batch_checksums or made
 
     @property
     def batch_checksums(self) -> list[str]:
@@ -233,11 +228,10 @@ class Provider:
     def memory(self, demand: Demand, dataset: str, threads: int, attempt: int) -> int:
         """MB of a job."""
         settings = self.config.datasets[dataset]
-        match _demand(demand, dataset, self.config):
-            case "small":
-                return 500
-            case "reading":
-                return resources.reading_memory(settings, attempt)
+        if demand == "small":
+            return 500
+        if self._only_reads(demand, dataset):
+            return resources.reading_memory(settings, attempt)
         return resources.estimation_memory(settings, threads, attempt)
 
     def time(
@@ -245,21 +239,17 @@ class Provider:
     ) -> int:
         """Minutes of a job."""
         settings = self.config.datasets[dataset]
-        match _demand(demand, dataset, self.config):
-            case "small":
-                return 5
-            case "reading":
-                return resources.reading_time(settings, attempt)
+        if demand == "small":
+            return 5
+        if self._only_reads(demand, dataset):
+            return resources.reading_time(settings, attempt)
         per_job = self.config.run.candidates_per_job if demand == "estimation" else 1
         phase = "joint" if demand == "model" else phase
         return resources.estimation_time(settings, phase, per_job, threads, attempt)
 
-
-def _demand(demand: Demand, dataset: str, config: Configuration) -> Demand:
-    """What a model that is completed demands depends on whether it is estimated again."""
-    if demand == "model" and not resources.estimates_again(config.datasets[dataset]):
-        return "reading"
-    return demand
+    def _only_reads(self, demand: Demand, dataset: str) -> bool:
+        again = resources.estimates_again(self.config.datasets[dataset])
+        return demand == "reading" or (demand == "model" and not again)
 
 
 @dataclass(frozen=True)
@@ -354,7 +344,8 @@ class StageRule:
 
     def _task(self, wildcards: Wildcards) -> Task:
         values = {name: wildcards.get(name) or "" for name in self.stage.wildcards}
-        return self.provider.task(wildcards.dataset, values)
+        config = self.provider.config
+        return Task(config.datasets[wildcards.dataset], FILES, values, config.run)
 
 
 def modules_of(datasets: Iterable[DatasetSettings], with_report: bool) -> list[Path]:

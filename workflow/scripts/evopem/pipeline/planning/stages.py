@@ -247,7 +247,7 @@ STAGES = (
 
 WHOLE = Stage(
     IDENTIFICATION,
-    "identification:identify",
+    "identification:identify_dataset",
     "identification",
     settings={"settings": "", "with_report": lambda t: t.run.report == "html"},
     recorded=("files", "validation_files"),
