@@ -4,7 +4,7 @@ import pytest
 
 from evopem.config.settings import InputRanges, OrderRanges
 from evopem.errors import InputError
-from evopem.estimation.order_limits import OrderLimits, joint_orders
+from evopem.estimation.order_scan import OrderLimits, joint_orders
 from evopem.models.structures import Orders
 
 NAMES = ("hot", "cold")

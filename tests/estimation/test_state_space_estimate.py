@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from evopem.config.settings import SearchSettings
+from evopem.estimation.criteria import autoregression_of
 from evopem.estimation.damped_descent import descend
 from evopem.estimation.delays import estimate_delays
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
@@ -41,7 +42,6 @@ from evopem.estimation.state_space.starting_points import (
     poles_only,
     random_poles,
 )
-from evopem.estimation.vector_autoregression import autoregression_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, concatenated
 

@@ -29,9 +29,8 @@ from evopem.errors import InputError, NoModelError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.criteria import criteria_of
 from evopem.estimation.estimate import estimate_polynomial
-from evopem.estimation.order_limits import OrderLimits as InputLimits
-from evopem.estimation.order_limits import joint_orders
-from evopem.estimation.order_scan import refitted_estimate
+from evopem.estimation.order_scan import OrderLimits as InputLimits
+from evopem.estimation.order_scan import joint_orders, refitted_estimate
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe

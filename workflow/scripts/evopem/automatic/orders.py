@@ -28,8 +28,7 @@ from evopem.config.settings import InputRanges, OrderRanges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
 from evopem.errors import InputError
 from evopem.estimation.delays import ORDERS, delays_by_criterion, longest_delay
-from evopem.estimation.order_limits import OrderLimits, joint_orders
-from evopem.estimation.order_scan import reduced_orders
+from evopem.estimation.order_scan import OrderLimits, joint_orders, reduced_orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment

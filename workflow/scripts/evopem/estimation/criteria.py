@@ -1,8 +1,10 @@
-"""Criteria of an estimate, and what all estimates share: scales of signals, stability bounds."""
+"""Criteria of estimates, and the likelihood and colour of errors by a vector autoregression."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,13 @@ Array = NDArray[np.float64]
 # A root this close to the largest allowed radius, relative to the distance of that radius from the
 # unit circle, counts as lying at the stability bound.
 BOUND_WIDTH = 0.05
+# Largest order tried, and the share of the samples that its coefficients of one output may take.
+MOST_LAGS, SHARE = 30, 0.1
+# Lags go on until the autocovariances are below this share of the variances, at most so many.
+NEGLIGIBLE, LONGEST = 1e-3, 2000
+
+# Errors beyond this many standard deviations, from the median of the absolute ones, stand out.
+LIMIT, DEVIATIONS = 3.0, 1.4826
 
 
 @dataclass(frozen=True)
@@ -50,3 +59,97 @@ def power_of_two_scale(signal: Array) -> float:
 def lies_at_bound(radius: float, bound: float) -> bool:
     """Whether a root of some radius lies at the largest radius allowed."""
     return bool(1.0 - radius <= (1.0 + BOUND_WIDTH) * (1.0 - bound))
+
+
+def log_loss(errors: Array, objective: str) -> float:
+    """Minus twice the largest log-likelihood of errors, (N, l), but for a constant.
+
+    Correlated normal ones; for the absolute objective independent ones with Laplace's distribution.
+    """
+    if objective == "absolute":
+        with np.errstate(divide="ignore"):
+            return 2.0 * float(np.sum(np.log(np.mean(np.abs(errors), axis=0))))
+    sign, log_determinant = np.linalg.slogdet(errors.T @ errors / len(errors))
+    return float(log_determinant) if sign > 0 else -np.inf
+
+
+def limited(errors: Array) -> Array:
+    """Errors, (N, l), with those that stand out drawn in: outliers have no colour."""
+    middle = np.median(errors, axis=0)
+    limit = LIMIT * DEVIATIONS * np.median(np.abs(errors - middle), axis=0)
+    return np.asarray(np.clip(errors, middle - limit, middle + limit))
+
+
+def sample_autocovariances(errors: Array, bounds: NDArray[np.int64], lags: int) -> Array:
+    """Biased estimates of ``E e_(t+k) e_t'`` for k = 0 ... lags, (lags + 1, l, l)."""
+    found = np.zeros((lags + 1, errors.shape[1], errors.shape[1]))
+    for first, stop in pairwise(bounds):
+        part = errors[first:stop]
+        for lag in range(min(lags + 1, len(part))):
+            found[lag] += part[lag:].T @ part[: len(part) - lag]
+    return found / len(errors)
+
+
+@dataclass(frozen=True, eq=False)
+class Autoregression:
+    """A vector autoregression of errors, ``e_t = sum_k coefficients[k - 1] e_(t-k) + noise``."""
+
+    coefficients: Array  # (order, l, l)
+    autocovariances: Array  # (order + 1, l, l): sample ones of the errors
+    bic: float  # ln det(cov noise) + p ln(N) / N with p coefficients
+
+
+def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregression:
+    """The vector autoregression of the order of lowest BIC, by multivariate Yule-Walker equations.
+
+    Of (N, l) errors; ``bounds`` are the first samples of the segments, and N.
+    """
+    samples, ny = errors.shape
+    most = int(min(MOST_LAGS, SHARE * samples / ny))
+    gamma = sample_autocovariances(errors, bounds, max(most, 1))
+    best, chosen = np.inf, np.empty((0, ny, ny))
+    for order, (coefficients, noise) in enumerate(_recursion(gamma, most)):
+        sign, log_determinant = np.linalg.slogdet(0.5 * (noise + noise.T))
+        if sign <= 0:
+            break
+        bic = log_determinant + order * ny**2 * np.log(samples) / samples
+        if bic < best:
+            best, chosen = float(bic), coefficients
+    return Autoregression(chosen, gamma[: len(chosen) + 1], best)
+
+
+def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
+    """``E e_(t+k) e_t'`` of :func:`autoregression_of` until they are negligible, (lags, l, l)."""
+    samples, ny = errors.shape
+    fitted = autoregression_of(errors, bounds)
+    chosen, found = fitted.coefficients, list(fitted.autocovariances)
+    limit = NEGLIGIBLE * np.trace(found[0])
+    while len(chosen) and len(found) <= min(LONGEST, samples // 2):
+        found.append(sum(chosen[k] @ found[-1 - k] for k in range(len(chosen))))
+        if max(np.abs(each).max() for each in found[-len(chosen) - 5 :]) < limit / ny:
+            break
+    return np.array(found)
+
+
+def _recursion(gamma: Array, most: int) -> Iterator[tuple[Array, Array]]:
+    """Coefficients and noise covariance of the orders 0 ... ``most``.
+
+    By the recursion of Levinson for several channels (Whittle 1963, Wiggins & Robinson 1965).
+    """
+    ny = gamma.shape[1]
+    forward, backward = np.empty((0, ny, ny)), np.empty((0, ny, ny))
+    ahead, behind = gamma[0], gamma[0]
+    for order in range(most + 1):
+        yield forward, ahead
+        if order == most:
+            return
+        # What the next lag explains beyond those before it.
+        rest = gamma[order + 1] - sum(
+            (forward[k] @ gamma[order - k] for k in range(order)), np.zeros((ny, ny))
+        )
+        last = np.linalg.solve(behind.T, rest.T).T
+        first = np.linalg.solve(ahead.T, rest).T
+        longer = np.concatenate([forward - last @ backward[::-1], last[None]])
+        backward = np.concatenate([backward - first @ forward[::-1], first[None]])
+        forward = longer
+        ahead, behind = ahead - last @ rest.T, behind - first @ rest

@@ -226,10 +226,11 @@ def estimate(
 def _orders_in_state_space(structure: str, orders: Any) -> dict[str, Any]:
     """The states n, and delays nk where they are given, from a number, a tuple or a mapping."""
     if isinstance(orders, Integral):
-        return {"n": int(orders)}
-    if not isinstance(orders, Mapping) and isinstance(orders, Sequence):
-        orders = dict(zip(("n", "nk"), orders, strict=False)) if 0 < len(orders) < 3 else {}
-    if not isinstance(orders, Mapping) or "n" not in orders or set(orders) - {"n", "nk"}:
+        orders = {"n": orders}
+    elif isinstance(orders, Sequence) and 0 < len(orders) < 3:
+        orders = dict(zip(("n", "nk"), orders, strict=False))
+    known = isinstance(orders, Mapping) and not set(orders) - {"n", "nk"}
+    if not (known and isinstance(orders.get("n"), Integral)):
         raise ValueError(
             f"structure {structure!r} takes the number of states, or (n, nk) with delays nk of its"
             f" inputs, and not {orders!r}"

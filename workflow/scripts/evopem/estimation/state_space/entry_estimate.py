@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.criteria import lies_at_bound
+from evopem.estimation.criteria import coloured_autocovariances, lies_at_bound
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import (
     SearchDiagnostics,
@@ -35,7 +35,6 @@ from evopem.estimation.state_space.problem import (
     absolute_scores,
 )
 from evopem.estimation.state_space.starting_points import from_poles
-from evopem.estimation.vector_autoregression import coloured_autocovariances
 from evopem.models.constraint_checks import check_constraints, check_named_inputs
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel

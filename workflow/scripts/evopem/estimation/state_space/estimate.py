@@ -12,6 +12,7 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.errors import InputError
+from evopem.estimation.criteria import log_loss
 from evopem.estimation.state_space.entry_estimate import check_state_space_constraints, meeting
 from evopem.estimation.state_space.local_estimates import (
     StateSpaceEstimate,
@@ -23,7 +24,6 @@ from evopem.estimation.state_space.local_estimates import (
 from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH, searched
 from evopem.estimation.state_space.starting_points import point_of_model
-from evopem.estimation.vector_autoregression import log_loss
 from evopem.models.conversions import side_by_side
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording, Segment

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import OBJECTIVES, OutputWeighting, SearchSettings
 from evopem.errors import NoModelError
-from evopem.estimation.criteria import lies_at_bound
+from evopem.estimation.criteria import autoregression_of, lies_at_bound, limited, log_loss
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
@@ -28,7 +28,6 @@ from evopem.estimation.state_space.problem import (
 from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, swept
 from evopem.estimation.state_space.sections import largest_radius
 from evopem.estimation.state_space.starting_points import point_of_model
-from evopem.estimation.vector_autoregression import autoregression_of, limited, log_loss
 from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
 

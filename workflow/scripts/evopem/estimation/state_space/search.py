@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
+from evopem.estimation.criteria import limited
 from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
@@ -28,7 +29,6 @@ from evopem.estimation.state_space.starting_points import (
     point_of_model,
     random_poles,
 )
-from evopem.estimation.vector_autoregression import limited
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
