@@ -160,7 +160,7 @@ def test_a_channel_that_cannot_be_identified_is_named(tmp_path):
 
 
 def test_places_of_channels_that_do_not_exist_are_refused():
-    geometry = Geometry({"p": (0.0, 0.0, 0.0)}, (), {"acc_9": ChannelPlace("p", (1.0, 0.0, 0.0))})
+    geometry = Geometry({"p": (0.0, 0.0, 0.0)}, {"acc_9": ChannelPlace("p", (1.0, 0.0, 0.0))})
     with pytest.raises(InputError, match='there is no output "acc_9"'):
         check_measured_places(geometry, ["acc_1"], "datasets.a.geometry")
 

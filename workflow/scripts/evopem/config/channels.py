@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, ConfigDict, Field
 
 
 def key(description: str, built_in: str = "", **bounds: Any) -> Any:
@@ -156,18 +156,47 @@ class SyntheticSource:
         return ()
 
 
+def _vector(value: Any) -> Any:
+    if isinstance(value, str) and value.lstrip("+-") in ("x", "y", "z") and len(value) <= 2:
+        size = -1.0 if value.startswith("-") else 1.0
+        return tuple(size if axis == value.lstrip("+-") else 0.0 for axis in "xyz")
+    if isinstance(value, list):
+        return (*value, 0.0) if len(value) == 2 else tuple(value)
+    return value
+
+
+_Point = Annotated[str, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]
+_Vector = Annotated[Vector, BeforeValidator(_vector)]
+
+
 @dataclass(frozen=True)
 class ChannelPlace:
     """Where an output was measured: a point, and a direction of any length above 0."""
 
-    point: str
-    direction: Vector
+    __pydantic_config__ = ConfigDict(extra="forbid", strict=True)
+    point: Annotated[_Point, key("the name of a point")]
+    direction: Annotated[_Vector, key("three numbers, or one of x, y, z, -x, -y, -z")]
 
 
 @dataclass(frozen=True)
 class Geometry:
     """The structure that mode shapes are drawn over."""
 
-    points: dict[str, Vector]  # coordinates
-    lines: tuple[tuple[str, str], ...]  # pairs of points
-    channels: dict[str, ChannelPlace]  # by the names of outputs
+    __pydantic_config__ = ConfigDict(extra="forbid", strict=True)
+    points: Annotated[
+        Annotated[
+            dict[str, Annotated[_Vector, key("two or three coordinates, such as [0, 0, 1]")]],
+            Field(min_length=1),
+        ],
+        key("the points by name, such as {tip: [0, 0, 1]}"),
+    ]
+    channels: Annotated[
+        Annotated[dict[str, ChannelPlace], Field(min_length=1)],
+        key(
+            "the outputs by name with their points and directions, such as {acc1: {point: tip,"
+            " direction: z}}"
+        ),
+    ]
+    lines: Annotated[
+        tuple[tuple[_Point, _Point], ...], key("a list of pairs of points, such as [[root, tip]]")
+    ] = ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from evopem.config.channels import NONE, Reference, is_pattern, listed
+from evopem.config.channels import NONE, Geometry, Reference, is_pattern, listed
 from evopem.config.keys import (
     ANALYSIS,
     SOURCE,
@@ -308,21 +308,16 @@ def _check_constraints(constraints: Keys, kind: Kind, form: str, at: Place) -> N
         at.refuse("constraints.stability", problem, "use a structure with A, such as armax")
 
 
-def _check_geometry(geometry: Keys, at: Place) -> None:
+def _check_geometry(geometry: Geometry, at: Place) -> None:
     """Refuse lines and channels at points that do not exist, and directions of no length."""
-    points, channels = geometry["points"], geometry["channels"]
-    ends = [
-        (end, f"lines[{index}]")
-        for index, line in enumerate(geometry.get("lines", ()))
-        for end in line
-    ]
-    ends += [(each["point"], f"channels.{name}") for name, each in channels.items()]
-    for point, key in ends:
-        if point not in points:
-            remedy = f"give one of {', '.join(list(points)[:20])}"
+    ends = [(f"lines[{index}]", end) for index, line in enumerate(geometry.lines) for end in line]
+    ends += [(f"channels.{name}", each.point) for name, each in geometry.channels.items()]
+    for key, point in ends:
+        if point not in geometry.points:
+            remedy = f"give one of {', '.join(list(geometry.points)[:20])}"
             at.refuse(f"geometry.{key}", f"there is no point {point}", remedy)
-    for name, channel in channels.items():
-        if not any(channel["direction"]):
+    for name, channel in geometry.channels.items():
+        if not any(channel.direction):
             remedy = "give three numbers, not all 0, or one of x, y, z, -x, -y, -z"
             key = f"geometry.channels.{name}.direction"
             at.refuse(key, "the direction has no length", remedy)

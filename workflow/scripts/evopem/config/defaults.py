@@ -40,7 +40,6 @@ from evopem.config.keys import (
     CONFIGURATION,
     SOURCE,
     SYNTHESIS,
-    geometry_of,
     input_ranges_of,
     mapping,
     units_of,
@@ -235,7 +234,7 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         search=SearchSettings(**{"lambda_" if k == "lambda" else k: v for k, v in search.items()}),
         automatic=automatic,
         fit=FitSettings(keys.get("focus", "prediction"), constraints),
-        geometry=geometry_of(keys["geometry"]) if "geometry" in keys else None,
+        geometry=keys.get("geometry"),
     )
 
 

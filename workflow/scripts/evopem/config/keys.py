@@ -27,14 +27,12 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field
 from typing_extensions import TypedDict
 
 from evopem.config.channels import (
-    ChannelPlace,
     ChannelSettings,
     Geometry,
     Rate,
     Reference,
     SyntheticSource,
     UnitSettings,
-    Vector,
     key,
 )
 from evopem.config.configuration import RunSettings
@@ -52,14 +50,12 @@ from evopem.config.settings import (
     Structure,
     TransformSettings,
 )
-from evopem.config.strict_yaml import Keys
 
 STATE_SPACE = "state_space"
 Value = TypeVar("Value")
 
 
 _STRICT = ConfigDict(extra="forbid", strict=True)
-_AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
 def mapping(name: str, keys: Mapping[str, Any], required: Iterable[str] = ()) -> Any:
@@ -153,15 +149,6 @@ def units_of(value: Any) -> UnitSettings:
     return UnitSettings(value) if isinstance(value, str) else UnitSettings(in_order=tuple(value))
 
 
-def _vector(value: Any) -> Any:
-    if isinstance(value, str) and value.lstrip("+-") in _AXES and len(value) <= 2:
-        sign = -1.0 if value.startswith("-") else 1.0
-        return tuple(sign * each + 0.0 for each in _AXES[value.lstrip("+-")])
-    if isinstance(value, list):
-        return (*value, 0.0) if len(value) == 2 else tuple(value)
-    return value
-
-
 _Text = Annotated[str, Field(min_length=1)]
 _Path = Annotated[str, Field(min_length=1, description="the path of a recording")]
 _PATHS = (
@@ -175,56 +162,6 @@ _UNITS = (
     'a unit as text, such as "N m"; of several channels, a list of units or a mapping from names to'
     " units"
 )
-_Name = Annotated[
-    str, BeforeValidator(lambda value: str(value) if isinstance(value, int) else value)
-]
-_Place = mapping(
-    "Place",
-    {
-        "point": _about(_Name, "the name of a point"),
-        "direction": _about(
-            Annotated[Vector, BeforeValidator(_vector)],
-            "three numbers, or one of x, y, z, -x, -y, -z",
-        ),
-    },
-    ("point", "direction"),
-)
-GEOMETRY = mapping(
-    "Geometry",
-    {
-        "points": _about(
-            Annotated[
-                dict[
-                    str,
-                    Annotated[
-                        Vector,
-                        BeforeValidator(_vector),
-                        Field(description="two or three coordinates, such as [0, 0, 1]"),
-                    ],
-                ],
-                Field(min_length=1),
-            ],
-            "the points by name, such as {tip: [0, 0, 1]}",
-        ),
-        "lines": _about(
-            tuple[tuple[_Name, _Name], ...], "a list of pairs of points, such as [[root, tip]]"
-        ),
-        "channels": _about(
-            Annotated[dict[str, _Place], Field(min_length=1)],
-            "the outputs by name with their points and directions, such as {acc1: {point: tip,"
-            " direction: z}}",
-        ),
-    },
-    ("points", "channels"),
-)
-
-
-def geometry_of(keys: Keys) -> Geometry:
-    """The geometry of checked keys."""
-    places = {name: ChannelPlace(**each) for name, each in keys["channels"].items()}
-    return Geometry(dict(keys["points"]), tuple(keys.get("lines", ())), places)
-
-
 COLUMNS = (*("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"), "uneven_time")
 """Keys of a recorded file beside its channels."""
 
@@ -367,7 +304,7 @@ ANALYSIS: dict[str, Any] = {
         "the [constraints](structures.md#constraints) of the model, a mapping of them",
     ),
     "geometry": _about(
-        GEOMETRY,
+        Geometry,
         "the structure over which mode shapes are drawn, a mapping of points, lines and channels",
     ),
 }

@@ -6,6 +6,7 @@ import json
 import os
 import re
 from collections.abc import Sequence
+from itertools import count
 from pathlib import Path
 
 import yaml
@@ -16,7 +17,7 @@ from evopem.config.schema import schema_file
 from evopem.config.source_checks import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
 from evopem.errors import InputError
 from evopem.signals.channel_roles import INPUT_NAMES, OUTPUT_NAMES, named
-from evopem.signals.inspection import FileContents, SignalColumn, TimeColumn, inspect_file
+from evopem.signals.inspection import SignalColumn, TimeColumn, inspect_file
 from evopem.signals.measured_files import FORMATS
 
 CONFIGURATION = "config.yaml"
@@ -45,17 +46,15 @@ def write_configuration(folder: str | Path) -> Path:
     if not folder.is_dir():
         raise InputError(str(folder), "is not a folder", "give the folder of the recordings")
     if target.exists() or target.is_symlink():
-        raise InputError(
-            str(target), "exists already", "move it away, or edit it: it is not overwritten"
-        )
+        remedy = "move it away, or edit it: it is not overwritten"
+        raise InputError(str(target), "exists already", remedy)
     text = configuration_text(folder)
     try:
         with target.open("x", encoding="utf-8") as file:
             file.write(text)
     except OSError as error:
-        raise InputError(
-            str(target), f"cannot be written ({error.strerror})", "check the permissions"
-        ) from None
+        problem = f"cannot be written ({error.strerror})"
+        raise InputError(str(target), problem, "check the permissions") from None
     return target
 
 
@@ -63,38 +62,27 @@ def configuration_text(folder: Path) -> str:
     """The configuration for all recordings of a folder."""
     entries: list[str] = []
     unread: list[str] = []
-    names = _Names()
+    used = set(RESERVED_NAMES)
     for path in recorded_files(folder):
         shown = path.relative_to(folder).as_posix()
-        if not shown.isprintable():
-            unread.append(f"# {_comment(shown)}: its name is no UTF-8 text; rename it.")
-            continue
+        base = dataset_name(path)
+        numbered = (f"{base}_{number}" if number > 1 else base for number in count(1))
+        name = next(name for name in numbered if name.lower() not in used)
         try:
-            contents = inspect_file(path)
-        except InputError as error:
-            unread.append(f"# {_comment(f'{shown}: {error.problem}; {error.remedy}.')}")
-            continue
-        if len(contents.signals) < 2 or set("{}*") & set(shown):
-            unread.append(f"# {_comment(_unusable(shown, contents))}")
-            continue
-        entry = _entry(names.of(path), shown, contents)
-        try:
+            entry = _entry(name, path, shown)
             complete(yaml.safe_load(f"datasets:\n{entry}"))
         except InputError as error:
             unread.append(f"# {_comment(f'{shown}: {error.problem}; {error.remedy}.')}")
-            continue
-        entries.append(entry)
+        else:
+            entries.append(entry)
+            used.add(name.lower())
     if not entries:
         seen = f" ({len(unread)} of a known extension hold none)" if unread else ""
-        raise InputError(
-            str(folder),
-            f"there is no recording of two signals in this folder{seen}",
-            f"give a folder with files of {' '.join(FORMATS)}",
-        )
-    count = len(entries)
+        problem = f"there is no recording of two signals in this folder{seen}"
+        raise InputError(str(folder), problem, f"give a folder with files of {' '.join(FORMATS)}")
+    many = _MANY if len(entries) >= MANY else ""
     if unread:
         entries.append("\n".join(["# Left out:", *unread]) + "\n")
-    many = _MANY if count >= MANY else ""
     return _HEAD.format(schema=schema_file()) + many + "datasets:\n" + "\n".join(entries)
 
 
@@ -115,22 +103,6 @@ def recorded_files(folder: Path) -> list[Path]:
     return [path for path in found if path.suffix.lower() in FORMATS]
 
 
-class _Names:
-    """Names of data sets, each one used once and a folder on every file system."""
-
-    def __init__(self) -> None:
-        self.used = set(RESERVED_NAMES)
-
-    def of(self, path: Path) -> str:
-        """A name after a file."""
-        base = dataset_name(path)
-        name, number = base, 2
-        while name.lower() in self.used:
-            name, number = f"{base}_{number}", number + 1
-        self.used.add(name.lower())
-        return name
-
-
 def dataset_name(path: Path) -> str:
     """The name of a data set after its file."""
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", path.stem).lstrip("_.-")
@@ -138,17 +110,32 @@ def dataset_name(path: Path) -> str:
     return name if is_valid(name) else f"recording_{name[:40]}"
 
 
-def _entry(name: str, file: str, contents: FileContents) -> str:
-    sources, targets, sure = _channels(contents.signals)
-    others = [each for each in contents.signals if each not in (*sources, *targets)]
+def _entry(name: str, path: Path, file: str) -> str:
+    """The entry of a file; InputError where it cannot be used."""
+    if not file.isprintable():
+        raise InputError(file, "its name is no UTF-8 text", "rename it")
+    contents = inspect_file(path)
+    signals = contents.signals
+    if len(signals) < 2:
+        found = f"{len(signals)} of its channels can be an input or an output"
+        unread = f"no two channels can be read. {contents.unread.rstrip('.')}"
+        problem = unread if contents.unread else found
+        raise InputError(file, problem, "two are needed")
+    if set("{}*") & set(file):
+        problem = "braces and * have a meaning of their own in a workflow"
+        raise InputError(file, problem, "rename the file")
+    sources, targets, sure = _channels(signals)
+    others = [_scalar(each.reference) for each in signals if each not in (*sources, *targets)]
     lines = [f"  {_scalar(name)}:", f"    file: {_scalar(file)}"]
     guess = "" if sure else "  # a guess by the order of the channels"
-    lines.append(f"    input: {_one_or_list(sources)}{_unit(sources[0])}{guess}")
-    lines.append(f"    output: {_one_or_list(targets)}{_unit(targets[0])}{guess}")
+    for key, channels in (("input", sources), ("output", targets)):
+        names = [_scalar(each.reference) for each in channels]
+        named = names[0] if len(names) == 1 else f"[{', '.join(names)}]"
+        unit = f"  # {_comment(channels[0].unit)}" if channels[0].unit else ""
+        lines.append(f"    {key}: {named}{unit}{guess}")
     lines += _rate(sources[0], targets[0], contents.time)
     if others:
-        listed = ", ".join(_scalar(each.reference) for each in others)
-        lines.append(f"    # other channels: {_comment(listed)}")
+        lines.append(f"    # other channels: {_comment(', '.join(others))}")
     lines.append(f"    # {sources[0].samples} samples")
     return "\n".join(lines) + "\n"
 
@@ -167,11 +154,6 @@ def _channels(
     return [source], [target or next(each for each in signals if each != source)], False
 
 
-def _one_or_list(channels: Sequence[SignalColumn]) -> str:
-    listed = [_scalar(each.reference) for each in channels]
-    return listed[0] if len(listed) == 1 else f"[{', '.join(listed)}]"
-
-
 def _rate(source: SignalColumn, target: SignalColumn, time: TimeColumn | None) -> list[str]:
     own = {source.sampling_rate, target.sampling_rate}
     if time is not None:
@@ -183,19 +165,6 @@ def _rate(source: SignalColumn, target: SignalColumn, time: TimeColumn | None) -
     if len(own) == 1 and None not in own:
         return [f"    # sampling rate: {own.pop():g} Hz, as the file states"]
     return ["    # sampling_rate: 100  # Hz; to be set: the file states none"]
-
-
-def _unusable(shown: str, contents: FileContents) -> str:
-    if len(contents.signals) < 2 and contents.unread:
-        return f"{shown}: no two channels can be read. {contents.unread}"
-    if len(contents.signals) < 2:
-        number = len(contents.signals)
-        return f"{shown}: {number} of its channels can be an input or an output; two are needed."
-    return f"{shown}: braces and * have a meaning of their own in a workflow; rename the file."
-
-
-def _unit(signal: SignalColumn) -> str:
-    return f"  # {_comment(signal.unit)}" if signal.unit else ""
 
 
 def _scalar(reference: int | str) -> str:
