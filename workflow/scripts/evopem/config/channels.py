@@ -8,11 +8,15 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field
 
 
-def key(description: str, built_in: str = "", **bounds: Any) -> Any:
-    """What a field says of its key: a clause that ends an error, text for the documentation behind
-    its first full stop, what is taken where it is not written, and bounds."""
-    extra: Any = {"built_in": built_in} if built_in else None
-    return Field(description=description, json_schema_extra=extra, **bounds)
+def key(description: str, **bounds: Any) -> Any:
+    """What is said of a key: a clause that ends an error, behind its first full stop text for the
+    documentation, and bounds. A field says it in the text below it."""
+    return Field(description=description, **bounds)
+
+
+def built_in(text: str) -> Any:
+    """What is taken where a key is not written, where that is not the default of its field."""
+    return Field(json_schema_extra={"built_in": text})
 
 
 NONE = "none"
@@ -42,56 +46,35 @@ class UnitSettings:
 class ChannelSettings:
     """Which channels of a recorded file are read, and what is known of them.
 
-    Attributes
-    ----------
-    inputs, outputs : tuple of int or str
-        Column numbers from 1, or names of columns, variables or channels; a name with a ``*``
-        stands for all that it matches.  No inputs for a structure that has none.
-    sampling_rate : float, optional
-        Hz; where None taken from the file, like time unit, header lines and decimal mark.
-    time : int or str, optional
-        The column that holds the time.
+    What is None is taken from the file.
     """
 
+    # Column numbers from 1, or names of columns, variables or channels; one with a ``*`` stands for
+    # all that it matches.  No inputs for a structure that has none.
     inputs: tuple[Reference, ...] = (1,)
     outputs: tuple[Reference, ...] = (2,)
-    sampling_rate: Annotated[
-        Rate | None,
-        key(
-            "the sampling rate in Hz. It may be left out where the file states it or has time"
-            " stamps"
-        ),
-    ] = None
+    sampling_rate: Rate | None = None
+    """the sampling rate in Hz. It may be left out where the file states it or has time stamps"""
     time: Annotated[
         Reference | None,
-        key(
-            "the number or name of the column that holds the time. Instead of `sampling_rate`;"
-            " it is checked to be uniform",
+        built_in(
             "where no rate is stated, the channel whose name holds a word for time (`t`, `Time"
-            " [s]`, `timestamp`, ...), with uniform stamps in a known unit",
+            " [s]`, `timestamp`, ...), with uniform stamps in a known unit"
         ),
     ] = None
-    time_unit: Annotated[
-        TimeUnit | None, key("the unit of the time column", "that in the file")
-    ] = None
+    """the number or name of the column that holds the time. Instead of `sampling_rate`; it is
+    checked to be uniform"""
+    time_unit: Annotated[TimeUnit | None, built_in("that in the file")] = None
+    """the unit of the time column"""
     input_units: UnitSettings = UnitSettings()
     output_units: UnitSettings = UnitSettings()
-    header_lines: Annotated[
-        Annotated[int, Field(ge=0)] | None,
-        key("the number of lines above the first row of numbers. Of text tables", "found"),
-    ] = None
-    decimal_mark: Annotated[
-        Literal[".", ","] | None,
-        key("the decimal mark of the numbers. Of text tables", "found"),
-    ] = None
-    uneven_time: Annotated[
-        UnevenTime,
-        key(
-            "what is done where the time stamps are not uniform. `interpolate`: signals whose"
-            " stamps are late or missing at times are [brought to even"
-            " times](formats.md#time-stamps)"
-        ),
-    ] = "refuse"
+    header_lines: Annotated[Annotated[int, Field(ge=0)] | None, built_in("found")] = None
+    """the number of lines above the first row of numbers. Of text tables"""
+    decimal_mark: Annotated[Literal[".", ","] | None, built_in("found")] = None
+    """the decimal mark of the numbers. Of text tables"""
+    uneven_time: UnevenTime = "refuse"
+    """what is done where the time stamps are not uniform. `interpolate`: signals whose stamps are
+    late or missing at times are [brought to even times](formats.md#time-stamps)"""
 
     @property
     def has_one_output(self) -> bool:
@@ -130,20 +113,15 @@ class RecordedSource:
 class SyntheticSource:
     """A simulated recording."""
 
-    synthesis: Annotated[
-        Synthesis,
-        key(
-            "the simulated system. `flexible_arm` is a physical arm on a servomotor, `armax` a"
-            " known ARMAX process"
-        ),
-    ]
+    synthesis: Synthesis
+    """the simulated system. `flexible_arm` is a physical arm on a servomotor, `armax` a known ARMAX
+    process"""
     seed: Seed = 1
-    samples: Annotated[int, key("the number of samples", ge=200, le=10**9)] = 5000
+    samples: Annotated[int, Field(ge=200, le=10**9)] = 5000
+    """the number of samples"""
     sampling_rate: Rate = 100.0
-    noise: Annotated[
-        Annotated[float, Field(ge=0, le=1e6)] | None,
-        key("the ratio of noise to output. Of `armax` alone", "0.1"),
-    ] = None
+    noise: Annotated[Annotated[float, Field(ge=0, le=1e6)] | None, built_in("0.1")] = None
+    """the ratio of noise to output. Of `armax` alone"""
 
     @property
     def validation_files(self) -> tuple[str, ...]:

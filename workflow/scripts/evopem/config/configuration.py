@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from evopem.config.channels import key
 from evopem.config.resources import recording_seconds
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
@@ -21,46 +20,24 @@ Number = Annotated[int, Field(ge=1)] | Literal["auto"]
 class RunSettings:
     """How a run is divided into jobs, and what it writes: the keys beside the data sets."""
 
-    candidates_per_job: Annotated[
-        Number,
-        key(
-            "the candidates that one job estimates. `auto`: all of a phase, in parallel on the"
-            " cores of the job"
-        ),
-    ] = "auto"
-    one_job_per: Annotated[
-        Literal["auto", "stage", "recording"],
-        key(
-            "one job for each stage of a data set or for all stages of a recording. With `stage`"
-            " a change reruns only what depends on it; `recording` saves most of the start-up"
-            " time of [many recordings](fleets.md). `auto`: `recording` for ten data sets and"
-            " more"
-        ),
-    ] = "auto"
-    report: Annotated[
-        Literal["html", "none"], key("the report of each data set. With `none` no figures are made")
-    ] = "html"
-    shard: Annotated[
-        Annotated[str, Field(pattern=r"^[1-9][0-9]{0,8}/[1-9][0-9]{0,8}$")] | None,
-        key(
-            "the number of a shard and of all shards, such as 3/40. Without the list of all data"
-            " sets; for [runs in parallel](fleets.md)"
-        ),
-    ] = None
-    follow: Annotated[
-        Annotated[str, Field(min_length=1)] | None,
-        key(
-            "the name of a condition that every data set has, such as temperature. Recordings are"
-            " ordered by it where their [modes are followed](fleets.md#modes-over-the-recordings)"
-        ),
-    ] = None
-    recordings_per_job: Annotated[
-        Number | None,
-        key(
-            "the recordings that [one job identifies](fleets.md#several-recordings-a-job). With"
-            " `report: none`"
-        ),
-    ] = None
+    candidates_per_job: Number = "auto"
+    """the candidates that one job estimates. `auto`: all of a phase, in parallel on the cores of
+    the job"""
+    one_job_per: Literal["auto", "stage", "recording"] = "auto"
+    """one job for each stage of a data set or for all stages of a recording. With `stage` a change
+    reruns only what depends on it; `recording` saves most of the start-up time of [many
+    recordings](fleets.md). `auto`: `recording` for ten data sets and more"""
+    report: Literal["html", "none"] = "html"
+    """the report of each data set. With `none` no figures are made"""
+    shard: Annotated[str, Field(pattern="^[1-9][0-9]{0,8}/[1-9][0-9]{0,8}$")] | None = None
+    """the number of a shard and of all shards, such as 3/40. Without the list of all data sets; for
+    [runs in parallel](fleets.md)"""
+    follow: Annotated[str, Field(min_length=1)] | None = None
+    """the name of a condition that every data set has, such as temperature. Recordings are ordered
+    by it where their [modes are followed](fleets.md#modes-over-the-recordings)"""
+    recordings_per_job: Number | None = None
+    """the recordings that [one job identifies](fleets.md#several-recordings-a-job). With `report:
+    none`"""
 
 
 @dataclass(frozen=True)

@@ -17,46 +17,31 @@ Bounds = tuple[float | None, float | None]
 
 @dataclass(frozen=True)
 class FixedPole:
-    """A known pole of the plant: a real one, or a pair of known frequency and damping.
-
-    Attributes
-    ----------
-    real : float, optional
-        Position of a real pole in the z plane; 1 is an integrator.
-    frequency_hz : float, optional
-        Undamped natural frequency of a pair.
-    damping_ratio : float, optional
-        Damping ratio of that pair, at least 0 and less than 1.
-    """
+    """A known pole of the plant: a real one, or a pair of known frequency and damping."""
 
     __pydantic_config__ = ConfigDict(extra="forbid", strict=True)
     real: float | None = None
+    """Position of a real pole in the z plane; 1 is an integrator."""
     frequency_hz: float | None = None
+    """Undamped natural frequency of a pair."""
     damping_ratio: float | None = None
+    """Damping ratio of that pair, at least 0 and less than 1."""
 
 
 @dataclass(frozen=True)
 class Prior:
-    """Gaussian knowledge of one number of a model.
-
-    Attributes
-    ----------
-    quantity : str
-        A coefficient such as ``a1``, ``b0`` or ``f2``; ``static_gain``; ``frequency`` (Hz) or
-        ``damping`` (ratio) of one mode of the plant.
-    mean : float
-    standard_deviation : float
-        Its weight: the prior counts as one more observation with this standard error.
-    mode_hz : float, optional
-        Which mode is meant: the one nearest to this frequency in Hz.  Needed for ``damping``;
-        for ``frequency`` it is the mean by default.
-    """
+    """Gaussian knowledge of one number of a model."""
 
     __pydantic_config__ = ConfigDict(extra="forbid", strict=True)
     quantity: str
+    """A coefficient such as ``a1``, ``b0`` or ``f2``; ``static_gain``; ``frequency`` (Hz) or
+    ``damping`` (ratio) of one mode of the plant."""
     mean: float
     standard_deviation: float
+    """Its weight: the prior counts as one more observation with this standard error."""
     mode_hz: float | None = None
+    """Which mode is meant: the one nearest to this frequency in Hz.  Needed for ``damping``; for
+    ``frequency`` it is the mean by default."""
 
 
 @dataclass(frozen=True)
@@ -64,81 +49,39 @@ class Constraints:
     """Constraints of the plant ``B / (A F)`` and of coefficients; the default is a stable plant.
 
     All but the priors hold exactly in every model that is returned.
-
-    Attributes
-    ----------
-    stability : {"required", "free"}
-        ``free``: roots of A may lie on or outside the unit circle.  Roots of F may not: the
-        predictor filters through 1/F.  Fixed poles are exempt.
-    max_pole_radius : float, optional
-        Largest radius of the plant's poles in the z plane.
-    min_damping_ratio : float, optional
-        Least damping ratio of the plant's modes.  A negative real pole counts as a mode at half
-        the sampling rate.
-    frequency_band : (lower, upper), optional
-        Hz; undamped natural frequencies of the plant's modes lie inside.  Negative real poles are
-        then forbidden.
-    forbidden_bands : tuple of (lower, upper)
-        Hz; no mode of the plant has its undamped natural frequency in one of these.
-    real_poles : {"any", "positive", "none"}
-        Real poles that the plant may have.
-    static_gain : float or dict of str to float, optional
-        ``B(1) / (A(1) F(1))``, in output units per input unit; of several inputs by their names.
-    static_gain_bounds : (lower, upper) or dict of str to (lower, upper), optional
-        Either may be None.
-    fixed_coefficients : mapping of str to float
-        For instance ``{"a1": -1.5, "b0": 0.0}``; ``b0`` is the first coefficient of B, at lag nk.
-    fixed_poles : tuple of FixedPole
-        Poles of F, or of A in a structure without F.
-    priors : tuple of Prior
     """
 
-    stability: Annotated[Literal["required", "free"], key("the stability of the plant")] = (
-        "required"
-    )
-    max_pole_radius: Annotated[
-        Annotated[float, Field(gt=0, le=1000)] | None,
-        key("the largest radius of a pole of the plant"),
-    ] = None
-    min_damping_ratio: Annotated[
-        Annotated[float, Field(ge=0, lt=1)] | None, key("the least damping ratio of a mode")
-    ] = None
-    frequency_band: Annotated[Band | None, key("two frequencies in Hz")] = None
-    forbidden_bands: Annotated[
-        tuple[Band, ...], key("a list of bands in Hz, such as [[9, 11]]")
+    stability: Literal["required", "free"] = "required"
+    """the stability of the plant. `free`: roots of A may lie on or outside the unit circle; roots
+    of F may not, because the predictor filters through 1/F. Fixed poles are exempt"""
+    max_pole_radius: Annotated[float, Field(gt=0, le=1000)] | None = None
+    """the largest radius of a pole of the plant"""
+    min_damping_ratio: Annotated[float, Field(ge=0, lt=1)] | None = None
+    """the least damping ratio of a mode. A negative real pole is one at half the sampling rate"""
+    frequency_band: Band | None = None
+    """two frequencies in Hz. Undamped natural frequencies of the plant lie between them; negative
+    real poles are then forbidden"""
+    forbidden_bands: tuple[Band, ...] = ()
+    """a list of bands in Hz, such as [[9, 11]]. No natural frequency of the plant lies in one"""
+    real_poles: Literal["any", "positive", "none"] = "any"
+    """the real poles that the plant may have"""
+    static_gain: float | dict[str, float] | None = None
+    """a number; of several inputs a mapping from their names, such as {hot: 2.0}. `B(1) / (A(1)
+    F(1))` in output units per input unit"""
+    static_gain_bounds: Bounds | dict[str, Bounds] | None = None
+    """two numbers, [lower, upper], either of which may be null; of several inputs a mapping from
+    their names"""
+    fixed_coefficients: dict[str, float] = field(default_factory=dict)
+    """coefficients with their values, such as {a1: -1.5}. `b0` is the first one of B, at lag nk"""
+    fixed_poles: tuple[
+        Annotated[FixedPole, key("{real: ...} or {frequency_hz: ..., damping_ratio: ...}")], ...
     ] = ()
-    real_poles: Annotated[
-        Literal["any", "positive", "none"], key("the real poles that the plant may have")
-    ] = "any"
-    static_gain: Annotated[
-        float | dict[str, float] | None,
-        key("a number; of several inputs a mapping from their names, such as {hot: 2.0}"),
-    ] = None
-    static_gain_bounds: Annotated[
-        Bounds | dict[str, Bounds] | None,
-        key(
-            "two numbers, [lower, upper], either of which may be null; of several inputs a"
-            " mapping from their names"
-        ),
-    ] = None
-    fixed_coefficients: Annotated[
-        dict[str, float], key("coefficients with their values, such as {a1: -1.5}")
-    ] = field(default_factory=dict)
-    fixed_poles: Annotated[
-        tuple[
-            Annotated[FixedPole, key("{real: ...} or {frequency_hz: ..., damping_ratio: ...}")], ...
-        ],
-        key(
-            "a list of poles, such as [{real: 1.0}] or [{frequency_hz: 12.0, damping_ratio: 0.01}]"
-        ),
+    """a list of poles, such as [{real: 1.0}] or [{frequency_hz: 12.0, damping_ratio: 0.01}]. Of
+    F, or of A in a structure without F"""
+    priors: tuple[
+        Annotated[Prior, key("a mapping of quantity, mean, standard_deviation and mode_hz")], ...
     ] = ()
-    priors: Annotated[
-        tuple[
-            Annotated[Prior, key("a mapping of quantity, mean, standard_deviation and mode_hz")],
-            ...,
-        ],
-        key("a list of priors, such as [{quantity: b0, mean: 2.0, standard_deviation: 0.1}]"),
-    ] = ()
+    """a list of priors, such as [{quantity: b0, mean: 2.0, standard_deviation: 0.1}]"""
 
     @property
     def of_free_poles(self) -> bool:

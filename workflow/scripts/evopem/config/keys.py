@@ -8,8 +8,12 @@ Values come out in one form: ranges as tuples, paths, channels and units as they
 
 from __future__ import annotations
 
+import ast
+import inspect
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
+from itertools import pairwise
 from types import NoneType
 from typing import (
     Annotated,
@@ -33,6 +37,7 @@ from evopem.config.channels import (
     Reference,
     SyntheticSource,
     UnitSettings,
+    built_in,
     key,
 )
 from evopem.config.configuration import RunSettings
@@ -68,9 +73,26 @@ def mapping(name: str, keys: Mapping[str, Any], required: Iterable[str] = ()) ->
 
 def keys_of_fields(settings: type, names: Iterable[str] = ()) -> dict[str, Any]:
     """Fields of settings as keys, all of them or some; a user leaves out what is None."""
-    hints = get_type_hints(settings, include_extras=True)
+    hints, said = get_type_hints(settings, include_extras=True), _said_of_fields(settings)
     wanted = list(names) or [each.name for each in fields(settings)]
-    return {name.rstrip("_"): _without_none(hints[name]) for name in wanted}
+    return {
+        name.rstrip("_"): _about(_without_none(hints[name]), said[name])
+        if name in said
+        else _without_none(hints[name])
+        for name in wanted
+    }
+
+
+def _said_of_fields(settings: type) -> dict[str, str]:
+    """The text below each field of settings."""
+    (body,) = ast.parse(textwrap.dedent(inspect.getsource(settings))).body
+    assert isinstance(body, ast.ClassDef)
+    return {
+        field.target.id: " ".join(str(said.value.value).split())
+        for field, said in pairwise(body.body)
+        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+        if isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant)
+    }
 
 
 def _without_none(hint: Any) -> Any:
@@ -81,8 +103,8 @@ def _without_none(hint: Any) -> Any:
     return Annotated[(kind, *notes)] if notes else kind
 
 
-def _about(kind: Any, description: str, built_in: str = "") -> Any:
-    return Annotated[kind, key(description, built_in)]
+def _about(kind: Any, description: str, value: str = "") -> Any:
+    return Annotated[(kind, key(description), *([built_in(value)] if value else []))]
 
 
 def _both_ends(value: Any) -> Any:

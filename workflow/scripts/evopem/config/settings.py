@@ -1,8 +1,9 @@
 """The settings of a data set and of a run: each field with its default, bounds and description.
 
 The fields are the one home of a key of ``config.yaml``: :mod:`evopem.config.schema` takes from them
-what it refuses, the JSON schema and the tables of the documentation. A description begins with the
-clause that ends an error ("give ..."); what follows its first sentence is for the documentation.
+what it refuses, the JSON schema and the tables of the documentation. The text below a field begins
+with the clause that ends an error ("give ..."); what follows its first sentence is for the
+documentation.
 """
 
 from __future__ import annotations
@@ -13,7 +14,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from evopem.config.channels import ChannelSettings, Geometry, RecordedSource, SyntheticSource, key
+from evopem.config.channels import (
+    ChannelSettings,
+    Geometry,
+    RecordedSource,
+    SyntheticSource,
+    built_in,
+    key,
+)
 from evopem.config.constraints import Constraints
 from evopem.config.strict_yaml import Keys
 from evopem.errors import InputError
@@ -42,43 +50,28 @@ Share = Annotated[float, Field(gt=0, le=1)]
 class TransformSettings:
     """Transforms towards stationarity."""
 
-    box_cox: Annotated[
-        Annotated[float, Field(ge=-100, le=100)] | Literal["auto", "none"],
-        key(
-            "the parameter λ of the Box-Cox transform of the output. `auto` is the λ of largest"
-            " likelihood"
-        ),
-    ] = 1.1
-    difference: Annotated[Differences, key("the number of times to difference the output")] = 2
-    difference_input: Annotated[Differences, key("the number of times to difference the input")] = 0
+    box_cox: Annotated[float, Field(ge=-100, le=100)] | Literal["auto", "none"] = 1.1
+    """the parameter λ of the Box-Cox transform of the output. `auto` is the λ of largest
+    likelihood"""
+    difference: Differences = 2
+    """the number of times to difference the output"""
+    difference_input: Differences = 0
+    """the number of times to difference the input"""
 
 
 @dataclass(frozen=True)
 class SplitSettings:
     """How the samples are divided."""
 
-    discard: Annotated[
-        Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0, le=1)],
-        key(
-            "the samples left out at the start, a whole number of at least 0 or a fraction"
-            " between 0 and 1"
-        ),
-    ] = 500
-    estimation: Annotated[
-        Annotated[int, Field(gt=0)] | Share,
-        key(
-            "the samples for estimation, a whole number of at least 1 or a fraction between 0 and"
-            " 1. The rest validates. Less where the [input rests](#an-input-that-rests) in the"
-            " rest. `1.0`, all of them, needs a `validation_file`, and is then built in"
-        ),
-    ] = 0.8
-    by: Annotated[
-        Literal["recordings", "samples"],
-        key(
-            "what is held out of several recordings, the last recordings or the last samples of"
-            " each"
-        ),
-    ] = "recordings"
+    discard: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0, le=1)] = 500
+    """the samples left out at the start, a whole number of at least 0 or a fraction between 0
+    and 1"""
+    estimation: Annotated[int, Field(gt=0)] | Share = 0.8
+    """the samples for estimation, a whole number of at least 1 or a fraction between 0 and 1. The
+    rest validates. Less where the [input rests](#an-input-that-rests) in the rest. `1.0`, all of
+    them, needs a `validation_file`, and is then built in"""
+    by: Literal["recordings", "samples"] = "recordings"
+    """what is held out of several recordings, the last recordings or the last samples of each"""
 
 
 @dataclass(frozen=True)
@@ -94,10 +87,10 @@ class PreparationSettings:
 class SpectrumSettings:
     """The multitaper estimate of the spectrum."""
 
-    time_halfbandwidth: Annotated[
-        float, key("the time-halfbandwidth product NW of the tapers", ge=1.5, le=1000)
-    ] = 4.0
-    nfft: Annotated[int, key("the length of the Fourier transforms", ge=16, le=2**26)] = 8192
+    time_halfbandwidth: Annotated[float, Field(ge=1.5, le=1000)] = 4.0
+    """the time-halfbandwidth product NW of the tapers"""
+    nfft: Annotated[int, Field(ge=16, le=2**26)] = 8192
+    """the length of the Fourier transforms"""
 
 
 @dataclass(frozen=True)
@@ -138,77 +131,34 @@ Seed = Annotated[int, key("the seed of all random draws", ge=0)]
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """Settings of the search for the parameters of one model.
+    """Settings of the search for the parameters of one model."""
 
-    Attributes
-    ----------
-    objective : {"absolute", "quadratic"}
-        Sum of absolute prediction errors (chapter eq. 20-21) or of their squares (eq. 22).
-    mu, lambda_ : int
-        Parents and offspring of a generation.
-    nu : int
-        Offspring that BFGS refines in each generation.
-    refine : {"worst", "all", "best", "random"}
-        Which of the offspring BFGS refines (the chapter's choice, and the three it rejected).
-    seed : int
-        Seed of every random draw of the search.
-    evaluations : int
-        Evaluations after which no new generation starts; a gradient counts as one more.  A
-        polynomial model with m inputs takes m^2 times as many.
-    max_root_radius : float
-        Largest radius of the roots of A, C, D and F, or of the eigenvalues of A and A - K C.
-    n_initial_discard : int
-        First residuals that the loss leaves out.
-    prune : bool
-        Whether candidates unlikely to be selected are left after a first pass of their search.
-    """
-
-    objective: Annotated[
-        Objective,
-        key(
-            "the loss of the prediction errors. `absolute`, their sum, is robust to outliers;"
-            " `quadratic` is efficient for Gaussian noise"
-        ),
-    ] = "absolute"
-    mu: Annotated[Count, key("the number of parents")] = 15
-    lambda_: Annotated[Count, key("the number of offspring")] = 100
-    nu: Annotated[Count, key("the number of offspring that BFGS refines in each generation")] = 10
-    refine: Annotated[Refine, key("the offspring that BFGS refines")] = "worst"
+    objective: Objective = "absolute"
+    """the loss of the prediction errors. `absolute`, their sum, is robust to outliers; `quadratic`
+    is efficient for Gaussian noise"""
+    mu: Count = 15
+    """the number of parents"""
+    lambda_: Count = 100
+    """the number of offspring"""
+    nu: Count = 10
+    """the number of offspring that BFGS refines in each generation"""
+    refine: Refine = "worst"
+    """the offspring that BFGS refines"""
     seed: Seed = 1
     evaluations: Annotated[
-        int,
-        key(
-            "the number of evaluations of the objective in a search, after which no new restart"
-            " begins. m² times as many of polynomials with m inputs",
-            "20000, with several inputs 10000",
-            ge=1,
-            le=10**12,
-        ),
+        int, Field(ge=1, le=10**12), built_in("20000, with several inputs 10000")
     ] = 20000
-    max_root_radius: Annotated[
-        float,
-        key(
-            "the largest modulus of a root of A, C, D or F. Of state-space models that of the"
-            " eigenvalues of A and A − K C",
-            gt=0,
-            lt=1,
-        ),
-    ] = 0.9999
-    n_initial_discard: Annotated[
-        int,
-        key(
-            "the first residuals that the loss leaves out. The initial state of the noise is"
-            " estimated with the model and fits the first nc",
-            ge=0,
-        ),
-    ] = 20
-    prune: Annotated[
-        bool,
-        key(
-            "whether candidates that are unlikely to be selected are left after a first pass of"
-            " their search. `false` searches [all](theory.md#search) to the end"
-        ),
-    ] = True
+    """the number of evaluations of the objective in a search, after which no new restart begins. m²
+    times as many of polynomials with m inputs"""
+    max_root_radius: Annotated[float, Field(gt=0, lt=1)] = 0.9999
+    """the largest modulus of a root of A, C, D or F. Of state-space models that of the eigenvalues
+    of A and A − K C"""
+    n_initial_discard: Annotated[int, Field(ge=0)] = 20
+    """the first residuals that the loss leaves out. The initial state of the noise is estimated
+    with the model and fits the first nc"""
+    prune: bool = True
+    """whether candidates that are unlikely to be selected are left after a first pass of their
+    search. `false` searches [all](theory.md#search) to the end"""
 
 
 @dataclass(frozen=True)
