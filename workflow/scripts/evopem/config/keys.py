@@ -12,7 +12,6 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
 from itertools import pairwise
 from types import NoneType
 from typing import (
@@ -74,13 +73,16 @@ def mapping(name: str, keys: Mapping[str, Any], required: Iterable[str] = ()) ->
 def keys_of_fields(settings: type, names: Iterable[str] = ()) -> dict[str, Any]:
     """Fields of settings as keys, all of them or some; a user leaves out what is None."""
     hints, said = get_type_hints(settings, include_extras=True), _said_of_fields(settings)
-    wanted = list(names) or [each.name for each in fields(settings)]
     return {
         name.rstrip("_"): _about(_without_none(hints[name]), said[name])
         if name in said
         else _without_none(hints[name])
-        for name in wanted
+        for name in (names or hints)
     }
+
+
+def _group(settings: type) -> Any:
+    return mapping(settings.__name__.strip("_"), keys_of_fields(settings))
 
 
 def _said_of_fields(settings: type) -> dict[str, str]:
@@ -103,8 +105,8 @@ def _without_none(hint: Any) -> Any:
     return Annotated[(kind, *notes)] if notes else kind
 
 
-def _about(kind: Any, description: str, value: str = "") -> Any:
-    return Annotated[(kind, key(description), *([built_in(value)] if value else []))]
+def _about(kind: Any, description: str) -> Any:
+    return Annotated[kind, key(description)]
 
 
 def _both_ends(value: Any) -> Any:
@@ -173,185 +175,133 @@ def units_of(value: Any) -> UnitSettings:
 
 _Text = Annotated[str, Field(min_length=1)]
 _Path = Annotated[str, Field(min_length=1, description="the path of a recording")]
-_PATHS = (
-    "the path of a recording, relative to the working directory, or a list or pattern of several"
-)
 _Paths = Annotated[_Text | Annotated[tuple[_Path, ...], Field(min_length=1)], Field()]
 _Channels = Annotated[Reference | Annotated[tuple[Reference, ...], Field(min_length=1)], Field()]
-_CHANNELS = "a column number from 1, or a column, variable or channel name, or a list of them"
-_Units = str | tuple[str, ...] | dict[str, str]
-_UNITS = (
-    'a unit as text, such as "N m"; of several channels, a list of units or a mapping from names to'
-    " units"
-)
+_Unit = Annotated[str | tuple[str, ...] | dict[str, str], built_in("those in the file")]
+_Condition = Annotated[int | float | str, key("a number, or a date such as 2026-03-01T12:30")]
 COLUMNS = (*("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"), "uneven_time")
 """Keys of a recorded file beside its channels."""
 
-SOURCE: dict[str, Any] = {
-    "file": _about(
-        _Paths,
-        f"{_PATHS}. Text (`.csv`, `.tsv`, `.txt`, `.dat`, `.asc`), MATLAB `.mat` (v5 and v7.3),"
-        " `.npz`, `.npy`, `.parquet`, `.h5`, `.hdf5`, `.tdms`, `.uff`, `.unv`; the extension"
-        " decides",
-        "required",
-    ),
-    "input": _about(
-        _Channels,
-        f"{_CHANNELS}, or none. A name with a `*` stands for all channels that match",
-        "[decided from the file](#the-file-alone), else 1",
-    ),
-    "output": _about(
-        _Channels,
-        f"{_CHANNELS}. A name with a `*` stands for all channels that match and that no other key"
-        " names",
-        "[decided from the file](#the-file-alone), else 2",
-    ),
-    "input_unit": _about(_Units, f"{_UNITS}. Used on every axis", "those in the file"),
-    "output_unit": _about(_Units, f"{_UNITS}. Used on every axis", "those in the file"),
-    **keys_of_fields(ChannelSettings, COLUMNS),
-    "validation_file": _about(
-        _Paths,
-        "the path of an independent recording, relative to the working directory, or a list or"
-        " pattern of several. Of the same layout and rate, to validate on instead of a cut of"
-        " this one",
-    ),
-}
+
+class _Recorded:
+    file: Annotated[_Paths, built_in("required")]
+    """the path of a recording, relative to the working directory, or a list or pattern of several.
+    Text (`.csv`, `.tsv`, `.txt`, `.dat`, `.asc`), MATLAB `.mat` (v5 and v7.3), `.npz`, `.npy`,
+    `.parquet`, `.h5`, `.hdf5`, `.tdms`, `.uff`, `.unv`; the extension decides"""
+    input: Annotated[_Channels, built_in("[decided from the file](#the-file-alone), else 1")]
+    """a column number from 1, or a column, variable or channel name, or a list of them, or none. A
+    name with a `*` stands for all channels that match"""
+    output: Annotated[_Channels, built_in("[decided from the file](#the-file-alone), else 2")]
+    """a column number from 1, or a column, variable or channel name, or a list of them. A name with
+    a `*` stands for all channels that match and that no other key names"""
+    input_unit: _Unit
+    """a unit as text, such as "N m"; of several channels, a list of units or a mapping from names
+    to units. Used on every axis"""
+    output_unit: _Unit
+    """a unit as text, such as "N m"; of several channels, a list of units or a mapping from names
+    to units. Used on every axis"""
+
+
+class _Validating:
+    validation_file: _Paths
+    """the path of an independent recording, relative to the working directory, or a list or pattern
+    of several. Of the same layout and rate, to validate on instead of a cut of this one"""
+
+
+class _Delay:
+    orders: Annotated[_range(1, 60), built_in("[6, 9]")]
+    """the orders k of the delay search. Of the models that are estimated for each delay, such as
+    ARMAX(k, k, k, nk)"""
+    nk: Annotated[_input_ranges(0, 1000), built_in("[0, 3]")]
+    """the delays in samples. 0 acts on the same sample"""
+
+
+class _Orders:
+    joint: Annotated[_range(1, 60) | Literal["auto"], built_in("[6, 14]")]
+    """the order k of phase one. Of ARMAX(k, k, k, nk) or what [other structures](structures.md)
+    have instead. `auto` is [2 × number of spectral peaks, 14]; the evenly spaced lines of a
+    periodic input are not counted as peaks"""
+    nc: Annotated[_range(0, 60), built_in("[2, 16]")]
+    """the orders of C"""
+    nd: Annotated[_range(0, 60), built_in("[0, 4]")]
+    """the orders of D"""
+    na: Annotated[_range(0, 60), built_in("[0, 2]")]
+    """the orders of A beside F, of A with `recipe: auto`"""
+    nb: Annotated[_input_ranges(1, 60), built_in("[2, 16]")]
+    """the orders of B. The last phase"""
+    nf: Annotated[_input_ranges(0, 60), built_in("follow the order k")]
+    """the orders of F. With `recipe: auto`"""
+    nx: Annotated[
+        _range(1, 60), built_in("as far as the record goes, at most 20; up to 40 while BIC falls")
+    ]
+    """the numbers of states. Of `ss_oe` and `ss_bj` those of the plant"""
+
+
+class _Analysis:
+    recipe: Annotated[Recipe, built_in("`auto`; of `arma` and `general` `chapter`")]
+    """how a model is found. `chapter`: a structure that is given, and the chapter's phases of its
+    orders; `auto`: the [automatic recipe](automatic.md)"""
+    purpose: Annotated[Purpose, built_in("`auto`")]
+    """what the model is for. `auto` is simulation, or prediction without an input"""
+    resample: Annotated[Rate | Literal["none"], built_in("`none`")]
+    """the new sampling rate in Hz. Below that of the recording, with an anti-alias filter; with
+    `none` nothing is decimated"""
+    transforms: _group(TransformSettings)
+    """the transforms towards stationarity, a mapping of box_cox, difference and difference_input"""
+    split: _group(SplitSettings)
+    """the division of the samples, a mapping of discard, estimation and by"""
+    spectrum: _group(SpectrumSettings)
+    """the multitaper estimate, a mapping of time_halfbandwidth and nfft"""
+    structure: Annotated[Structure | Literal["state_space"], built_in("`armax`")]
+    """the [structure](#the-structure-of-the-model) of the model"""
+    form: Annotated[StateSpaceForm, built_in("decided")]
+    """the [form](structures.md#state-space) of a state-space model"""
+    weighting: Annotated[OutputWeighting, built_in("`determinant`, of output error `noise`")]
+    """[how](structures.md#what-is-minimised) the outputs of a state-space model are weighed"""
+    level: Annotated[bool, built_in("`false`")]
+    """whether a constant is estimated along"""
+    delay: _group(_Delay)
+    """the grid of the delay search, a mapping of orders and nk"""
+    orders: _group(_Orders)
+    """the ranges of the order search, a mapping of joint, nc, nd, na and nb, with `recipe: auto`
+    also nf, or of nx for state_space"""
+    search: _group(SearchSettings)
+    """the search for the parameters of a model, a mapping of its settings"""
+    focus: Annotated[Focus, built_in("`prediction`")]
+    """the errors that the model is [fitted for](structures.md#focus)"""
+    constraints: _group(Constraints)
+    """the [constraints](structures.md#constraints) of the model, a mapping of them"""
+    geometry: Geometry
+    """the structure over which mode shapes are drawn, a mapping of points, lines and channels"""
+
+
+class _Any:
+    conditions: dict[str, _Condition]
+    """names of conditions with their numbers or dates, such as temperature with 21.5. See
+    `follow`"""
+
+
+SOURCE = (
+    keys_of_fields(_Recorded)
+    | keys_of_fields(ChannelSettings, COLUMNS)
+    | keys_of_fields(_Validating)
+)
 SYNTHESIS = keys_of_fields(SyntheticSource)
-ANALYSIS: dict[str, Any] = {
-    "recipe": _about(
-        Recipe,
-        "how a model is found. `chapter`: a structure that is given, and the chapter's phases of"
-        " its orders; `auto`: the [automatic recipe](automatic.md)",
-        "`auto`; of `arma` and `general` `chapter`",
-    ),
-    "purpose": _about(
-        Purpose,
-        "what the model is for. `auto` is simulation, or prediction without an input",
-        "`auto`",
-    ),
-    "resample": _about(
-        Rate | Literal["none"],
-        "the new sampling rate in Hz. Below that of the recording, with an anti-alias filter;"
-        " with `none` nothing is decimated",
-        "`none`",
-    ),
-    "transforms": _about(
-        mapping("Transforms", keys_of_fields(TransformSettings)),
-        "the transforms towards stationarity, a mapping of box_cox, difference and"
-        " difference_input",
-    ),
-    "split": _about(
-        mapping("Split", keys_of_fields(SplitSettings)),
-        "the division of the samples, a mapping of discard, estimation and by",
-    ),
-    "spectrum": _about(
-        mapping("Spectrum", keys_of_fields(SpectrumSettings)),
-        "the multitaper estimate, a mapping of time_halfbandwidth and nfft",
-    ),
-    "structure": _about(
-        Structure | Literal["state_space"],
-        "the [structure](#the-structure-of-the-model) of the model",
-        "`armax`",
-    ),
-    "form": _about(
-        StateSpaceForm, "the [form](structures.md#state-space) of a state-space model", "decided"
-    ),
-    "weighting": _about(
-        OutputWeighting,
-        "[how](structures.md#what-is-minimised) the outputs of a state-space model are weighed",
-        "`determinant`, of output error `noise`",
-    ),
-    "level": _about(bool, "whether a constant is estimated along", "`false`"),
-    "delay": _about(
-        mapping(
-            "Delay",
-            {
-                "orders": _about(
-                    _range(1, 60),
-                    "the orders k of the delay search. Of the models that are estimated for each"
-                    " delay, such as ARMAX(k, k, k, nk)",
-                    "[6, 9]",
-                ),
-                "nk": _about(
-                    _input_ranges(0, 1000),
-                    "the delays in samples. 0 acts on the same sample",
-                    "[0, 3]",
-                ),
-            },
-        ),
-        "the grid of the delay search, a mapping of orders and nk",
-    ),
-    "orders": _about(
-        mapping(
-            "Orders",
-            {
-                "joint": _about(
-                    _range(1, 60) | Literal["auto"],
-                    "the order k of phase one. Of ARMAX(k, k, k, nk) or what [other"
-                    " structures](structures.md) have instead. `auto` is [2 × number of spectral"
-                    " peaks, 14]; the evenly spaced lines of a periodic input are not counted as"
-                    " peaks",
-                    "[6, 14]",
-                ),
-                "nc": _about(_range(0, 60), "the orders of C", "[2, 16]"),
-                "nd": _about(_range(0, 60), "the orders of D", "[0, 4]"),
-                "na": _about(
-                    _range(0, 60), "the orders of A beside F, or of A with several inputs", "[0, 2]"
-                ),
-                "nb": _about(_input_ranges(1, 60), "the orders of B. The last phase", "[2, 16]"),
-                "nf": _about(
-                    _input_ranges(0, 60),
-                    "the orders of F with several inputs",
-                    "follow the order k",
-                ),
-                "nx": _about(
-                    _range(1, 60),
-                    "the numbers of states. Of `ss_oe` and `ss_bj` those of the plant",
-                    "as far as the record goes, at most 20; up to 40 while BIC falls",
-                ),
-            },
-        ),
-        "the ranges of the order search, a mapping of joint, nc, nd, na and nb, with several"
-        " inputs also nf, or of nx for state_space",
-    ),
-    "search": _about(
-        mapping("Search", keys_of_fields(SearchSettings)),
-        "the search for the parameters of a model, a mapping of its settings",
-    ),
-    "focus": _about(
-        Focus, "the errors that the model is [fitted for](structures.md#focus)", "`prediction`"
-    ),
-    "constraints": _about(
-        mapping("Constraints", keys_of_fields(Constraints)),
-        "the [constraints](structures.md#constraints) of the model, a mapping of them",
-    ),
-    "geometry": _about(
-        Geometry,
-        "the structure over which mode shapes are drawn, a mapping of points, lines and channels",
-    ),
-}
-SOURCE_OF_ANY: dict[str, Any] = {
-    "conditions": _about(
-        dict[str, _about(int | float | str, "a number, or a date such as 2026-03-01T12:30")],
-        "names of conditions with their numbers or dates, such as temperature with 21.5. See"
-        " `follow`",
-    )
-}
+ANALYSIS = keys_of_fields(_Analysis)
+SOURCE_OF_ANY = keys_of_fields(_Any)
 _DATASET = _about(
     mapping("Dataset", SOURCE_OF_ANY | SYNTHESIS | SOURCE | ANALYSIS),
     "a mapping with `file` or `synthesis` in it",
 )
-RUN: dict[str, Any] = {
-    "datasets": _about(
-        Annotated[dict[str, _DATASET], Field(min_length=1)],
-        "at least one data set, as `name` with its keys below it, or the [path of a"
-        " table](#many-data-sets)",
-        "required",
-    ),
-    "defaults": _about(
-        mapping("Defaults", ANALYSIS),
-        f"keys of the analysis ({', '.join(ANALYSIS)}). For every data set that does not set them",
-    ),
-    **keys_of_fields(RunSettings),
-}
+
+
+class _Run:
+    datasets: Annotated[dict[str, _DATASET], Field(min_length=1), built_in("required")]
+    """at least one data set, as `name` with its keys below it, or the [path of a
+    table](#many-data-sets)"""
+    defaults: mapping("Defaults", ANALYSIS)
+    """keys of the analysis, of which each data set takes those that it has and does not set"""
+
+
+RUN = keys_of_fields(_Run) | keys_of_fields(RunSettings)
 CONFIGURATION = mapping("Configuration", RUN, ("datasets",))
