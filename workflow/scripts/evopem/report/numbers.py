@@ -133,13 +133,6 @@ def aligned(rows: Sequence[Sequence[str]], gap: str = "  ") -> list[str]:
     ]
 
 
-def p_value(value: float | None) -> str:
-    """A p-value: "p = 0.42", "p < 0.0001"; "p not known" where it is missing."""
-    if not is_number(value):
-        return f"p {NOT_KNOWN}"
-    return "p < 0.0001" if value < 1e-4 else f"p = {number(value, 2)}"
-
-
 def times(amount: int) -> str:
     """How often something is done: "not at all", "once", "twice", "3 times"."""
     return {0: "not at all", 1: "once", 2: "twice"}.get(amount, f"{amount} times")

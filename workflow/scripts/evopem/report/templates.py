@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from evopem.report import numbers
 from evopem.report.equations import symbol
 from evopem.report.sentences import IN_TEMPLATES
+from evopem.validation.checks import p_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 FILTERS = ("number", "fixed", "percent", "count", "raw", "standard_error", "hertz")
 WORDS = (
     *("number", "count", "with_error", "root", "hertz", "enumeration", "plural", "times"),
-    *("p_value", "superscript", "to_its_error"),
+    *("superscript", "to_its_error"),
 )
 
 
@@ -49,6 +50,7 @@ def environment(folder: Path) -> Environment:
     environment.globals.update({name: getattr(numbers, name) for name in WORDS} | IN_TEMPLATES)
     environment.globals.update(
         symbol=symbol,
+        p_value=p_text,
         page_script=_script(folder / "page.js"),
         figures_script=_script(
             folder / "uplot" / "uPlot.iife.min.js",

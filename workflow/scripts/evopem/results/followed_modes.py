@@ -37,6 +37,8 @@ SAME_SHAPE = 0.5
 RECENT = 5
 # Smallest share of a structure's recordings in which a followed mode is found.
 FOUND_IN = 0.2
+# Level at which steps are sought that may describe a change better which is known to be there.
+LENIENT = 0.5
 # Factor of a standard error for a 95 % interval.
 NORMAL_95 = 1.959964
 
@@ -187,11 +189,12 @@ def _course(
     drift = find_drift(values, errors, np.array(places), 0.5 * significance)
     if drift is not None:
         count = math.log(len(modes))
-        of_steps = _left(values, errors, levels.values) + 2 * len(levels.changes) * count
+        steps = levels if levels.changes else find_levels(values, errors, LENIENT)
+        of_steps = _left(values, errors, steps.values) + 2 * len(steps.changes) * count
         of_drift = _left(values, errors, drift.values) + (1 + 2 * (drift.kind != "trend")) * count
         # A step is part of a trend and a trend of steps: the better description is told (BIC).
-        if levels.changes and of_steps < of_drift:
-            drift = None
+        if steps.changes and of_steps < of_drift:
+            levels, drift = steps, None
         else:
             levels = Levels(drift.values, levels.scatter, (), ())
     return levels, drift, constant

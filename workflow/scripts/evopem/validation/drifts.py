@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Estimates beyond the coefficients from which a drift is tested, and shortest period in steps.
+# Estimates beyond the coefficients from which a drift is tested, and shortest period in estimates.
 FEWEST_BEYOND, SHORTEST_PERIOD = 2, 3.0
+# Halvings of the interval in which the scatter is sought.
+BISECTIONS = 40
 
 
 @dataclass(frozen=True)
@@ -52,70 +54,77 @@ def find_drift(
     count, span = len(values), float(places[-1] - places[0])
     if span <= 0.0:
         return None
-    time = (places - places[0]) / span
-    found = []
+    found, time, level = [], (places - places[0]) / span, np.ones((1, count))
     if count >= 2 + FEWEST_BEYOND:
-        fit = _Fit.of(values, standard_errors, [time - 0.5])
-        size, error = float(fit.coefficients[1]), float(np.sqrt(fit.covariance[1, 1]))
-        found.append(Drift("trend", fit.shown, size, error, np.nan, fit.p_value))
-    if count >= 3 + FEWEST_BEYOND:
-        # Whole numbers of periods, of which the first is as long as all places.
-        periods = range(1, int((count - 1) / SHORTEST_PERIOD) + 1)
-        waves = [2.0 * np.pi * k * time * (count - 1) / count for k in periods]
-        fits = [_Fit.of(values, standard_errors, [np.cos(w), np.sin(w)]) for w in waves]
-        if fits:
-            best = int(np.argmin([each.p_value for each in fits]))
-            fit, along = fits[best], fits[best].coefficients[1:]
-            size = float(np.hypot(*along))
-            direction = along / size if size > 0.0 else along
-            error = float(np.sqrt(direction @ fit.covariance[1:, 1:] @ direction))
-            period = span * count / (count - 1) / periods[best]
-            p_value = min(1.0, len(fits) * fit.p_value)  # Bonferroni
-            found.append(Drift("oscillation", fit.shown, size, error, period, p_value))
+        fit = _Fits.of(values, standard_errors, np.stack([level, level * time - 0.5], axis=-1))
+        size, error = fit.coefficients[0, 1], np.sqrt(fit.covariances[0, 1, 1])
+        found.append(Drift("trend", fit.shown(0), float(size), float(error), np.nan, fit.least))
+    # Numbers of periods, a quarter apart: a wave between two of them is found by both.
+    periods = np.arange(1.0, (count - 1) / SHORTEST_PERIOD + 1e-9, 0.25)
+    if count >= 3 + FEWEST_BEYOND and len(periods):
+        waves = 2.0 * np.pi * np.outer(periods, time) * (count - 1) / count
+        designs = np.stack([np.ones_like(waves), np.cos(waves), np.sin(waves)], axis=-1)
+        fit = _Fits.of(values, standard_errors, designs)
+        best = int(np.argmin(fit.p_values))
+        along = fit.coefficients[best, 1:]
+        size = np.hypot(*along)
+        direction = along / max(size, 1e-300)
+        error = np.sqrt(direction @ fit.covariances[best, 1:, 1:] @ direction)
+        period = span * count / (count - 1) / float(periods[best])
+        p_value = min(1.0, len(periods) * fit.least)  # Bonferroni
+        shown = fit.shown(best)
+        found.append(Drift("oscillation", shown, float(size), float(error), period, p_value))
     significant = [each for each in found if each.p_value < 0.5 * significance]
     return min(significant, key=lambda each: each.p_value, default=None)
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
-    """A weighted fit of a level and regressors, and the F test of the regressors."""
+class _Fits:
+    """Weighted fits of a level and regressors (k, n, p), and the F tests of the regressors."""
 
+    designs: Array
     coefficients: Array
-    covariance: Array
-    shown: tuple[float, ...]
-    p_value: float
+    covariances: Array
+    p_values: Array
 
     @classmethod
-    def of(cls, values: Array, errors: Array, regressors: list[Array]) -> _Fit:
+    def of(cls, values: Array, errors: Array, designs: Array) -> _Fits:
         from scipy.special import fdtrc
 
-        design = np.column_stack([np.ones(len(values)), *regressors])
-        free = len(values) - design.shape[1]
-        scatter = _scatter(values, errors, design, free)
-        coefficients, covariance, left = _weighted(values, errors**2 + scatter, design)
-        covariance *= max(1.0, left / free)
-        tested, own = coefficients[1:], covariance[1:, 1:]
-        statistic = float(tested @ np.linalg.solve(own, tested)) / len(tested)
-        p_value = float(fdtrc(len(tested), free, statistic))
-        return cls(coefficients, covariance, tuple((design @ coefficients).tolist()), p_value)
+        free, tested = designs.shape[1] - designs.shape[2], designs.shape[2] - 1
+        scatter = _scatter(values, errors, designs, free)
+        coefficients, covariances, left = _weighted(values, errors**2 + scatter, designs)
+        covariances *= np.maximum(1.0, left / free)[:, None, None]
+        own = coefficients[:, 1:, None]
+        along = np.linalg.solve(covariances[:, 1:, 1:], own)
+        statistics = (own * along).sum(axis=(1, 2)) / tested
+        return cls(designs, coefficients, covariances, fdtrc(tested, free, statistics))
+
+    @property
+    def least(self) -> float:
+        """The smallest probability."""
+        return float(self.p_values.min())
+
+    def shown(self, place: int) -> tuple[float, ...]:
+        """The fitted values of one fit."""
+        return tuple((self.designs[place] @ self.coefficients[place]).tolist())
 
 
-def _weighted(values: Array, variances: Array, design: Array) -> tuple[Array, Array, float]:
-    """Coefficients, their covariance, and the weighted sum of squares that is left."""
-    scaled = design / np.sqrt(variances)[:, None]
-    covariance: Array = np.asarray(np.linalg.inv(scaled.T @ scaled), dtype=float)
-    coefficients: Array = np.asarray(covariance @ (scaled.T @ (values / np.sqrt(variances))))
-    left = float(np.sum((values - design @ coefficients) ** 2 / variances))
-    return coefficients, covariance, left
+def _weighted(values: Array, variances: Array, designs: Array) -> tuple[Array, Array, Array]:
+    """Coefficients, their covariances, and the weighted sums of squares that are left."""
+    weighted = np.swapaxes(designs / variances[..., None], 1, 2)
+    covariances: Array = np.asarray(np.linalg.inv(weighted @ designs), dtype=float)
+    coefficients: Array = (covariances @ (weighted @ values)[..., None])[..., 0]
+    fitted = (designs @ coefficients[..., None])[..., 0]
+    return coefficients, covariances, np.sum((values - fitted) ** 2 / variances, axis=1)
 
 
-def _scatter(values: Array, errors: Array, design: Array, free: int) -> float:
-    """Variance beyond the errors with which the sum of squares left is its expectation, or 0."""
-    from scipy.optimize import brentq
-
-    def surplus(scatter: float) -> float:
-        return _weighted(values, errors**2 + scatter, design)[2] - free
-
-    if surplus(0.0) <= 0.0:
-        return 0.0
-    return float(brentq(surplus, 0.0, float(np.sum((values - values.mean()) ** 2)), rtol=1e-9))
+def _scatter(values: Array, errors: Array, designs: Array, free: int) -> Array:
+    """Variance beyond the errors, (k, 1), with which what is left is its expectation, or 0."""
+    low = np.zeros((len(designs), 1))
+    high = np.full_like(low, float(np.sum((values - values.mean()) ** 2)))
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        above = _weighted(values, errors**2 + middle, designs)[2][:, None] > free
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    return low
