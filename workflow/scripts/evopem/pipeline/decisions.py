@@ -36,6 +36,11 @@ COLUMNS = (
     *("simulation_error_percent", "fitted_level_error_percent", "prediction_error_percent"),
     *("selected", "reason"),
 )
+_OF_CANDIDATES = ("max_pole_radius", "max_noise_zero_radius", "at_stability_bound", "pruned")
+_OF_SEARCHES = (
+    *("evaluations", "n_restarts", "n_confirming", "n_local_optima", "n_multistart"),
+    "undiscovered_probability",
+)
 Row = dict[str, Any]
 
 
@@ -58,25 +63,15 @@ def _of_phases(files: DatasetFiles, phases: tuple[str, ...]) -> list[Row]:
 
 
 def _of_phase(candidate: PhaseCandidate, selected: bool) -> Row:
-    orders, criteria, diagnostics = candidate.orders, candidate.criteria, candidate.diagnostics
+    orders = candidate.orders
     return {
         "phase": candidate.phase,
         "model": str(orders),
         **{name: getattr(orders.single, name) for name in ORDER_NAMES},
-        "rss": criteria.rss,
-        "bic": criteria.bic,
-        "objective": criteria.objective,
-        "evaluations": diagnostics.evaluations,
-        "max_pole_radius": candidate.max_pole_radius,
+        **{name: getattr(candidate.criteria, name) for name in ("rss", "bic", "objective")},
+        **{name: getattr(candidate, name) for name in _OF_CANDIDATES},
+        **{name: getattr(candidate.diagnostics, name) for name in _OF_SEARCHES},
         "selected": selected,
-        "max_noise_zero_radius": candidate.max_noise_zero_radius,
-        "n_restarts": diagnostics.n_restarts,
-        "n_confirming": diagnostics.n_confirming,
-        "n_local_optima": diagnostics.n_local_optima,
-        "at_stability_bound": candidate.at_stability_bound,
-        "n_multistart": diagnostics.n_multistart,
-        "undiscovered_probability": diagnostics.undiscovered_probability,
-        "pruned": candidate.pruned,
     }
 
 
@@ -93,26 +88,22 @@ def _searched(
     searches: Sequence[StructureSearch], comparison: Comparison, choice: Choice
 ) -> Iterator[Row]:
     """The orders of all structures, and those that were refined; not all of them are scored."""
-    names = {each.name for search in searches for each in search.candidates}
-    refined = [each for each in comparison.candidates if each.name not in names]
-    for step, listed in (
-        ("order", [each for search in searches for each in search.candidates]),
-        ("orders of each input", refined),
-    ):
-        for each in listed:
-            row: Row = {
-                "step": step,
-                "structure": each.structure,
-                "order": each.order,
-                "model": each.name,
-                "bic": each.bic,
-                "selected": each.name == choice.candidate.name,
-                "reason": _reason(each, choice),
-            }
-            if each.is_scored:
-                scores = vars(each.scores).items()
-                row |= {f"{kind}_error_percent": score for kind, score in scores}
-            yield row
+    searched = {each.name: each for search in searches for each in search.candidates}
+    refined = [each for each in comparison.candidates if each.name not in searched]
+    for each in (*(each for search in searches for each in search.candidates), *refined):
+        row: Row = {
+            "step": "order" if each.name in searched else "orders of each input",
+            "structure": each.structure,
+            "order": each.order,
+            "model": each.name,
+            "bic": each.bic,
+            "selected": each.name == choice.candidate.name,
+            "reason": _reason(each, choice),
+        }
+        if each.is_scored:
+            scores = vars(each.scores).items()
+            row |= {f"{kind}_error_percent": score for kind, score in scores}
+        yield row
 
 
 def _reason(candidate: Candidate, choice: Choice) -> str:
