@@ -213,10 +213,10 @@ def test_coloured_noise_does_not_deceive_the_intervals_of_an_output_error_model(
         truth = PolynomialModel(*TRUTHS["oe"], nk=(1, 3), structure="oe")
         noise = lfilter([1.0], [1.0, -0.95], generator.standard_normal(600))
         y = truth.simulate(u) + noise * 0.2 * truth.simulate(u).std() / noise.std()
-        errors, scales = scaled_errors(errors_of([Segment(u, y, 0)], truth.orders))
+        errors, units = scaled_errors(errors_of([Segment(u, y, 0)], truth.orders))
         problem = PolynomialProblem(errors, [truth], own_starts=False)
         point = problem.descend(problem.starts()[:1]).points[0]
-        result = SearchResult(point * scales, 0.0, SearchDiagnostics.none())
+        result = SearchResult(units.restored(point), 0.0, SearchDiagnostics.none())
         model = describe(errors_of([Segment(u, y, 0)], truth.orders), result, 1.0).model
 
         def gains(parameters, model=model):

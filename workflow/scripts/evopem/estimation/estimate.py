@@ -328,7 +328,7 @@ def _searched(
     sampling_rate: float,
 ) -> PolynomialEstimate:
     """The optimum of one-step prediction without constraints."""
-    scaled, scales = scaled_errors(errors)
+    scaled, units = scaled_errors(errors)
     problem = problem_of(scaled)
     o, recombine = errors.orders, None
     if isinstance(problem, PolynomialProblem):
@@ -337,11 +337,13 @@ def _searched(
         key = (o.na, o.single.nb, o.nc, o.single.nk)
     if isinstance(problem, PolynomialProblem) and o.inputs > 1 and earlier is None:
         earlier = from_estimates(problem)
-        earlier = earlier and replace(earlier, point=earlier.point * scales)
+        earlier = earlier and replace(earlier, point=units.restored(earlier.point))
         if settings.evaluations == 0 and earlier is not None:
             return describe(errors, earlier, sampling_rate, shortest=True)
-    found = continued_search(problem, scales, key, settings, earlier, log, recombine, target)
-    del problem, scaled  # their tables are as large as those that follow
+    found = continued_search(
+        *(problem, units.restored, key, settings, earlier, log, recombine, target)
+    )
+    del problem, scaled, units  # their tables are as large as those that follow
     return describe(errors, found, sampling_rate, shortest=True)
 
 
@@ -365,11 +367,11 @@ def descended_from(
     """The estimate after a descent from a smaller model, pooled with an earlier search."""
     with one_blas_thread():
         errors = prediction_errors(data, orders, settings, window, level)
-        scaled, scales = scaled_errors(errors)
-        models = [in_scaled_units(start, scaled, scales)]
+        scaled, units = scaled_errors(errors)
+        models = [in_scaled_units(start, units)]
         starts = PolynomialProblem(scaled, models, own_starts=False).starts()
         if not len(starts):
             return describe(errors, earlier, data.sampling_rate, shortest=True)
         ended = descended(problem_of(scaled), starts[0])
-        ended = replace(ended, point=ended.point * scales)
+        ended = replace(ended, point=units.restored(ended.point))
         return describe(errors, pooled(earlier, ended), data.sampling_rate, shortest=True)

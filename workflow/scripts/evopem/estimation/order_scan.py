@@ -184,12 +184,12 @@ def scanned_orders(
     for order, wanted in orders.items():
         with one_blas_thread():
             errors = _errors_of(recording, wanted, settings, start)
-            scaled, scales = scaled_errors(errors)
+            scaled, units = scaled_errors(errors)
             found = _descended(scaled, smaller[-2:], WIDTH)
             if found is None:
                 continue
             smaller.append(model_of(wanted, found.point))
-            result = replace(found, point=found.point * scales)
+            result = replace(found, point=units.restored(found.point))
             estimate = _with_bic(describe(errors, result, recording.sampling_rate), errors)
         if log is not None:
             log(f"{wanted}: {estimate.objective:.9g} %")
@@ -226,15 +226,15 @@ def _refitted(
     model: PolynomialModel, recording: Recording, settings: SearchSettings
 ) -> tuple[PolynomialErrors, SearchResult]:
     errors = _errors_of(recording, model.orders, settings, model.orders.first_residual)
-    scaled, scales = scaled_errors(errors)
-    models = [in_scaled_units(model, scaled, scales)]
+    scaled, units = scaled_errors(errors)
+    models = [in_scaled_units(model, units)]
     starts = PolynomialProblem(scaled, models, own_starts=False).starts()[:1]
     if not len(starts):
         raise NoModelError("the descent found no finite errors")
     descents = PolynomialProblem(scaled).descend(starts)
     value = float(descents.values[0])
     diagnostics = SearchDiagnostics.of_descents(value, descents.evaluations, 1)
-    return errors, SearchResult(descents.points[0] * scales, value, diagnostics)
+    return errors, SearchResult(units.restored(descents.points[0]), value, diagnostics)
 
 
 def reduced_orders(

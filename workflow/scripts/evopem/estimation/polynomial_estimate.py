@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow
+from evopem.errors import InputError
 from evopem.estimation.criteria import Criteria, criteria_of, lies_at_bound
 from evopem.estimation.pem.covariance import (
     coloured_covariance,
@@ -16,10 +17,11 @@ from evopem.estimation.pem.covariance import (
     innovation_variance,
     is_coloured,
     pseudo_inverse_factor,
+    scores_of,
 )
 from evopem.estimation.pem.least_squares import triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.search.problem import SAME_OPTIMUM, SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.polynomials import max_root_radius
@@ -28,6 +30,9 @@ Array = NDArray[np.float64]
 
 # Structures that claim nothing of the noise, or whose noise model may be chosen too small.
 WITHOUT_NOISE_MODEL = ("fir", "oe", "general")
+
+# Objective, percent, that rounding alone makes of records without errors.
+ROUNDING = 1e-8
 
 
 @dataclass(frozen=True)
@@ -135,7 +140,8 @@ def describe(
     triangle = triangle_of(errors.jacobian_blocks(point))
     if shortest:
         found = minimum_norm_point(errors, point, triangle)
-        if not np.array_equal(found, point):
+        before, after = errors.values(np.array([point, found]))
+        if after <= before * (1.0 + SAME_OPTIMUM) and not np.array_equal(found, point):
             point, triangle = found, triangle_of(errors.jacobian_blocks(found))
     window, outputs = errors.window, errors.scored_outputs()
     residuals = [own.residuals(at) for own, at in errors.of_stretches(point)]
@@ -144,15 +150,27 @@ def describe(
         each[: window.residual_start] = np.nan
     levels = tuple(point[parts["level"]].tolist())
     counts = errors.residual_counts()
+    criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
+    if shortest and not criteria.objective <= result.value * (1.0 + SAME_OPTIMUM) + ROUNDING:
+        raise InputError(
+            "search",
+            f"the errors of the best {errors.orders} are lost in rounding: its objective is "
+            f"{criteria.objective:.6g} %, and that of its search was {result.value:.6g} %",
+            "lower the orders",
+        )
+    covariance = covariance_of(errors, point, counted, outputs, counts, triangle)
     model = model_of(
         errors.orders,
         point,
         sampling_rate=sampling_rate,
         level=levels[0] if levels else 0.0,
         noise_variance=innovation_variance(counted, errors.dimension),
-        covariance=covariance_of(errors, point, counted, outputs, counts, triangle),
+        covariance=covariance,
     )
-    criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
+    if covariance is not None and _plant_at_bound(errors, model):
+        step = _step_beyond(errors, point, counted, triangle)[: errors.orders.parameters]
+        factor = np.column_stack([covariance.factor, step])
+        model = replace(model, covariance=replace(covariance, factor=factor))
     return PolynomialEstimate(
         model=model,
         criteria=criteria,
@@ -165,6 +183,23 @@ def describe(
         focus_objective=criteria.objective,
         levels=levels,
     )
+
+
+def _step_beyond(
+    errors: PolynomialErrors, point: Array, residuals: Array, triangle: Array
+) -> Array:
+    """From a point that a bound holds to the optimum beyond, to first order, (n,).
+
+    It counts as an error of the estimates: they cannot follow the samples across the bound.
+    """
+    scores = scores_of(residuals, errors.dimension, errors.objective)
+    inverse, _ = pseudo_inverse_factor(triangle)
+    gradient, first = np.zeros(errors.dimension), 0
+    for block in errors.jacobian_blocks(point):
+        gradient += block.T @ scores[first : first + len(block)]
+        first += len(block)
+    step: Array = -inverse @ (inverse.T @ gradient)
+    return np.where(np.isfinite(step), step, 0.0)
 
 
 def minimum_norm_point(errors: PolynomialErrors, point: Array, triangle: Array) -> Array:
@@ -189,11 +224,13 @@ def minimum_norm_point(errors: PolynomialErrors, point: Array, triangle: Array) 
 
 def roots_at_bound(errors: PolynomialErrors, model: PolynomialModel) -> bool:
     """Whether a root of A, F, C or D lies at the bound of the search."""
-    plant, noise = (
-        max(max_root_radius(each[1:]) for each in polynomials)
-        for polynomials in ((model.A, *model.F), (model.C, model.D))
-    )
-    return lies_at_bound(plant, errors.plant_radius) or lies_at_bound(noise, errors.noise_radius)
+    noise = max(max_root_radius(each[1:]) for each in (model.C, model.D))
+    return _plant_at_bound(errors, model) or lies_at_bound(noise, errors.noise_radius)
+
+
+def _plant_at_bound(errors: PolynomialErrors, model: PolynomialModel) -> bool:
+    plant = max(max_root_radius(each[1:]) for each in (model.A, *model.F))
+    return lies_at_bound(plant, errors.plant_radius)
 
 
 def covariance_of(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,22 +116,54 @@ def check_search_settings(settings: SearchSettings) -> None:
         )
 
 
-def scaled_errors(errors: PolynomialErrors) -> tuple[PolynomialErrors, Array]:
-    """The problem with signals scaled by powers of two, and the scales of its parameters."""
+@dataclass(frozen=True, eq=False)
+class Units:
+    """Units of the points of a scaled problem, and the input means that it leaves out.
+
+    A large mean would ask for states and a level so large that their weak priors count, and that
+    hide the rest: in ``F x = -B u + g`` and ``v = A y + x - level`` it adds a constant to x.
+    """
+
+    errors: PolynomialErrors  # scaled
+    scales: Array  # (n,)
+    means: Array  # (m,), of the scaled inputs
+
+    def restored(self, point: Array) -> Array:
+        """A point in the units of the signals."""
+        return self._moved(point, 1.0) * self.scales
+
+    def taken(self, point: Array) -> Array:
+        """The scaled point of a point in the units of the signals."""
+        return self._moved(point / self.scales, -1.0)
+
+    def _moved(self, point: Array, sign: float) -> Array:
+        moved, parts, o = point.copy(), self.errors.parts(), self.errors.orders
+        states = moved[parts["plant"]].reshape(len(self.errors.stretches), -1)
+        for i, mean in enumerate(self.means):
+            f = point[o.part("f", i)]
+            constant = sign * mean * point[o.part("b", i)].sum() / (1.0 + f.sum())
+            moved[parts["level"]] -= constant
+            before = sum(o.nf[:i])
+            states[:, before : before + o.nf[i]] += constant * np.cumsum(f[::-1])[::-1]
+        return moved
+
+
+def scaled_errors(errors: PolynomialErrors) -> tuple[PolynomialErrors, Units]:
+    """The problem with signals scaled by powers of two, beside levels without input means."""
     inputs, outputs = errors.signals
     output_scale = power_of_two_scale(outputs)
-    input_scales = np.array([power_of_two_scale(each) for each in inputs.T])
+    means = inputs.mean(axis=0) if errors.level else np.zeros(inputs.shape[1])
+    input_scales = np.array([power_of_two_scale(each) for each in (inputs - means).T])
     scales, parts = np.ones(errors.dimension), errors.parts()
     scales[parts["b"]] = output_scale / np.repeat(input_scales, errors.orders.nb)
     for name in ("level", "plant", "noise"):
         scales[parts[name]] = output_scale
-    return errors.scaled(input_scales, output_scale), scales
+    scaled = errors.scaled(means, input_scales, output_scale)
+    return scaled, Units(scaled, scales, means / input_scales)
 
 
-def in_scaled_units(
-    model: PolynomialModel, errors: PolynomialErrors, scales: Array
-) -> PolynomialModel:
+def in_scaled_units(model: PolynomialModel, units: Units) -> PolynomialModel:
     """A model in the units of a scaled problem, whose numerators are divided by their scales."""
-    part = errors.orders.part
-    of_inputs = tuple(b / scales[part("b", i)][0] for i, b in enumerate(model.B))
+    part = units.errors.orders.part
+    of_inputs = tuple(b / units.scales[part("b", i)][0] for i, b in enumerate(model.B))
     return replace(model, B=of_inputs, covariance=None)

@@ -30,7 +30,7 @@ from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.priors import Priors
 from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe
-from evopem.estimation.prediction_errors import scaled_errors
+from evopem.estimation.prediction_errors import Units, scaled_errors
 from evopem.estimation.search.constrained_errors import ConstrainedErrors
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
@@ -144,12 +144,13 @@ def prediction_estimate(
     task: EstimationTask, horizon: int | None
 ) -> tuple[PolynomialEstimate, Fitted]:
     """The estimate for errors of k steps, or of simulation, and what it was fitted by."""
-    scaled, scales = scaled_errors(task.errors)
+    scaled, units = scaled_errors(task.errors)
+    scales = units.scales
     problem = PolynomialProblem(scaled)
     k_errors = errors_ahead(scaled, horizon)
     # Before the search, because it refuses constraints that no model meets.
     parameters, priors = coordinates_of(task, scaled, task.constraints, scales)
-    free = _unconstrained(task, problem, horizon, scales)
+    free = _unconstrained(task, problem, horizon, units)
     weight = weight_of_priors(scaled, priors, k_errors.residuals(free.point))
     found, active, tangent = _constrained_optimum(
         *(task, problem, horizon, free, parameters, priors, weight)
@@ -162,7 +163,7 @@ def prediction_estimate(
     objective, without = (
         _objective_of(scaled, k_errors.residuals(point)) for point in (found.point, free.point)
     )
-    unscaled = replace(found, point=found.point * scales)
+    unscaled = replace(found, point=units.restored(found.point))
     result = describe(task.errors, unscaled, task.sampling_rate)
     covariance = covariance and of_coefficients(covariance, task.orders.parameters, scales)
     if found is free and not active and horizon == 1:
@@ -207,10 +208,10 @@ def _constrained_optimum(
 
 
 def _unconstrained(
-    task: EstimationTask, problem: PolynomialProblem, horizon: int | None, scales: Array
+    task: EstimationTask, problem: PolynomialProblem, horizon: int | None, units: Units
 ) -> SearchResult:
     """The optimum without constraints, but with unstable plants where these are allowed."""
-    found = _one_step_optimum(task, problem, scales)
+    found = _one_step_optimum(task, problem, units)
     if horizon == 1 and task.constraints.stability == "required":
         return found
     scaled = problem.errors
@@ -218,14 +219,14 @@ def _unconstrained(
     starts = np.concatenate(
         [
             found.point[None, :],
-            problem.estimates(),
+            problem.estimates[0],
             problem.random(RANDOM_STARTS, task.generator(1)),
         ]
     )
     if task.constraints.stability == "required":
         # k-step errors are not linear in the states and B alone: descents follow at once.
         return multistart(k_errors, scaled.repair(starts), found.value)
-    parameters, priors = coordinates_of(task, scaled, Constraints(stability="free"), scales)
+    parameters, priors = coordinates_of(task, scaled, Constraints(stability="free"), units.scales)
     wide = without_plant_radius(scaled)
     constrained = ConstrainedErrors(errors_ahead(wide, horizon), parameters, priors, 0.0)
     starts = np.concatenate([starts, _least_squares_start(wide)])
@@ -235,7 +236,7 @@ def _unconstrained(
 
 
 def _one_step_optimum(
-    task: EstimationTask, problem: PolynomialProblem, scales: Array
+    task: EstimationTask, problem: PolynomialProblem, units: Units
 ) -> SearchResult:
     """The optimum of one-step prediction: searched, or refined where it is known."""
     if task.optimum is None:
@@ -248,7 +249,7 @@ def _one_step_optimum(
         )
         return found if known is None else pooled(known, found)
     # The search of ARMAX models counts other first residuals.
-    ended = descended(problem, task.optimum.point / scales)
+    ended = descended(problem, units.taken(task.optimum.point))
     return replace(ended, diagnostics=task.optimum.diagnostics)
 
 
@@ -264,7 +265,7 @@ def _starts(
 ) -> Array:
     """Coordinates from which descents under constraints start, (M, k)."""
     parameters, generator = constrained.parameters, task.generator(2)
-    points = np.concatenate([free[None, :], problem.estimates()])
+    points = np.concatenate([free[None, :], problem.estimates[0]])
     points = np.concatenate([points, _with_expected_modes(points[0], constrained.priors)])
     z = [parameters.unbounded(parameters.coordinates(point)) for point in points]
     z += [

@@ -26,7 +26,7 @@ from evopem.estimation.pem.covariance import (
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
-from evopem.estimation.prediction_errors import scaled_errors
+from evopem.estimation.prediction_errors import Units, scaled_errors
 from evopem.estimation.prediction_estimate import (
     EstimationTask,
     coordinates_of,
@@ -65,10 +65,11 @@ def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
     plant_task = replace(task, errors=plant_errors, constraints=of_plant, optimum=None)
     plant, fit = prediction_estimate(plant_task, None if shared else 1)
     errors = plant_errors.of_orders(o)  # on the same stretches
-    scaled, scales = scaled_errors(errors)
+    scaled, units = scaled_errors(errors)
+    scales = units.scales
     problem = PolynomialProblem(scaled)
     fitted = [
-        (_noise_start(problem, scales, plant, division), division)
+        (_noise_start(problem, units, plant, division), division)
         for division in _divisions(plant.model, o, of_plant, task.sampling_rate)
     ]
     values = [float(problem.values(point[None, :])[0]) for point, _ in fitted]
@@ -79,7 +80,7 @@ def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
         if best is None or found.value < best.value:
             best, division = found, divided
     assert best is not None
-    unscaled = replace(plant.search, point=best.point * scales, value=plant.search.value)
+    unscaled = replace(plant.search, point=units.restored(best.point), value=plant.search.value)
     result = describe(errors, unscaled, task.sampling_rate)
     covariance = _simulation_covariance(task, scaled, best.point, fit, scales, division)
     effect = plant.constraints
@@ -162,7 +163,7 @@ def _divisions(
 
 
 def _noise_start(
-    problem: PolynomialProblem, scales: Array, plant: PolynomialEstimate, division: Plant
+    problem: PolynomialProblem, units: Units, plant: PolynomialEstimate, division: Plant
 ) -> Array:
     """A scaled point with a plant, and C and D by Hannan & Rissanen (1982)."""
     errors, model, (a, f) = problem.errors, plant.model, division
@@ -170,10 +171,12 @@ def _noise_start(
     point[parts["a"]] = a[1:]
     for i, own in enumerate(f):
         point[o.part("f", i)] = own[1:]
-    point[parts["b"]] = np.concatenate(model.B) / scales[parts["b"]]
+    point[parts["b"]] = np.concatenate(model.B)
     levels = plant.levels or (model.level,) * errors.levels
     at_one = float(np.sum(a)) / float(np.sum(model.A))
-    point[parts["level"]] = np.array(levels) * at_one / scales[parts["level"]]
+    point[parts["level"]] = np.array(levels) * at_one
+    point = units.taken(point)
+    point[parts["plant"]] = 0.0
     states = errors.linear("plant", "noise")
     if states.any():
         point = solve_linear(errors, point[None, :], states, LINEAR_STEPS[errors.objective])[0]
@@ -251,9 +254,7 @@ def _simulation_covariance(
     held = np.r_[parts["a"], parts["b"], parts["f"], parts["level"]]
     # C and D are linear in their coordinates, wherever these are.
     none = np.zeros(len(parameters.codes))
-    bases = [
-        parameters.polynomials[name].part(none[parameters.own[name]]).derivatives for name in "cd"
-    ]
+    bases = [parameters.polynomials[name].part(none[parameters.own[name]])[1] for name in "cd"]
     second = Fitted(
         jacobian[:, columns],
         block_diag(*bases, np.eye(len(columns) - o.nc - o.nd)),

@@ -13,9 +13,7 @@ from evopem.estimation.pem.kernels.bfgs import State, advance, state_at, trial_p
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
-Evaluate = Callable[[Array, Rows], tuple[Array, Array]]
 InverseHessians = Callable[[Array, Rows], Array]
-Advance = Callable[[State, int, int], tuple[int, int]]
 
 # Trials after which the inverse Hessians are approximated anew, for all starts at once: they share
 # the passes of that as well.  Not sooner: what a start has learnt of the land on its way leads it
@@ -34,7 +32,7 @@ class Descent:
 
 
 def descend(
-    evaluate: Evaluate,
+    evaluate: Callable[[Array, Rows], tuple[Array, Array]],
     starts: Array,
     inverse_hessians: InverseHessians,
     max_iterations: int,
@@ -42,20 +40,15 @@ def descend(
     refresh: bool = True,
     wait: float | None = None,
 ) -> Descent:
-    """Minimise from each row of ``starts`` by BFGS with a weak Wolfe line search.
+    """Minimise from each row of ``starts`` by BFGS, with a line search that brackets and bisects
+    (Lewis & Overton 2013) and serves objectives with corners; points of infinite value only shorten
+    the step.
 
-    The line search brackets and bisects as Lewis & Overton (2013) do for objectives with corners,
-    so it serves the absolute objective as well as the quadratic one; points of infinite value
-    (outside the stability region) only shorten the step.
-
-    ``evaluate``: ``evaluate(points, rows)``: values (m,) and gradients (m, n) at the (m, n) points,
-    which belong to the starts ``rows``; infinite values allowed.  ``starts`` (M, n).
-    ``inverse_hessians``: ``inverse_hessians(points, rows)``: first approximations of the inverse
-    Hessian, (m, n, n).  ``max_iterations``: accepted steps a start may take.  ``tolerance``: A
-    start has converged once the decrease its quadratic model promises, and the decrease it last
-    made, are below this fraction of its value.  ``refresh``: whether ``inverse_hessians`` knows
-    more on the way than at the start, and is asked again.  ``wait``: how much longer the rest may
-    take once half of the starts have ended, in what those took; by default all go on to their ends.
+    ``evaluate(points, rows)``: values (m,) and gradients (m, n) at points that belong to the starts
+    ``rows``.  ``inverse_hessians(points, rows)``: approximations (m, n, n), asked again on the way
+    with ``refresh``.  ``tolerance``: of the decreases promised and last made, relative to the
+    value.  ``wait``: how much longer the rest may take once half of the starts have ended, in what
+    those took.
     """
 
     def tried(state: State, trials: int, few: int) -> tuple[int, int]:
@@ -78,18 +71,15 @@ def descend(
 
 
 def descend_by(
-    advance: Advance,
+    advance: Callable[[State, int, int], tuple[int, int]],
     starts: Array,
     inverse_hessians: InverseHessians,
     refresh: bool = True,
     wait: float | None = None,
 ) -> Descent:
-    """Minimise as :func:`descend` does an objective that comes with the loop over its trials.
-
-    ``advance``: ``advance(state, trials, few)`` lets the active descents of a :class:`State` try
-    points, until they have made so many trials or no more than ``few`` are active.  No trials are
-    the values and gradients of the starts.  Returns the trials and the evaluations that were made.
-    """
+    """Minimise as :func:`descend` does an objective that comes with the loop over its trials:
+    ``advance(state, trials, few)`` lets active descents try points until so many trials are made,
+    or no more than ``few`` are active.  No trials are values and gradients of the starts."""
     state, count = state_at(starts.copy()), len(starts)
     advance(state, 0, 0)
     line, evaluations = state.line, count

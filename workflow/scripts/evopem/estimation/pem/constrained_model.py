@@ -30,13 +30,10 @@ def constrained_parameters(
     rest: int = 0,
     levels: Sequence[float] | Array = (),
 ) -> ConstrainedParameters:
-    """Coordinates of the points that meet checked constraints.
+    """Coordinates of the points that meet checked constraints; InputError where no polynomial does.
 
-    ``radius``: largest radius of poles where stability is required.  ``b_scales``: what B_i of a
-    point are to be multiplied by, for the units of the constraints; 1 by default.  ``rest``: levels
-    and states of a point.  ``levels``: those of them that are fixed, in the units of a point.
-    InputError when no polynomial has the fixed poles and coefficients, or no pole the frequencies.
-    """
+    ``radius``: largest of poles where stability is required.  ``b_scales``: what B_i of a point are
+    to be multiplied by.  ``rest``: levels and states of a point, of which ``levels`` are fixed."""
     o = orders
     names = tuple(names) or ("",) * o.inputs
     paths = [(constraints.of_input(name), o.of_input(k)) for k, name in enumerate(names)]
@@ -75,13 +72,9 @@ def _numerator(
 def equalities(constraints: Constraints) -> list[str]:
     """Names of the equalities and priors among constraints."""
     names = [f"fixed_coefficients.{name}" for name in constraints.fixed_coefficients]
-    if constraints.fixed_poles:
-        names.append("fixed_poles")
-    if constraints.static_gain is not None:
-        names.append("static_gain")
-    if constraints.priors:
-        names.append("priors")
-    return names
+    names += ["fixed_poles"] * bool(constraints.fixed_poles)
+    names += ["static_gain"] * (constraints.static_gain is not None)
+    return names + ["priors"] * bool(constraints.priors)
 
 
 def priors_of(
@@ -95,21 +88,13 @@ def priors_of(
     terms = []
     b_scale = float(b_scales[0]) if len(b_scales) else 1.0
     for prior in constraints.priors:
-        scale = 1.0
-        if prior.quantity in ("static_gain", "frequency", "damping"):
-            if prior.quantity == "static_gain":
-                scale = b_scale
-            near = prior.mean if prior.mode_hz is None else prior.mode_hz
-            index, quantity = 0, prior.quantity
-        else:
-            found = coefficient_index(prior.quantity, orders)
-            assert found is not None
-            name, position = found
-            scale = b_scale if name == "b" else 1.0
-            index, quantity, near = orders.part(name).start + position, "coefficient", 0.0
-        terms.append(
-            PriorTerm(quantity, prior.mean / scale, prior.standard_deviation / scale, index, near)
-        )
+        quantity, index = prior.quantity, 0
+        near = prior.mean if prior.mode_hz is None else prior.mode_hz
+        scale = b_scale if quantity == "static_gain" or quantity[0] == "b" else 1.0
+        if (found := coefficient_index(quantity, orders)) is not None:
+            quantity, index = "coefficient", orders.part(found[0]).start + found[1]
+        mean, deviation = prior.mean / scale, prior.standard_deviation / scale
+        terms.append(PriorTerm(quantity, mean, deviation, index, near))
     return Priors(tuple(terms), parameters.parts, sampling_rate)
 
 
@@ -144,14 +129,12 @@ def pole_region(
 ) -> PoleRegion:
     damping = constraints.min_damping_ratio or 0.0
     decay = damping / float(np.sqrt(1.0 - damping**2))
-    whole = constraints.frequency_band
     in_radians = 2.0 * np.pi / sampling_rate
-    bands: list[Band] = [(0.0, np.inf)]
-    if whole is not None:
-        bands = [(whole[0] * in_radians, whole[1] * in_radians)]
-    whole_band = bands[0]
-    for low, high in constraints.forbidden_bands:
-        low, high = low * in_radians, high * in_radians
+    low, high = constraints.frequency_band or (0.0, np.inf)
+    whole_band = low * in_radians, high * in_radians
+    bands: list[Band] = [whole_band]
+    forbidden = [(low * in_radians, high * in_radians) for low, high in constraints.forbidden_bands]
+    for low, high in forbidden:
         bands = [
             part
             for lower, upper in bands
@@ -162,10 +145,7 @@ def pole_region(
     real: Band | None = None
     if constraints.real_poles != "none":
         negative = constraints.real_poles == "any" and np.isinf(bands[-1][1] if bands else 0.0)
-        negative = negative and not any(
-            low * in_radians < np.pi < high * in_radians
-            for low, high in constraints.forbidden_bands
-        )
+        negative = negative and not any(low < np.pi < high for low, high in forbidden)
         real = (-min(radius, float(np.exp(-decay * np.pi))) if negative else 0.0, radius)
     region = PoleRegion(
         radius=radius,
@@ -245,9 +225,7 @@ def _linear(
 def _gain(constraints: Constraints, b_scale: float) -> Gain | None:
     """The static gain's bounds in the units of a point."""
     gain, bounds = constraints.gain_of(), constraints.gain_bounds_of()
-    if gain is not None:
-        bounds = gain, gain
+    bounds = bounds if gain is None else (gain, gain)
     if bounds is None:
         return None
-    lower, upper = (None if bound is None else bound / b_scale for bound in bounds)
-    return Gain(lower, upper)
+    return Gain(*(None if bound is None else bound / b_scale for bound in bounds))

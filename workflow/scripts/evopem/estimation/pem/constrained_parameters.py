@@ -1,10 +1,8 @@
-"""Points of a polynomial model that meet hard constraints, as functions of free coordinates.
+"""Points of a polynomial model that meet hard constraints, as functions of free coordinates z.
 
-A *point* is that of :mod:`.polynomial_objective`; *coordinates* z are unbounded numbers.  Bounded
-quantities follow from them by ``(1 + sin z) / 2``, whose ends are regular minima where the
-objective would fall further outside (James & Roos 1975, MINUIT).  Those of each polynomial are in
-:mod:`.constrained_polynomials`.  With a static gain g, ``B(1) = g A(1) F(1)`` gives the mean of B's
-free coefficients, and the free coordinates their differences.
+Bounded quantities are ``(1 + sin z) / 2``, whose ends are regular minima where the objective would
+fall further outside (James & Roos 1975, MINUIT).  With a static gain g, ``B(1) = g A(1) F(1)``
+gives the mean of B's free coefficients, and the free coordinates their differences.
 """
 
 from __future__ import annotations
@@ -70,13 +68,9 @@ class Gain:
 
 
 class GivenGain(NamedTuple):
-    """A static gain that determines B.
-
-    B is the offset and basis of coefficients that sum to zero; its free ones share the rest.
-
-    ``shared`` (nb,): 1 / count at the free coefficients of B, and zero elsewhere.  ``f``: name of
-    the F of this B.
-    """
+    """A static gain that determines B.  B is the offset and basis of coefficients that sum to zero;
+    its free ones share the rest.  ``shared`` (nb,): 1 / count at the free coefficients of B, and
+    zero elsewhere.  ``f``: name of the F of this B."""
 
     gain: Gain
     shared: Array
@@ -84,12 +78,9 @@ class GivenGain(NamedTuple):
 
 
 class ConstrainedParameters:
-    """Coordinates of the points of a model that meet hard constraints.
-
-    ``polynomials``: in the order of a point.  Those of the plant have names that begin with ``a``
-    or ``f``, those of the numerators with ``b``; ``rest`` are levels and states.  ``gains``: by the
-    names of numerators.
-    """
+    """Coordinates of the points of a model that meet hard constraints.  ``polynomials``: in the
+    order of a point, a and f of the plant, b of numerators, ``rest`` of levels and states.
+    ``gains``: by the names of numerators."""
 
     def __init__(
         self,
@@ -146,17 +137,22 @@ class ConstrainedParameters:
             own = self.own[name]
             point[where], derivatives[where, own] = self.polynomials[name].part(bounded[own])
         for name, given in self.gains.items():
-            own = self.own[_gain_of(name)]
+            own, b = self.own[_gain_of(name)], self.parts[name]
             g, by_coordinate = given.gain.value(bounded[own])
-            at_a, at_f = (1.0 + float(np.sum(point[self.parts[each]])) for each in ("a", given.f))
-            b = self.parts[name]
-            missing = g * at_a * at_f - float(np.sum(point[b]))
+            at_one, change = self._at_one(given, point, derivatives)
+            missing = g * at_one - float(np.sum(point[b]))
             point[b] += missing * given.shared
-            change = g * at_f * derivatives[self.parts["a"]].sum(axis=0)
-            change += g * at_a * derivatives[self.parts[given.f]].sum(axis=0)
-            change[own] += by_coordinate * at_a * at_f
+            change *= g
+            change[own] += by_coordinate * at_one
             derivatives[b] += np.outer(given.shared, change)
         return point, derivatives
+
+    def _at_one(self, given: GivenGain, point: Array, derivatives: Array) -> tuple[float, Array]:
+        """A(1) F(1) of a point, and its derivatives, the point's being (n, k)."""
+        a, f = self.parts["a"], self.parts[given.f]
+        at_a, at_f = (1.0 + float(np.sum(point[part])) for part in (a, f))
+        change = at_f * derivatives[a].sum(axis=0) + at_a * derivatives[f].sum(axis=0)
+        return at_a * at_f, change
 
     def coordinates(self, point: Array) -> Array:
         """Bounded coordinates of the nearest allowed point."""
@@ -164,8 +160,8 @@ class ConstrainedParameters:
         for name, where in self.parts.items():
             bounded[self.own[name]] = self.polynomials[name].coordinates(point[where])
         for name, given in self.gains.items():
-            a, f = (1.0 + float(np.sum(point[self.parts[each]])) for each in ("a", given.f))
-            gain = float(np.sum(point[self.parts[name]])) / (a * f)
+            at_one, _ = self._at_one(given, point, np.zeros((len(point), 0)))
+            gain = float(np.sum(point[self.parts[name]])) / at_one
             bounded[self.own[_gain_of(name)]] = given.gain.coordinates(gain)
         return bounded
 
@@ -193,24 +189,20 @@ class ConstrainedParameters:
 
     def active(self, z: Array) -> tuple[tuple[str, ...], Array]:
         """Inequalities that are active, and a basis of the free directions of a point, (n, k)."""
+        from scipy.linalg import block_diag
+
         bounded, _, _ = self.bounded(z)
         point, derivatives = self.point(bounded)
-        names: set[str] = set()
-        blocks = []
-        for name, where in self.parts.items():
-            found, free = self.polynomials[name].active(bounded[self.own[name]])
-            names.update(found)
-            block = np.zeros((self.dimension, free.shape[1]))
-            block[where] = free
-            blocks.append(block)
-        tangent = np.hstack(blocks)
+        of_polynomials = [
+            each.active(bounded[self.own[name]]) for name, each in self.polynomials.items()
+        ]
+        names = {name for found, _ in of_polynomials for name in found}
+        tangent = block_diag(*(free for _, free in of_polynomials))
         for name, given in self.gains.items():
             where = self.own[_gain_of(name)]
             own = bounded[where]
-            g, _ = given.gain.value(own)
-            at_a, at_f = (1.0 + float(np.sum(point[self.parts[each]])) for each in ("a", given.f))
-            change = g * at_f * tangent[self.parts["a"]].sum(axis=0)
-            change += g * at_a * tangent[self.parts[given.f]].sum(axis=0)
+            _, change = self._at_one(given, point, tangent)
+            change *= given.gain.value(own)[0]
             tangent[self.parts[name]] += np.outer(given.shared, change)
             if given.gain.active(own):
                 if given.gain.codes:
@@ -225,10 +217,11 @@ class ConstrainedParameters:
         gradient = np.zeros(len(bounded))
         curvature = np.zeros((len(bounded), len(bounded)))
         for name in self.plant:
-            own = self.own[name]
-            found, slope, bend = self.polynomials[name].barrier(bounded[own])
-            value += found
-            gradient[own], curvature[own, own] = slope, bend
+            own, polynomial = self.own[name], self.polynomials[name]
+            if isinstance(polynomial, Linear):  # sections cannot leave their region
+                found, slope, bend = polynomial.barrier(bounded[own])
+                value += found
+                gradient[own], curvature[own, own] = slope, bend
         return value, gradient, curvature
 
 

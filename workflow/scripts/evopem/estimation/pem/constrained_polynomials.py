@@ -1,14 +1,9 @@
-"""Polynomials that meet hard constraints, as functions of bounded coordinates.
-
-- A plant polynomial with a restricted region of poles is the product of its fixed factor and of
-  second-order sections of :mod:`.pole_region`.
-- A polynomial with fixed coefficients is an offset plus a basis times free coordinates.
-"""
+"""Polynomials that meet hard constraints, as functions of bounded coordinates: a fixed factor times
+sections of :mod:`.pole_region`, or an offset plus a basis times free coordinates."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +18,10 @@ Array = NDArray[np.float64]
 FREE, SHARE, EXCESS, KIND = range(4)
 
 
-class Part(NamedTuple):
-    """Coefficients of a polynomial, their derivatives by its coordinates, (m, k)."""
-
-    coefficients: Array
-    derivatives: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """A monic polynomial: a fixed factor times sections whose poles lie in a region.
-
-    Coordinates: kind and two shares of each section, and one share of a single real pole.
-    """
+    """A monic polynomial: a fixed factor times sections whose poles lie in a region.  Coordinates:
+    kind and two shares of each section, and one share of a single real pole."""
 
     factor: Array
     order: int
@@ -64,7 +50,7 @@ class Sections:
             found.append((np.array([1.0, -pole]), np.array([[low - high]])))
         return found
 
-    def part(self, bounded: Array) -> Part:
+    def part(self, bounded: Array) -> tuple[Array, Array]:
         """Coefficients, and their derivatives by the bounded coordinates."""
         factors = self._factors(bounded)
         whole = self.factor
@@ -75,7 +61,7 @@ class Sections:
             moves = self._moves(factors, k)
             first = 3 * k + (1 if own.shape[0] == 2 else 0)
             derivatives[:, first : first + own.shape[1]] = moves @ own
-        return Part(whole[1:], derivatives)
+        return whole[1:], derivatives
 
     def _moves(self, factors: list[tuple[Array, Array]], k: int) -> Array:
         """Derivatives of the coefficients by those of one section."""
@@ -143,19 +129,11 @@ class Sections:
             bounded[3 * k + 2] = 1.0 - generator.random() ** 2
         return bounded
 
-    def barrier(self, bounded: Array) -> tuple[float, Array, Array]:
-        """No barrier: the coordinates cannot leave the region."""
-        size = len(bounded)
-        return 0.0, np.zeros(size), np.zeros((size, size))
-
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Coefficients ``offset + basis @ w``.
-
-    ``factor`` times a monic polynomial ``1 + inner_offset + inner_basis @ w`` within ``radius``
-    for a plant polynomial; None for others.
-    """
+    """Coefficients ``offset + basis @ w``.  ``factor`` times a monic polynomial ``1 + inner_offset
+    + inner_basis @ w`` within ``radius`` for a plant polynomial; None for others."""
 
     offset: Array
     basis: Array
@@ -174,9 +152,9 @@ class Linear:
         """Kinds of the coordinates."""
         return [FREE] * self.basis.shape[1]
 
-    def part(self, bounded: Array) -> Part:
+    def part(self, bounded: Array) -> tuple[Array, Array]:
         """Coefficients, and their derivatives by the bounded coordinates."""
-        return Part(self.offset + self.basis @ bounded, self.basis)
+        return self.offset + self.basis @ bounded, self.basis
 
     def active(self, bounded: Array) -> tuple[list[str], Array]:
         """Active constraints, and the directions of the coefficients that they leave free."""
@@ -199,14 +177,12 @@ class Linear:
 
     def barrier(self, bounded: Array) -> tuple[float, Array, Array]:
         """Stability barrier of the inner polynomial, its gradient and curvature."""
-        size = len(bounded)
-        if self.radius is None or self.inner_basis is None or self.inner_offset is None:
-            return 0.0, np.zeros(size), np.zeros((size, size))
-        inner = np.ascontiguousarray((self.inner_offset + self.inner_basis @ bounded)[None, :])
-        if inner.shape[1] == 0:
-            return 0.0, np.zeros(size), np.zeros((size, size))
-        value, gradient, curvature = stability_barriers(inner, self.radius)
         basis = self.inner_basis
+        if self.radius is None or basis is None or self.inner_offset is None or not len(basis):
+            size = len(bounded)
+            return 0.0, np.zeros(size), np.zeros((size, size))
+        inner = np.ascontiguousarray((self.inner_offset + basis @ bounded)[None, :])
+        value, gradient, curvature = stability_barriers(inner, self.radius)
         return float(value[0]), basis.T @ gradient[0], basis.T @ curvature[0] @ basis
 
 

@@ -1,9 +1,6 @@
-"""Covariance of prediction-error estimates: white and coloured errors, constraints and priors.
-
-With J the derivatives of the errors by everything estimated, the estimates are in error by
-``(J'J)^-1 sum psi s``, psi the rows of J and s the *scores*: the residuals, or of the absolute
-objective their signs over twice their density at zero (Bassett & Koenker 1978).
-"""
+"""Covariance of prediction-error estimates: ``(J'J)^-1 sum psi s`` is their error, psi the rows of
+the Jacobian J and s the *scores*: residuals, or of the absolute objective their signs over twice
+their density at zero (Bassett & Koenker 1978)."""
 
 from __future__ import annotations
 
@@ -38,15 +35,11 @@ def estimate_covariance(
     of_noise: NDArray[np.intp],
     objective: str,
 ) -> ParameterCovariance | None:
-    """Covariance of the first estimates, for white residuals: ``s^2 (J'J)^-1``.
+    """Covariance of the first ``parameters`` estimates for white residuals, ``s^2 (J'J)^-1`` with s
+    as of :func:`loss_deviation` (Ljung 1999, eq. 9.17); None where that is not known.
 
-    s as of :func:`loss_deviation` (Ljung 1999, eq. 9.17); None where that is not known.  Null
-    vectors of J are unidentifiable directions.
-
-    ``triangle`` (m, m): R of the QR decomposition of J.  ``residuals``, ``output`` (N,): the scored
-    ones.  ``parameters``: coefficients, the first of the estimates.  ``of_noise`` (k,): places of
-    the coefficients of C and D.  Where the residuals are rounding errors of the output, these are
-    not identifiable.
+    ``triangle`` (m, m): R of the QR decomposition of J.  Where the scored residuals are rounding
+    errors of the output, the coefficients ``of_noise`` are not identifiable.
     """
     estimated = triangle.shape[1]
     inverse, null_space = pseudo_inverse_factor(triangle)
@@ -66,19 +59,13 @@ def coloured_covariance(
     input_alone: bool,
     counts: Sequence[int] = (),
 ) -> ParameterCovariance | None:
-    """Covariance of the first estimates for residuals of any colour (Ljung 1999, eq. 9.9-9.11).
+    """Covariance of the first ``parameters`` estimates for residuals of any colour (Ljung 1999, eq.
+    9.9-9.11).
 
-    Where the gradient psi depends on the inputs alone (``input_alone``), as that of an output-error
-    model, the scores s are independent of it and the covariance of ``sum psi s`` is ``v sum psi~
-    psi~'`` with ``psi~_t = sum_i h_i psi_(t+i)``, h the impulse response of a noise filter of s and
-    v the variance of its innovations (eq. 9.41 and 9.42).  The filter is an autoregression; its
-    order, chosen by BIC, is 0 for white residuals.  Where psi depends on past outputs as well, it
-    is the sum of sample autocovariances with the weights of Newey and West (1987).
-
-    ``jacobian`` (N, n): of the residuals that count, (N,), by everything estimated.
-    ``parameters``: coefficients, the first of the estimates.  ``counts``: residuals of each of
-    several stretches, between which there is no correlation.  None where the density at zero cannot
-    be estimated.
+    Where psi depends on the inputs alone, ``sum psi s`` has the covariance ``v sum psi~ psi~'``,
+    psi filtered backwards by an autoregression of s, v the variance of its innovations (eq.
+    9.41-42); else it is summed from sample autocovariances (Newey & West 1987).  ``counts``:
+    residuals of stretches without correlation between them.
     """
     from scipy.signal import lfilter
 
@@ -126,10 +113,8 @@ def is_coloured(residuals: Array) -> bool:
 
 
 def _newey_west(scores: Array) -> Array:
-    """Covariance of the sum of a series of vectors, (N, n), with Bartlett weights.
-
-    The number of lags grows with the third root of the length.
-    """
+    """Covariance of the sum of a series of vectors, (N, n), with Bartlett weights.  The number of
+    lags grows with the third root of the length."""
     samples = len(scores)
     lags = min(int(4.0 * samples ** (1.0 / 3.0)), samples - 1)
     total: Array = scores.T @ scores
@@ -177,18 +162,12 @@ class Fitted:
 def tangent_covariance(
     fitted: Fitted, noise_filter: tuple[Array, Array], deviation: float
 ) -> ParameterCovariance:
-    """Covariance of a point, zero across active constraints.
-
-    With T the free directions, J the derivatives of the errors and L those of the priors'
-    deviations, the coordinates along T have ``s^2 M^-1 (V'V + s^2 (LT)'(LT)) M^-1``, ``M = (JT)'JT
-    + s^2 (LT)'(LT)``; V is JT filtered backwards in time through the noise filter (numerator,
-    denominator) that makes the errors from white innovations of deviation s (Ljung 1999, section
-    9.4; Söderström & Stoica 1989, section 7.5).  White errors give ``s^2 M^-1``.
-    """
+    """Covariance of a point, zero across active constraints: along the free directions T it is
+    ``s^2 M^-1 (V'V + s^2 (LT)'(LT)) M^-1``, ``M = (JT)'JT + s^2 (LT)'(LT)``, L the derivatives of
+    the priors' deviations and V JT filtered backwards through the noise filter (numerator,
+    denominator) that makes the errors from innovations of deviation s (Ljung 1999, section 9.4)."""
     innovations, priors, null_space = fitted.response(noise_filter, deviation)
-    responses = np.hstack([innovations, priors])
-    factor = np.asarray(np.linalg.qr(responses.T, mode="r")).T
-    return ParameterCovariance(deviation * factor, null_space)
+    return _of_responses(np.hstack([innovations, priors]), null_space, deviation)
 
 
 def two_stage_covariance(
@@ -199,17 +178,15 @@ def two_stage_covariance(
     crossed: Array,
     deviation: float,
 ) -> ParameterCovariance:
-    """Joint covariance of a plant fitted to coloured errors, and of C and D fitted given the plant.
+    """Joint covariance of a plant fitted to coloured errors, and of C and D fitted given the plant,
+    whose residuals the errors of the first stage add to.
 
-    To first order the estimates of the second stage are in error by their own response to the
-    innovations, and by that to what the errors of the first stage add to the residuals.
-
-    ``noise_filter``: from the innovations to the errors of the first stage.  ``to_second`` (m, n):
-    derivatives of the m parameters of the plant, as the second stage holds them, by the n of the
-    first.  ``crossed`` (N, m): derivatives of the errors of the second stage by those m parameters.
-    ``deviation``: of the innovations.  The covariance is that of the m parameters
-    of the plant, then of those of the second stage.
+    ``noise_filter``: from innovations to errors of the first stage.  ``to_second`` (m, n):
+    derivatives of the plant's m parameters, as the second stage holds them, by the n of the first.
+    ``crossed`` (N, m): derivatives of the errors of the second stage by those.
     """
+    from scipy.linalg import block_diag
+
     plant, plant_priors, plant_null = (
         to_second @ part for part in first.response(noise_filter, deviation)
     )
@@ -217,19 +194,13 @@ def two_stage_covariance(
     # noise responds to any addition to the residuals; crossed @ plant is such an addition.
     passed = noise @ crossed
     innovations = np.concatenate([plant, noise + passed @ plant])
-    priors = np.block(
-        [
-            [plant_priors, np.zeros((len(plant), noise_priors.shape[1]))],
-            [passed @ plant_priors, noise_priors],
-        ]
-    )
-    null_space = np.block(
-        [
-            [plant_null, np.zeros((len(plant), noise_null.shape[1]))],
-            [np.zeros((len(noise), plant_null.shape[1])), noise_null],
-        ]
-    )
-    responses = np.hstack([innovations, priors])
+    priors, null_space = block_diag(plant_priors, noise_priors), block_diag(plant_null, noise_null)
+    priors[len(plant) :, : plant_priors.shape[1]] = passed @ plant_priors
+    return _of_responses(np.hstack([innovations, priors]), null_space, deviation)
+
+
+def _of_responses(responses: Array, null_space: Array, deviation: float) -> ParameterCovariance:
+    """Covariance of estimates that respond so to innovations and priors of unit deviation."""
     factor = np.asarray(np.linalg.qr(responses.T, mode="r")).T
     return ParameterCovariance(deviation * factor, null_space)
 
@@ -246,9 +217,7 @@ def of_coefficients(
 
 def pseudo_inverse_factor(triangle: Array) -> tuple[Array, Array]:
     """A factor F (n, r) of the pseudo-inverse ``F F'`` of ``R'R``, and a basis of R's null space.
-
-    R (m, n) of rank r, its columns scaled to unit length first.
-    """
+    R (m, n) of rank r, its columns scaled to unit length first."""
     scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0
     _, singular_values, vectors = np.linalg.svd(triangle / scale)
@@ -259,11 +228,9 @@ def pseudo_inverse_factor(triangle: Array) -> tuple[Array, Array]:
 
 
 def loss_deviation(residuals: Array, estimated: int, objective: str) -> float:
-    """Deviation s with which the covariance of a fit to white residuals is ``s^2 (J'J)^-1``.
-
-    The standard deviation for the quadratic objective, ``1 / (2 f(0))`` for the absolute one, f
-    the density of the residuals; NaN where that is not known.
-    """
+    """Deviation s with which the covariance of a fit to white residuals is ``s^2 (J'J)^-1``.  The
+    standard deviation for the quadratic objective, ``1 / (2 f(0))`` for the absolute one, f the
+    density of the residuals; NaN where that is not known."""
     if objective == "quadratic":
         return float(np.sqrt(innovation_variance(residuals, estimated)))
     density = density_at_zero(residuals, estimated)
@@ -276,11 +243,9 @@ def innovation_variance(residuals: Array, estimated: int) -> float:
 
 
 def density_at_zero(residuals: Array, estimated: int) -> float:
-    """Density of the innovations at zero, by a Gaussian kernel of Silverman's width.
-
-    A least absolute fit of p numbers makes p residuals vanish (Koenker 2005, section 2.2): they
-    say nothing of the density there and are left out.
-    """
+    """Density of the innovations at zero, by a Gaussian kernel of Silverman's width.  A least
+    absolute fit of p numbers makes p residuals vanish (Koenker 2005, section 2.2): they say nothing
+    of the density there and are left out."""
     vanishing = min(estimated, len(residuals) - 2)
     others = residuals[np.argsort(np.abs(residuals), kind="stable")][vanishing:]
     q25, q75 = np.quantile(others, [0.25, 0.75])

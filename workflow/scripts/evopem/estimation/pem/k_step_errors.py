@@ -1,20 +1,12 @@
-"""k-step prediction errors of a general polynomial model, their objective and its gradient.
-
-``y_t`` less its prediction from outputs up to t - k is ``W_k(q) e_t``, with ``W_k`` the first k
-terms of ``H = C / (A D)`` (Ljung 1999, eq. 3.29-3.31).  Its derivatives are ``W_k`` times those of
-the one-step errors plus e filtered through those of ``W_k``:
-
-    dW_k/dc_j = q^-j / (A D),    dW_k/da_j = -q^-j H / A,    dW_k/dd_j = -q^-j H / D,
-
-each cut to k terms.
-"""
+"""k-step prediction errors: ``W_k(q) e_t``, W_k the first k terms of ``H = C / (A D)`` (Ljung 1999,
+eq. 3.29-3.31).  Derivatives are W_k times those of e plus e filtered through ``dW_k/dc_j = q^-j /
+(A D)``, ``dW_k/da_j = -q^-j H / A``, ``dW_k/dd_j = -q^-j H / D``, each cut to k terms."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import DENSITY_BANDWIDTH, StretchErrors
 
@@ -22,10 +14,8 @@ Array = NDArray[np.float64]
 
 
 class KStepErrors:
-    """Objective, gradient and curvature of the k-step prediction errors.
-
-    Samples that count, states and stability are those of the one-step problem.
-    """
+    """Objective, gradient and curvature of the k-step prediction errors.  Samples that count,
+    states and stability are those of the one-step problem."""
 
     def __init__(self, errors: PolynomialErrors, horizon: int) -> None:
         self.one_step, self.horizon = errors, horizon
@@ -36,7 +26,7 @@ class KStepErrors:
         from scipy.signal import lfilter
 
         a, c, d = self._noise_model(point)
-        response: Array = lfilter(c, np.convolve(a, d), self._impulse())
+        response: Array = lfilter(c, np.convolve(a, d), np.eye(1, self.horizon)[0])
         return response
 
     def residuals(self, point: Array) -> Array:
@@ -64,12 +54,10 @@ class KStepErrors:
     def _jacobian(self, errors: StretchErrors, point: Array) -> Array:
         from scipy.signal import lfilter
 
-        a, c, d = self._noise_model(point)
-        ad, impulse = np.convolve(a, d), self._impulse()
-        weights = lfilter(c, ad, impulse)
-        e = errors.residuals(point)[errors.residual_start :]
+        a, _, d = self._noise_model(point)
+        weights, e = self.weights(point), errors.residuals(point)[errors.residual_start :]
         jacobian = _filtered(weights, errors.jacobian(point))
-        by_c = lfilter([1.0], ad, impulse)
+        by_c = lfilter([1.0], np.convolve(a, d), np.eye(1, self.horizon)[0])
         by_a, by_d = -lfilter([1.0], a, weights), -lfilter([1.0], d, weights)
         for name, response in (("a", by_a), ("c", by_c), ("d", by_d)):
             part = errors.orders.part(name)
@@ -86,7 +74,7 @@ class KStepErrors:
             residuals = self.residuals(points[row])
             losses = np.abs(residuals) if self.objective == "absolute" else residuals**2
             values[row] = self.one_step.loss_factor * np.sum(losses)
-            values[row] += self.one_step.state_weights() @ points[row] ** 2
+        values += self.one_step.state_weights() @ points.T**2
         return np.where(np.isfinite(values), values, np.inf)
 
     def values_and_gradients(
@@ -95,13 +83,13 @@ class KStepErrors:
         """Smoothed objective with barriers, and its gradient; infeasible rows are inf and 0."""
         values, gradients = np.full(len(points), np.inf), np.zeros(points.shape)
         weights, factor = self.one_step.state_weights(), self.one_step.loss_factor
-        for row in np.flatnonzero(self.one_step.feasible(points)):
+        of_roots, by_roots, _ = self.one_step.barriers(points)
+        for row in np.flatnonzero(np.isfinite(of_roots)):
             point = points[row]
             losses, slopes, _ = self._losses(self.residuals(point), smoothing[row])
-            barrier, of_barrier, _ = self._barrier(point)
-            value = factor * np.sum(losses) + weights @ point**2 + barriers[row] * barrier
+            value = factor * np.sum(losses) + weights @ point**2 + barriers[row] * of_roots[row]
             gradient = factor * (slopes @ self.jacobian(point)) + 2.0 * weights * point
-            gradient += barriers[row] * of_barrier
+            gradient += barriers[row] * by_roots[row]
             if np.isfinite(value) and np.isfinite(gradient).all():
                 values[row], gradients[row] = value, gradient
         return values, gradients
@@ -113,22 +101,12 @@ class KStepErrors:
         for row, point in enumerate(points):
             jacobian = self.jacobian(point)
             _, _, bend = self._losses(self.residuals(point), smoothing[row])
-            _, _, of_barrier = self._barrier(point)
             matrices[row] = factor * bend * (jacobian.T @ jacobian) + 2.0 * np.diag(weights)
-            matrices[row] += barriers[row] * of_barrier
-        return matrices
+        return matrices + barriers[:, None, None] * self.one_step.barriers(points)[2]
 
     def mean_absolute_residuals(self, values: Array) -> Array:
         """Size of the errors that belong to values of the objective."""
         return self.one_step.mean_absolute_residuals(values)
-
-    def feasible(self, points: Array) -> NDArray[np.bool_]:
-        """Whether all roots of A, C, D and F of each row lie within their radii."""
-        return self.one_step.feasible(points)
-
-    def repair(self, points: Array) -> Array:
-        """Move the roots of infeasible rows inside."""
-        return self.one_step.repair(points)
 
     def _losses(self, residuals: Array, smoothing: float) -> tuple[Array, Array, float]:
         """Losses, their derivatives, and the mean second derivative for Gauss-Newton."""
@@ -139,34 +117,16 @@ class KStepErrors:
         bend = float(np.mean(width**2 / (residuals**2 + width**2) ** 1.5))
         return losses, residuals / losses, bend
 
-    def _barrier(self, point: Array) -> tuple[float, Array, Array]:
-        size, total = len(point), 0.0
-        gradient, curvature = np.zeros(size), np.zeros((size, size))
-        for name, part in self.one_step.polynomials():
-            value, slope, bend = stability_barriers(
-                np.ascontiguousarray(point[None, part]), self.one_step.radius_of(name)
-            )
-            total += float(value[0])
-            gradient[part], curvature[part, part] = slope[0], bend[0]
-        return total, gradient, curvature
-
     def _noise_model(self, point: Array) -> tuple[Array, Array, Array]:
         part = self.one_step.orders.part
         a, c, d = (np.append(1.0, point[part(name)]) for name in "acd")
         return a, c, d
 
-    def _impulse(self) -> Array:
-        impulse = np.zeros(self.horizon)
-        impulse[0] = 1.0
-        return impulse
-
 
 class SimulationErrors:
-    """Objective, gradient and curvature of simulation errors, of a model with as many c as a.
-
-    ``y - sum_i B_i / (A F_i) u_i`` are the one-step errors of the model with ``C = A`` and no D:
-    the c of a point are not looked at, and the noise state is the initial state of 1/A.
-    """
+    """Objective, gradient and curvature of simulation errors, of a model with as many c as a.  ``y
+    - sum_i B_i / (A F_i) u_i`` are the one-step errors of the model with ``C = A`` and no D: the c
+    of a point are not looked at, and the noise state is the initial state of 1/A."""
 
     def __init__(self, errors: PolynomialErrors) -> None:
         self.one_step, self.objective = errors, errors.objective

@@ -30,9 +30,7 @@ def triangle_of(blocks: Iterable[Array]) -> Array:
 
 def autoregression(signal: ArrayLike, most: int) -> Array:
     """Coefficients ``1, a_1, ...`` of the autoregression of smallest BIC, of order 0 to ``most``.
-
-    ``signal`` (N,): with zero mean; all orders are fitted to the same samples, ten for each lag.
-    """
+    ``signal`` (N,): with zero mean; all orders are fitted to the same samples, ten for each lag."""
     x = np.asarray(signal, dtype=float)
     most = min(most, x.size // 10)
     past = np.lib.stride_tricks.sliding_window_view(x, most + 1)[:, ::-1]

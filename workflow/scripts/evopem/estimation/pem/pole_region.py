@@ -1,10 +1,7 @@
 """Where the poles of a plant may lie, and second-order sections that cannot leave that region.
 
-A section ``1 + c_1 q^-1 + c_2 q^-2`` holds a pair of complex poles ``r exp(+-i theta)`` or two real
-poles.  Its two *shares* in [0, 1] say where between the edges of the region the poles lie: share of
-the largest angle and, at that angle, share between the smallest and the largest radius; or the
-shares of two real poles between their bounds.
-"""
+Two *shares* in [0, 1] say where the poles lie: of the largest angle and, at that angle, between the
+smallest and the largest radius; or of two real poles between their bounds."""
 
 from __future__ import annotations
 
@@ -26,15 +23,10 @@ LEAST = 1e-9
 
 @dataclass(frozen=True)
 class PoleRegion:
-    """Region of the poles of a plant polynomial.
-
-    ``radius``: largest radius of a real pole.  ``mode_radius``: largest radius of a complex pole.
-    ``decay_per_radian``: ``zeta / sqrt(1 - zeta^2)`` for the least damping ratio zeta.  ``bands``:
-    allowed natural frequencies of complex poles, radians a sample; the upper end may be inf.
-    ``real``: bounds of real poles; None where there may be none.  ``radius_name``: the constraint
-    that the largest radius stands for.  ``whole_band``: the band of which forbidden ones leave
-    ``bands``.
-    """
+    """Region of the poles of a plant: largest radii of real and of complex ones, ``zeta / sqrt(1 -
+    zeta^2)`` for the least damping ratio, natural frequencies in radians a sample, bounds of real
+    poles or None, the constraint that the radius stands for, and the band that forbidden ones
+    cut."""
 
     radius: float
     mode_radius: float

@@ -1,11 +1,10 @@
-"""The prediction-error problem of a polynomial model, its points and the region of its roots.
+"""The prediction-error problem of a polynomial model.
 
-A *point* holds the coefficients ``[a, b_1 ... b_m, c, d, f_1 ... f_m]`` (chapter eq. 18), a level
-for each recording where levels are estimated, and for each stretch the states of all plants
-``B_i / F_i`` (nf_i entries each), then for each stretch the noise state (``max(nc, nd)`` entries).
-The states are what the unknown past adds to the first equations of ``F_i x_i = -B_i u_i + g_i``
-and ``C e = D v + s``.  Estimated along, they leave no transient, however slow the roots of C.  A
-population of points is an (M, n) array.
+A *point* holds ``[a, b_1 ... b_m, c, d, f_1 ... f_m]`` (chapter eq. 18), a level for each
+recording, for each stretch the states of all plants (nf_i entries each), then for each stretch the
+noise state (``max(nc, nd)``): what the unknown past adds to the first equations of ``F_i x_i = -B_i
+u_i + g_i`` and ``C e = D v + s``.  Estimated along, they leave no transient.  A population is an
+(M, n) array.
 """
 
 from __future__ import annotations
@@ -17,12 +16,9 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow
 from evopem.errors import NoModelError
+from evopem.estimation.pem.kernels.polynomials import schur_stable, stability_barriers
 from evopem.estimation.pem.kernels.record import Objective
-from evopem.estimation.pem.stretch_errors import (
-    PLANT_STATE_WEIGHT,
-    STATE_WEIGHT,
-    StretchErrors,
-)
+from evopem.estimation.pem.stretch_errors import PLANT_STATE_WEIGHT, STATE_WEIGHT, StretchErrors
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
 from evopem.models.structures import Orders
@@ -33,19 +29,18 @@ Places = NDArray[np.intp]
 
 # Roots are moved this share of the radius inside it.
 MARGIN = 1e-6
+# Relative singular values from which on directions of states count.
+RANKS = (1e-10, 1e-6)
 
 
 class PolynomialErrors:
     """Objective, gradient and curvature of the models of some orders, over one or more stretches.
 
-    ``stretches``: with one output; those too short for the orders are left out.  ``objective``
-    {"absolute", "quadratic"}: ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``) or
-    ``100 sum e**2 / sum y**2`` (eq. 22).  ``plant_radius``, ``noise_radius``: largest radius of the
-    roots of A and F, and of those of C and D.  ``level``: whether a constant is estimated for each
-    recording: ``A y = (B/F) u + (C/D) e + level``.  ``window``: first residual of each stretch and
-    first one that counts; by default the first whose past is measured.  One window for all orders
-    that are compared makes a smaller model a special case of a larger one.  NoModelError when no
-    stretch is long enough for the orders.
+    ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``) or ``100 sum e**2 / sum y**2``
+    (eq. 22) of ``A y = (B/F) u + (C/D) e + level``.  ``plant_radius``, ``noise_radius``: largest of
+    roots of A and F, of C and D.  ``window``: first residual of each stretch and first that counts;
+    one for all orders that are compared makes a smaller model a special case of a larger one.
+    NoModelError when no stretch is long enough.
     """
 
     def __init__(
@@ -169,10 +164,12 @@ class PolynomialErrors:
         inputs = np.concatenate([each.inputs for each, _ in self._of_stretches])
         return inputs, np.concatenate([each.output for each in self.stretches])
 
-    def scaled(self, input_scales: Array, output_scale: float) -> PolynomialErrors:
-        """The same problem with divided signals; one scale for each input."""
+    def scaled(self, means: Array, input_scales: Array, output_scale: float) -> PolynomialErrors:
+        """The problem of inputs less their means and of outputs, divided by scales."""
         divided = [
-            Segment(own.inputs / input_scales, each.outputs / output_scale, each.recording)
+            Segment(
+                (own.inputs - means) / input_scales, each.outputs / output_scale, each.recording
+            )
             for each, (own, _) in zip(self.stretches, self._of_stretches, strict=True)
         ]
         return self._with(stretches=divided)
@@ -217,10 +214,8 @@ class PolynomialErrors:
         return weights
 
     def values(self, points: Array) -> Array:
-        """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.
-
-        The weak squares of the states are part of it.
-        """
+        """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.  The
+        weak squares of the states are part of it."""
         total = np.zeros(len(points))
         for errors, at in self._of_stretches:
             total += errors.values(points[:, at])
@@ -230,13 +225,12 @@ class PolynomialErrors:
         self, points: Array, smoothing: Array, barriers: Array
     ) -> tuple[Array, Array]:
         """Smoothed objective of each row and its gradient; infeasible rows are inf and 0.
-
-        ``smoothing`` (M,), in the unit of the output, is the width over which the absolute value
-        is smoothed, ``sqrt(e**2 + smoothing**2)``.  ``barriers`` (M,), in percent, are the weights
-        of a barrier that grows towards the edge of the stability region.
-        """
+        Magnitudes are ``sqrt(e**2 + smoothing**2)``; ``barriers``, percent, weigh the edge of the
+        stability region."""
         total, gradients = np.zeros(len(points)), np.zeros(points.shape)
-        for (errors, at), share in zip(self._of_stretches, self._shares(), strict=True):
+        # Each stretch counts its share of the barriers.
+        for (errors, at), scale in zip(self._of_stretches, self._scales, strict=True):
+            share = scale / self._scale
             found = errors.values_and_gradients(points[:, at], smoothing, share * barriers)
             total += found[0]
             gradients[:, at] += found[1]
@@ -251,14 +245,20 @@ class PolynomialErrors:
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""
         matrices = np.zeros((*points.shape, points.shape[1]))
-        for (errors, at), share in zip(self._of_stretches, self._shares(), strict=True):
-            found = errors.curvatures(points[:, at], smoothing, share * barriers)
-            matrices[:, at[:, None], at] += found
-        return matrices
+        for errors, at in self._of_stretches:
+            matrices[:, at[:, None], at] += errors.curvatures(points[:, at], smoothing)
+        return matrices + barriers[:, None, None] * self.barriers(points)[2]
 
-    def _shares(self) -> Array:
-        """Of the barriers of the whole problem that are counted with each stretch."""
-        return self._scales / self._scale
+    def barriers(self, points: Array) -> tuple[Array, Array, Array]:
+        """Barriers at the edge of the stability region, (M,), their gradients and curvatures."""
+        values, gradients = np.zeros(len(points)), np.zeros(points.shape)
+        curvatures = np.zeros((*points.shape, points.shape[1]))
+        for name, part in self.polynomials():
+            coefficients = np.ascontiguousarray(points[:, part])
+            value, gradient, curvature = stability_barriers(coefficients, self.radius_of(name))
+            values += value
+            gradients[:, part], curvatures[:, part, part] = gradient, curvature
+        return values, gradients, curvatures
 
     def mean_absolute_residuals(self, values: Array) -> Array:
         """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
@@ -298,27 +298,32 @@ class PolynomialErrors:
                 yield block
 
     def completed_by_states(self, model: PolynomialModel) -> Array:
-        """The point of a model, with the levels and states of least squared residuals."""
+        """The point of a model, with the levels and states of least squared residuals.  Never worse
+        than states at rest: columns of states that hardly decay depend on each other."""
         point = np.zeros(self.dimension)
         point[: self.orders.parameters] = model.parameters
         linear = slice(self.orders.parameters, None)
-        columns = self.jacobian(point)[:, linear]
-        if columns.shape[1]:
-            point[linear] = np.linalg.lstsq(columns, -self.residuals(point), rcond=1e-10)[0]
-        return point
+        columns, residuals = self.jacobian(point)[:, linear], self.residuals(point)
+        best, lowest = point, float(residuals @ residuals)
+        for rcond in RANKS if columns.shape[1] else ():
+            found = point.copy()
+            found[linear] = np.linalg.lstsq(columns, -residuals, rcond=rcond)[0]
+            reached = self.residuals(found)
+            if reached @ reached < lowest:
+                best, lowest = found, float(reached @ reached)
+        return best
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether all roots of A, C, D and F_i of each row lie within their radii."""
-        errors, at = self._of_stretches[0]
-        return errors.feasible(points[:, at]) & np.all(np.isfinite(points), axis=1)
+        feasible: NDArray[np.bool_] = np.all(np.isfinite(points), axis=1)
+        for name, part in self.polynomials():
+            coefficients = np.ascontiguousarray(points[:, part])
+            feasible &= schur_stable(coefficients, self.radius_of(name))
+        return feasible
 
     def repair(self, points: Array) -> Array:
-        """Move the roots of infeasible rows inside by reflection at the unit circle.
-
-        It leaves the magnitude of a frequency response as it was but for a constant, and that of a
-        root of C the spectrum of the noise (Söderström & Stoica 1989, section 6.2).  Roots between
-        the allowed radius and the unit circle go to that radius.
-        """
+        """Move the roots of infeasible rows inside by reflection at the unit circle, which leaves
+        the spectrum of C as it was but for a constant (Söderström & Stoica 1989, section 6.2)."""
         moved = points.copy()
         rows = np.flatnonzero(~self.feasible(points))
         if not len(rows):

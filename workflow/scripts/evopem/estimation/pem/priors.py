@@ -26,10 +26,8 @@ class PriorTerm:
 
 
 class Priors:
-    """Deviations of a point from its priors, in standard deviations.
-
-    ``parts`` says where a, b0, ... and f0, ... stand in a point.
-    """
+    """Deviations of a point from its priors, in standard deviations.  ``parts`` says where a, b0,
+    ... and f0, ... stand in a point."""
 
     def __init__(
         self, terms: tuple[PriorTerm, ...], parts: Mapping[str, slice], sampling_rate: float

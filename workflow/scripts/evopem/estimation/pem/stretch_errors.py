@@ -22,7 +22,6 @@ from evopem.estimation.pem.kernels.record import (
     record_of,
     workspace_for,
 )
-from evopem.estimation.pem.kernels.residuals import feasible_rows
 from evopem.estimation.pem.least_squares import chunks
 from evopem.models.structures import Orders
 
@@ -41,9 +40,7 @@ PLANT_STATE_WEIGHT = 1e-6
 
 class StretchErrors:
     """What one stretch adds to an objective, its gradient and curvature, by compiled passes.
-
-    ``inputs`` (N, m), ``output`` (N,).  Points are those of a problem of this stretch alone.
-    """
+    ``inputs`` (N, m), ``output`` (N,).  Points are those of a problem of this stretch alone."""
 
     def __init__(
         self,
@@ -118,22 +115,14 @@ class StretchErrors:
         made, evaluations, _, _ = passes(*given, smoothing, barriers, *limits)
         return made, evaluations
 
-    def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
-        """Gauss-Newton matrices, (M, n, n).
-
-        Those of the absolute loss are scaled by its mean second derivative: twice the density of
-        the residuals at zero.
-        """
+    def curvatures(self, points: Array, smoothing: Array) -> Array:
+        """Gauss-Newton matrices, (M, n, n).  Those of the absolute loss are scaled by its mean
+        second derivative: twice the density of the residuals at zero."""
         matrices: Array = gauss_newton_matrices(
             *(self._record, self.objective, self._workspace, self._lag_sums, DENSITY_BANDWIDTH),
-            *(_rows(points), smoothing, barriers),
+            *(_rows(points), smoothing),
         )
         return matrices
-
-    def feasible(self, points: Array) -> NDArray[np.bool_]:
-        """Whether all roots of A, C, D and F_i of each row lie within their radii."""
-        feasible: NDArray[np.bool_] = feasible_rows(self._record, self.objective, _rows(points))
-        return feasible
 
     def residuals(self, point: Array) -> Array:
         """Residuals of one point, (N,); zero before ``residual_start``."""
@@ -152,11 +141,8 @@ class StretchErrors:
         return np.concatenate(list(self.jacobian_blocks(point)))
 
     def jacobian_blocks(self, point: Array) -> Iterator[Array]:
-        """Consecutive rows of :meth:`jacobian`, which long records need.
-
-        Signals and impulses, delayed and filtered through D/C, D/CF_i or 1/C (Ljung 1999, section
-        10.3).
-        """
+        """Consecutive rows of :meth:`jacobian`, which long records need.  Signals and impulses,
+        delayed and filtered through D/C, D/CF_i or 1/C (Ljung 1999, section 10.3)."""
         parts = self._regressors(point)
         for first, stop in chunks(0, self.samples - self.residual_start):
             yield np.concatenate([each.rows(first, stop) for each in parts]).T
@@ -194,9 +180,7 @@ class StretchErrors:
 
 class _Regressors:
     """Delayed copies of a signal, filtered from rest through ``numerator / denominators``.
-
-    ``signal[start]`` is the sample of the first residual, ``delay`` that of the first copy.
-    """
+    ``signal[start]`` is the sample of the first residual, ``delay`` that of the first copy."""
 
     def __init__(
         self,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.descent_problem import NEIGHBOUR_DAMPING, DescentProblem
-from evopem.estimation.search.sections import PLACES, each_without, random_sections, without_nearest
+from evopem.estimation.search.sections import with_moved_section
 from evopem.estimation.search.staged_descent import promised_values
 from evopem.models.structures import Orders
 
@@ -45,10 +45,8 @@ class ArmaxProblem(DescentProblem):
 
     def random(self, count: int, generator: np.random.Generator) -> Array:
         """Individuals with A and B of stage one, C from the standard normal distribution, d = 0.
-
-        One of them has C = 1.  The draw of C is hardly ever invertible as it falls; its roots
-        are reflected inside (chapter section 4, as restored).
-        """
+        One of them has C = 1.  The draw of C is hardly ever invertible as it falls; its roots are
+        reflected inside (chapter section 4, as restored)."""
         orders = self.errors.orders
         points = np.zeros((count, self.errors.dimension))
         regression = orders.na + orders.single.nb
@@ -68,10 +66,11 @@ class ArmaxProblem(DescentProblem):
         self, point: Array, value: float, count: int, generator: np.random.Generator
     ) -> tuple[Array, int]:
         """The most promising points with one section of A, and the nearest of B and C, elsewhere.
-
-        The new section is common to all polynomials.  One Gauss-Newton step predicts its gain.
-        """
-        points = self.repair(self._with_moved_section(point, generator))
+        The new section is common to all polynomials.  One Gauss-Newton step predicts its gain."""
+        parts = self.errors.parts()
+        others = [(name, parts[name]) for name in "bc"]
+        moved = with_moved_section(point, parts["a"], others, generator)
+        points = self.repair(np.array(moved).reshape(len(moved), len(point)))
         values = self.values(points)
         points = points[values <= FARTHEST_NEIGHBOUR * value]
         if not len(points):
@@ -83,30 +82,11 @@ class ArmaxProblem(DescentProblem):
         best = np.argsort(promised, kind="stable")[:count]
         return points[best], len(values) + 4 * len(points)
 
-    def _with_moved_section(self, point: Array, generator: np.random.Generator) -> Array:
-        """Points, (M, n), with each of the sections of A in turn moved to random places."""
-        of_a, of_b, of_c = (self.errors.parts()[name] for name in "abc")
-        b, moved = point[of_b], []
-        for section, rest in each_without(point[of_a]):
-            rest_of_b = without_nearest(b[1:] / b[0], section) if len(b) > 2 and b[0] else None
-            rest_of_c = without_nearest(point[of_c], section)
-            for factor in random_sections(PLACES, generator):
-                neighbour = point.copy()
-                neighbour[of_a] = np.convolve(rest, factor)[1:]
-                if rest_of_b is not None:
-                    neighbour[of_b] = b[0] * np.convolve(rest_of_b, factor)
-                if rest_of_c is not None:
-                    neighbour[of_c] = np.convolve(rest_of_c, factor)[1:]
-                moved.append(neighbour)
-        return np.array(moved).reshape(len(moved), len(point))
-
 
 def fit_arx(input: Array, output: Array, orders: Orders, start: int) -> Array:  # noqa: A002
-    """Least-squares ``[a_1..a_na, b_0..b_(nb-1)]`` of the equation error from ``start`` on.
-
-    Solved by singular values: collinear regressors give the shortest solution instead of noise.
-    The result may be unstable; it is a start for the search, not a model.
-    """
+    """Least-squares ``[a_1..a_na, b_0..b_(nb-1)]`` of the equation error from ``start`` on.  Solved
+    by singular values: collinear regressors give the shortest solution instead of noise.  The
+    result may be unstable; it is a start for the search, not a model."""
     o, samples = orders.single, len(output)
 
     def rows(first: int, stop: int) -> Array:

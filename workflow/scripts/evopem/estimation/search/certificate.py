@@ -1,7 +1,5 @@
-"""When a search is certified to have found the lowest value, and how often that is wrong.
-
-The rates are measured: searches of random problems against ten times the evaluations.
-"""
+"""When a search is certified to have found the lowest value, and how often that is wrong.  The
+rates are measured: searches of random problems against ten times the evaluations."""
 
 from __future__ import annotations
 
@@ -17,22 +15,11 @@ if TYPE_CHECKING:
 AGREEING = 5
 
 
-class Agreement(NamedTuple):
-    """Agreement that is evidence enough where random points find no more optima than so many.
-
-    ``undiscovered``: largest undiscovered probability.  ``agreeing``: independent restarts at the
-    lowest value.  ``share``: of all restarts.
-    """
-
-    undiscovered: float
-    agreeing: int
-    share: float
-
-
 # Undiscovered probability above which random points find many optima: more agreement is asked for,
 # and more searches next to the optimum, since all restarts may fall into one wide funnel.
 MANY_OPTIMA = 0.05
-AGREEMENTS = (Agreement(MANY_OPTIMA, AGREEING, 0.5), Agreement(1.0, 8, 0.8))
+# Largest undiscovered probability, agreeing restarts, and their share of all.
+AGREEMENTS = ((MANY_OPTIMA, AGREEING, 0.5), (1.0, 8, 0.8))
 # Undiscovered probability at which descents from random points are evidence enough: that of 17
 # or more which all end at one optimum.
 ONE_OPTIMUM = 0.0075
@@ -40,12 +27,9 @@ ONE_OPTIMUM = 0.0075
 
 @dataclass(frozen=True)
 class Calibration:
-    """What was measured of certified searches of test problems.
-
-    ``certified``: problems whose search was certified.  ``wrong``: those of them with a lower value
-    elsewhere.  ``lower_elsewhere``: percent by which the objective of 95 % of the searches without
-    a certificate was at most above the best known value.
-    """
+    """What was measured: certified problems, those of them with a lower value elsewhere, and by how
+    many percent 95 % of the searches without a certificate were at most above the best known
+    value."""
 
     certified: int
     wrong: int
@@ -53,10 +37,8 @@ class Calibration:
 
     @property
     def largest_error_rate(self) -> float:
-        """Share of certified searches that miss a lower value: at most, with 95 % confidence.
-
-        The upper limit of Clopper & Pearson (1934).
-        """
+        """Share of certified searches that miss a lower value: at most, with 95 % confidence.  The
+        upper limit of Clopper & Pearson (1934)."""
         from scipy.stats import beta
 
         return float(beta.ppf(0.95, self.wrong + 1, self.certified - self.wrong))
@@ -70,15 +52,11 @@ STATE_SPACE = Calibration(certified=32, wrong=0, lower_elsewhere=1.4)
 
 def enough_agree(agreeing: int, restarts: int, undiscovered: float) -> bool:
     """Whether so many of some independent restarts at the lowest value are evidence enough.
-
     ``undiscovered``: probability that a descent from a random point leads to an undiscovered
-    optimum.
-    """
+    optimum."""
     return any(
-        undiscovered <= each.undiscovered
-        and agreeing >= each.agreeing
-        and agreeing / restarts >= each.share
-        for each in AGREEMENTS
+        undiscovered <= most and agreeing >= least and agreeing / restarts >= share
+        for most, least, share in AGREEMENTS
     )
 
 
@@ -102,11 +80,8 @@ FEW_OPTIMA = 0.22
 
 
 class Target(NamedTuple):
-    """What a search has to reach to be worth its evaluations.
-
-    ``value``: of the objective.  ``unit``: decrease of the logarithm of the objective that a likely
-    gain of 1 is.
-    """
+    """What a search has to reach to be worth its evaluations.  ``value``: of the objective.
+    ``unit``: decrease of the logarithm of the objective that a likely gain of 1 is."""
 
     value: float
     unit: float

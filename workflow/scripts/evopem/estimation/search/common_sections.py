@@ -1,9 +1,5 @@
-"""Sections that several polynomials of a model share: with one the residuals stay the same.
-
-``A y = B u + C e`` times a quadratic factor is a model of orders two higher with the very same
-residuals, and so is ``B/F`` or ``C/D`` with a factor above and below.  A descent from there can
-only gain, and where the factor's roots lie decides how much.
-"""
+"""Sections that several polynomials of a model share: with one in A, B and C, in B and F, or in C
+and D the residuals of orders two higher stay the same, and a descent from there can only gain."""
 
 from __future__ import annotations
 
@@ -13,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.search.sections import each_without, random_sections, without_nearest
+from evopem.estimation.search.sections import each_without, random_sections, without_nearest_of
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
@@ -73,10 +69,8 @@ def places(count: int, generator: np.random.Generator) -> Array:
 def with_common_section(
     point: Array, smaller: PolynomialErrors, larger: PolynomialErrors, shared: str, sections: Array
 ) -> Array:
-    """A point of smaller orders times each of some sections, (M, n).
-
-    The residuals are those of the point but for what the states do to the first of them.
-    """
+    """A point of smaller orders times each of some sections, (M, n).  The residuals are those of
+    the point but for what the states do to the first of them."""
     own, parts, points = smaller.parts(), larger.parts(), []
     for section in sections:
         grown = np.zeros(larger.dimension)
@@ -101,10 +95,8 @@ def with_common_section(
 def without_common_section(
     point: Array, larger: PolynomialErrors, smaller: PolynomialErrors, shared: str
 ) -> Array:
-    """A point without each section of the first of the polynomials that share, (M, n).
-
-    The others lose the section that lies nearest to it.
-    """
+    """A point without each section of the first of the polynomials that share, (M, n).  The others
+    lose the section that lies nearest to it."""
     parts, kept, points = larger.parts(), smaller.parts(), []
     lead, *others = [name for name in shared if parts[name].stop > parts[name].start]
     for section, rest in each_without(point[parts[lead]]):
@@ -118,10 +110,10 @@ def without_common_section(
             if part.stop - part.start == len(coefficients):
                 shrunk[part] = coefficients
         shrunk[kept[lead]] = rest[1:]
-        left = {name: _without_nearest(name, point[parts[name]], section) for name in others}
+        left = {name: without_nearest_of(name, point[parts[name]], section) for name in others}
         for name, lower in left.items():
             if lower is not None:
-                shrunk[kept[name]] = lower
+                shrunk[kept[name]] = lower if name == "b" else lower[1:]
         if all(lower is not None for lower in left.values()):
             points.append(shrunk)
     return np.array(points).reshape(len(points), smaller.dimension)
@@ -130,15 +122,3 @@ def without_common_section(
 def _states_of_stretch(name: str, orders: Orders) -> int:
     """How many states of the plant or of the noise a stretch has."""
     return orders.single.nf if name == "plant" else orders.noise_states
-
-
-def _without_nearest(name: str, coefficients: Array, section: Array) -> Array | None:
-    """Coefficients of a polynomial without the section nearest to another one."""
-    gain = coefficients[0] if name == "b" else 1.0
-    if gain == 0.0:
-        return None
-    monic = coefficients[1:] / gain if name == "b" else coefficients
-    rest = without_nearest(monic, section)
-    if rest is None:
-        return None
-    return gain * rest if name == "b" else rest[1:]

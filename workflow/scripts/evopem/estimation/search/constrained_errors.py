@@ -14,11 +14,8 @@ Array = NDArray[np.float64]
 
 
 class ConstrainedErrors:
-    """An objective as a function of the coordinates of :class:`ConstrainedParameters`.
-
-    ``prior_weight``: what a squared deviation from a prior, in standard deviations, adds to the
-    objective.
-    """
+    """An objective as a function of the coordinates of :class:`ConstrainedParameters`, with
+    ``prior_weight`` times the squared deviations from priors, in standard deviations."""
 
     def __init__(
         self,
@@ -43,7 +40,7 @@ class ConstrainedErrors:
         values = self.errors.values(points)
         for row, z in enumerate(coordinates):
             barrier, _, _ = self.parameters.barriers(self.parameters.bounded(z)[0])
-            values[row] += self._prior(points[row]) if np.isfinite(barrier) else np.inf
+            values[row] += self._prior(points[row])[0] if np.isfinite(barrier) else np.inf
         return values
 
     def values_and_gradients(
@@ -59,13 +56,10 @@ class ConstrainedErrors:
             if not np.isfinite(values[row] + barrier):
                 values[row] = np.inf
                 continue
-            total = slopes[row]
-            if self.priors.terms:
-                away, by_point = self.priors.deviations(point)
-                values[row] += self.prior_weight * float(away @ away)
-                total = total + 2.0 * self.prior_weight * (away @ by_point)
-            values[row] += barriers[row] * barrier
-            gradients[row] = slope * (total @ derivatives + barriers[row] * of_barrier)
+            prior, of_prior, _ = self._prior(point)
+            values[row] += prior + barriers[row] * barrier
+            total = (slopes[row] + of_prior) @ derivatives
+            gradients[row] = slope * (total + barriers[row] * of_barrier)
         return values, gradients
 
     def curvatures(self, coordinates: Array, smoothing: Array, barriers: Array) -> Array:
@@ -76,29 +70,31 @@ class ConstrainedErrors:
         _, slopes = self.errors.values_and_gradients(points, smoothing, barriers)
         found = np.zeros((len(coordinates), coordinates.shape[1], coordinates.shape[1]))
         for row, (point, derivatives, bounded, slope, bend) in enumerate(maps):
-            matrix, total = matrices[row], slopes[row]
-            if self.priors.terms:
-                away, by_point = self.priors.deviations(point)
-                matrix = matrix + 2.0 * self.prior_weight * (by_point.T @ by_point)
-                total = total + 2.0 * self.prior_weight * (away @ by_point)
+            _, of_prior, of_priors = self._prior(point)
             _, _, of_barrier = self.parameters.barriers(bounded)
-            matrix = derivatives.T @ matrix @ derivatives + barriers[row] * of_barrier
-            found[row] = slope[:, None] * matrix * slope
+            matrix = derivatives.T @ (matrices[row] + of_priors) @ derivatives
+            found[row] = slope[:, None] * (matrix + barriers[row] * of_barrier) * slope
             # At an end of a share the slope vanishes, and this is the curvature.
-            found[row] += np.diag(np.maximum((total @ derivatives) * bend, 0.0))
+            total = (slopes[row] + of_prior) @ derivatives
+            found[row] += np.diag(np.maximum(total * bend, 0.0))
         return found
 
     def mean_absolute_residuals(self, values: Array) -> Array:
         """Size of the residuals that belong to values of the objective."""
         return self.errors.mean_absolute_residuals(values)
 
-    def _prior(self, point: Array) -> float:
+    def _prior(self, point: Array) -> tuple[float, Array | float, Array | float]:
+        """What the priors add to the objective, and its derivatives by the point."""
         if not self.priors.terms:
-            return 0.0
-        away, _ = self.priors.deviations(point)
-        return self.prior_weight * float(away @ away)
+            return 0.0, 0.0, 0.0
+        away, by_point = self.priors.deviations(point)
+        weight = self.prior_weight
+        return (
+            weight * float(away @ away),
+            2.0 * weight * (away @ by_point),
+            2.0 * weight * (by_point.T @ by_point),
+        )
 
     def _map(self, z: Array) -> tuple[Array, Array, Array, Array, Array]:
         bounded, slope, bend = self.parameters.bounded(z)
-        point, derivatives = self.parameters.point(bounded)
-        return point, derivatives, bounded, slope, bend
+        return *self.parameters.point(bounded), bounded, slope, bend

@@ -95,9 +95,7 @@ class DescentProblem(HoppingProblem):
 
     def promised(self, points: Array, value: float) -> Array:
         """Objective that one Gauss-Newton step from each point predicts; inf where meaningless.
-
-        The states are fitted first, in place.
-        """
+        The states are fitted first, in place."""
         solve_linear(self.errors, points, self._states, 1)
         promised = promised_values(self.errors, points, value, self._largest_value, COMMON_DAMPING)
         return np.where(promised > 0.0, promised, np.inf)

@@ -1,12 +1,10 @@
-"""The search of identification: descents from random points, growth and exchange of sections.
+"""The search of identification.
 
-Most problems at orders that the record supports have one optimum, and descents from a few random
-points all end there: the search is over.  Where they do not agree, independent searches by growth
-from small orders and exchange of sections follow (:mod:`.section_exchange`), until enough of them
-have ended at the lowest value and exchange from it has found nothing lower.  Where polynomials
-share no sections, restarts of the memetic search and hops between neighbouring optima take their
-place: optima of spare sections differ in one section, and a search among the neighbours of each
-leads down quickly (basin hopping; Leary 2000, Global optimization on funneling landscapes).
+Where descents from a few random points all end at one optimum, the search is over.  Elsewhere
+independent searches by growth and exchange of sections follow (:mod:`.section_exchange`), until
+enough have ended at the lowest value and exchange from it finds nothing lower.  Where polynomials
+share no sections, memetic restarts and hops between neighbouring optima take their place (basin
+hopping; Leary 2000, Global optimization on funneling landscapes).
 """
 
 from __future__ import annotations
@@ -36,7 +34,6 @@ from evopem.estimation.search.problem import (
     Hops,
     SearchProgress,
     SearchResult,
-    continuing,
     converged_values,
     count_distinct,
     pooled,
@@ -108,7 +105,7 @@ class _Record(SearchProgress):
 
 def continued_search(
     problem: HoppingProblem,
-    scales: Array,
+    restored: Callable[[Array], Array],
     key: tuple[int, ...],
     settings: SearchSettings,
     earlier: SearchResult | None = None,
@@ -116,19 +113,15 @@ def continued_search(
     recombine: Recombination | None = None,
     target: Target | None = None,
 ) -> SearchResult:
-    """Search a scaled problem globally, combined with an earlier search of the same problem.
-
-    ``problem``: in scaled units.  ``scales`` (n,): of its parameters; points of results have the
-    units of the signals.  ``key``: what is searched. The draws come from
-    ``SeedSequence(seed, spawn_key=key)``, with the number of restarts of the earlier search
-    appended.  ``target``: the search ends once it is unlikely to get so low.  InputError when no
-    value was finite.
-    """
-    sequence = np.random.SeedSequence(settings.seed, spawn_key=(*key, *continuing(earlier)))
-    known = np.inf if earlier is None else earlier.value
-    generator = np.random.default_rng(sequence)
+    """Search a scaled problem, combined with an earlier search; ``restored`` gives points their
+    units. Draws come from ``SeedSequence(seed, spawn_key=key)``, the earlier restarts appended to
+    the key."""
+    known = np.inf
+    if earlier is not None:
+        known, key = earlier.value, (*key, earlier.diagnostics.n_restarts)
+    generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
     found = global_search(problem, settings, generator, log, known, recombine, target)
-    found = replace(found, point=found.point * scales)
+    found = replace(found, point=restored(found.point))
     return found if earlier is None else pooled(earlier, found)
 
 
@@ -141,13 +134,11 @@ def global_search(
     recombine: Recombination | None = None,
     target: Target | None = None,
 ) -> SearchResult:
-    """Minimise the objective of an identification globally.
-
-    ``known_minimum``: A value that an earlier search reached.  Restarts that agree on a higher one
-    do not end the search.  ``target``: the search ends once it is unlikely to get so low.
-    InputError when no value was finite.
-    """
-    found, exchange = _Record(log), _exchange_of(problem)
+    """Minimise the objective of an identification globally.  ``known_minimum``: A value that an
+    earlier search reached.  Restarts that agree on a higher one do not end the search.  ``target``:
+    the search ends once it is unlikely to get so low.  InputError when no value was finite."""
+    exchange = SectionExchange(problem) if isinstance(problem, DescentProblem) else None
+    found, exchange = _Record(log), exchange if exchange and exchange.possible else None
     if settings.evaluations == FIRST_PASS:
         _descend_coarsely(problem, generator, found)
     else:
@@ -176,12 +167,6 @@ def global_search(
     return found.result(found.points, found.undiscovered)
 
 
-def _exchange_of(problem: HoppingProblem) -> SectionExchange | None:
-    """The exchange of sections, where the problem has some."""
-    exchange = SectionExchange(problem) if isinstance(problem, DescentProblem) else None
-    return exchange if exchange is not None and exchange.possible else None
-
-
 def _search_neighbours(
     problem: HoppingProblem,
     exchange: SectionExchange | None,
@@ -199,16 +184,11 @@ def _search_neighbours(
 
 
 def _descend_from_random_points(
-    problem: HoppingProblem,
-    evaluations: int,
-    generator: np.random.Generator,
-    found: _Record,
+    problem: HoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
 ) -> None:
-    """Descend from batches of random points, and polish the lowest of each.
-
-    No further batch follows one that leaves a hopeless undiscovered probability.  They are
-    polished together, because a pass over the record costs the same for several points as for one.
-    """
+    """Descend from batches of random points, and polish the lowest of each.  No further batch
+    follows one that leaves a hopeless undiscovered probability.  They are polished together,
+    because a pass over the record costs the same for several points as for one."""
     lowest: list[Array] = []
     used = 0
     while not lowest or (
@@ -230,12 +210,9 @@ def _descend_from_random_points(
 def _descend_coarsely(
     problem: HoppingProblem, generator: np.random.Generator, found: _Record
 ) -> None:
-    """The first pass of a race: coarse descents from a few random points, and from estimates.
-
-    Where plant and noise share the poles of A and the noise has those of D besides, nearly all
-    random points may lead to an optimum that has exchanged the two.  The estimates of a record are
-    always the same, so their descents are no independent restart.
-    """
+    """The first pass of a race: coarse descents from a few random points, and from the same
+    estimates of the record every time, which are no independent restart: random points alone may
+    all lead to an optimum that has exchanged the poles of A and D."""
     descend = problem.descend_coarsely if isinstance(problem, DescentProblem) else problem.descend
     descents = descend(problem.random(FIRST_BATCH, generator))
     found.optima, found.points = converged_values(descents), FIRST_BATCH
@@ -262,9 +239,7 @@ def hop(
     generator: np.random.Generator,
 ) -> Hops:
     """Move from optimum to lower neighbouring optimum until none is found for some time.
-
-    ``max_evaluations``: evaluations after which no further hop starts.
-    """
+    ``max_evaluations``: evaluations after which no further hop starts."""
     evaluations = failed = 0
     optima: list[float] = []
     while failed < PATIENCE and evaluations < max_evaluations:

@@ -1,12 +1,8 @@
 """Memetic search: a (mu + lambda) evolution strategy whose mutation is BFGS (chapter section 4).
 
-Each generation recombines the parents, evaluates the offspring, refines some of them by BFGS (the
-worst by default), and selects the best of parents and offspring.  The chapter lets BFGS *mutate*
-the individuals; there is no random mutation.  Diversity comes from the first population and from
-recombination.  When a population has converged to one point, the search restarts with an
-independent population.  When enough restarts agree on the lowest value, a multistart check follows.
-The search ends when the check finds nothing lower, or when its evaluations are spent; where it is
-asked to, it goes on until the restarts certify the optimum (:mod:`.certificate`).
+Offspring are recombined, some of them (the worst by default) refined by BFGS, and the best of
+parents and offspring kept.  A converged population restarts.  When enough restarts agree on the
+lowest value, a multistart check follows, and restarts until a certificate where asked for.
 """
 
 from __future__ import annotations
@@ -57,16 +53,12 @@ def memetic_search(
     recombine: Recombination | None = None,
     until_certified: bool = False,
 ) -> SearchResult:
-    """Minimise an objective globally.
+    """Minimise an objective globally; InputError when no value was finite.
 
-    ``settings``: of these ``mu``, ``lambda_``, ``nu``, ``refine`` and ``evaluations`` are used.
-    ``known_minimum``: A value that an earlier search reached. Restarts that agree on a higher one
-    do not end the search.  ``agreeing_restarts``: restarts that must end at the lowest value before
-    the search stops early.  ``recombine``: ``recombine(parents, count, generator)``: offspring,
-    (count, n), of parents, (mu, n), and the evaluations that they took.
-    :func:`discrete_recombination` by default.  ``until_certified``: whether restarts go on after
-    the check until they are what a certificate asks for; where all agree so far, with up to twice
-    the evaluations.  InputError when no value was finite.
+    ``known_minimum``: restarts that agree on a higher value do not end the search,
+    ``agreeing_restarts`` at the lowest do.  ``recombine(parents, count, generator)``: offspring
+    (count, n), and their evaluations.  ``until_certified``: restarts go on after the check until a
+    certificate, where all agree with up to twice the evaluations.
     """
     found = _Found()
 
@@ -104,10 +96,8 @@ class _Found(SearchProgress):
 
     def check(self, problem: Problem, max_evaluations: int, generator: np.random.Generator) -> None:
         """Descend from random points until a further local optimum is improbable: one restart.
-
         ``max_evaluations``: evaluations after which no further batch starts, beyond
-        ``problem.min_multistart`` points.
-        """
+        ``problem.min_multistart`` points."""
         optima: list[float] = []
         best_point, best_value, evaluations = np.empty(0), np.inf, 0
         while self.random_points < problem.min_multistart or (
@@ -183,12 +173,8 @@ def _generation(
     pool = np.concatenate([parents, offspring])
     pool_values = np.concatenate([values, offspring_values])
     selected = np.argsort(pool_values, kind="stable")[: settings.mu]
-    return (
-        pool[selected],
-        pool_values[selected],
-        used + len(offspring) + refined.evaluations,
-        converged_values(refined),
-    )
+    used += len(offspring) + refined.evaluations
+    return pool[selected], pool_values[selected], used, converged_values(refined)
 
 
 def discrete_recombination(

@@ -7,13 +7,7 @@ from numpy.typing import NDArray
 
 from evopem.estimation.search.memetic import discrete_recombination
 from evopem.estimation.search.polynomial_starts import PolynomialStarts
-from evopem.estimation.search.sections import (
-    PLACES,
-    each_without,
-    random_sections,
-    recombined_polynomials,
-    without_nearest,
-)
+from evopem.estimation.search.sections import recombined_polynomials, with_moved_section
 from evopem.estimation.search.starting_polynomials import random_denominators
 
 Array = NDArray[np.float64]
@@ -23,11 +17,9 @@ BY_ROOTS = 0.75
 
 
 class PolynomialProblem(PolynomialStarts):
-    """Search problem of one record and orders.
-
-    The first population holds the estimates of :class:`.PolynomialStarts`, descended from.  The
-    rest of it, and all later populations, have random poles.
-    """
+    """Search problem of one record and orders.  The first population holds the estimates of
+    :class:`.PolynomialStarts`, descended from.  The rest of it, and all later populations, have
+    random poles."""
 
     _drawn = False
 
@@ -36,7 +28,7 @@ class PolynomialProblem(PolynomialStarts):
         if self._drawn:
             return self._drawn_at_random(count, generator)
         self._drawn = True
-        estimates, used = self._estimates
+        estimates, used = self.estimates
         descents = self.descend(estimates)
         random, more = self._drawn_at_random(max(count - len(estimates), count // 3), generator)
         points = np.concatenate([descents.points, random])
@@ -60,11 +52,9 @@ class PolynomialProblem(PolynomialStarts):
     def recombine(
         self, parents: Array, count: int, generator: np.random.Generator
     ) -> tuple[Array, int]:
-        """Offspring whose polynomials have sections, or coefficients, from two parents each.
-
-        One draw decides for a whole generation: the two kinds differ in their values, and the worst
-        offspring are refined.
-        """
+        """Offspring whose polynomials have sections, or coefficients, from two parents each.  One
+        draw decides for a whole generation: the two kinds differ in their values, and the worst
+        offspring are refined."""
         if generator.random() >= BY_ROOTS:
             return discrete_recombination(parents, count, generator)
         pairs = generator.integers(len(parents), size=(2, count))
@@ -80,26 +70,17 @@ class PolynomialProblem(PolynomialStarts):
         count: int,
         generator: np.random.Generator,
     ) -> tuple[Array, int]:
-        """The lowest of the points with a section of one or two polynomials elsewhere.
-
-        A section of A or D is moved together with the nearest one of C, or alone.
-        """
+        """The lowest of the points with a section of one or two polynomials elsewhere.  A section
+        of A or D is moved together with the nearest one of C, or alone."""
         a, c, d = (self._parts[name] for name in "acd")
-        together = [None, c] if c.stop - c.start >= 2 else [None]
-        places: list[tuple[slice, slice | None]] = [
-            (part, None) for name, part in self.errors.polynomials() if name == "f"
+        places: list[tuple[slice, list[tuple[str, slice]]]] = [
+            (part, []) for name, part in self.errors.polynomials() if name == "f"
         ]
-        places += [(part, other) for part in (a, d) for other in together]
+        for part in (a, d):
+            places += [(part, []), (part, [("c", c)])] if c.stop - c.start >= 2 else [(part, [])]
         moved = []
-        for part, other in [*places, (c, None)]:
-            for section, rest in each_without(point[part]):
-                near = None if other is None else without_nearest(point[other], section)
-                for factor in random_sections(PLACES, generator):
-                    neighbour = point.copy()
-                    neighbour[part] = np.convolve(rest, factor)[1:]
-                    if other is not None and near is not None:
-                        neighbour[other] = np.convolve(near, factor)[1:]
-                    moved.append(neighbour)
+        for part, others in [*places, (c, [])]:
+            moved += with_moved_section(point, part, others, generator)
         if not moved:
             return np.empty((0, len(point))), 0
         points, used = self.completed(np.array(moved))

@@ -1,8 +1,6 @@
-"""Points that searches and descents of a polynomial model start from.
-
-They are estimates of the record (ARX, long ARX models reduced, Steiglitz-McBride, subspace, the
-ARMAX optimum, smaller orders extended) and models of other orders.
-"""
+"""Points that searches and descents of a polynomial model start from.  They are estimates of the
+record (ARX, long ARX models reduced, Steiglitz-McBride, subspace, the ARMAX optimum, smaller orders
+extended) and models of other orders."""
 
 from __future__ import annotations
 
@@ -45,11 +43,9 @@ SWEEP_STAGES = (Stage(0.1, 1e-7, 1e-7),)
 
 
 class PolynomialStarts(DescentProblem):
-    """Starting points of one problem, and descents from them.
-
-    ``models``: models of other orders that :meth:`starts` begin from.  ``own_starts``: whether
-    estimates by linear algebra are among the starts.
-    """
+    """Starting points of one problem, and descents from them.  ``models``: models of other orders
+    that :meth:`starts` begin from.  ``own_starts``: whether estimates by linear algebra are among
+    the starts."""
 
     def __init__(
         self,
@@ -73,10 +69,8 @@ class PolynomialStarts(DescentProblem):
         return staged_descent(self.errors, points, stages, largest)
 
     def completed(self, points: Array) -> tuple[Array, int]:
-        """Points with B, level and states by least squares, given A, C, D and F; evaluations.
-
-        The roots of infeasible points are moved inside first.
-        """
+        """Points with B, level and states by least squares, given A, C, D and F; evaluations.  The
+        roots of infeasible points are moved inside first."""
         errors = self.errors
         linear = errors.linear("b", "level", "plant", "noise")
         points = errors.repair(np.where(linear, 0.0, points))
@@ -100,10 +94,6 @@ class PolynomialStarts(DescentProblem):
         points, values = points[finite], values[finite]
         return points[np.argsort(values, kind="stable")]
 
-    def estimates(self) -> Array:
-        """Points from estimates of the record, (M, n): the first population before its descent."""
-        return self._estimates[0]
-
     def lowest_estimates(self, count: int) -> tuple[Array, int]:
         """Points of the lowest of the estimates by linear algebra, and their evaluations."""
         points, used = self._by_linear_algebra()
@@ -118,7 +108,7 @@ class PolynomialStarts(DescentProblem):
         return float(np.min(values)) if np.isfinite(values).any() else 100.0
 
     @cached_property
-    def _estimates(self) -> tuple[Array, int]:
+    def estimates(self) -> tuple[Array, int]:
         """Points from estimates of the record, and the evaluations that they took."""
         found = (self._by_linear_algebra(), self._armax_optimum(), self._extended())
         together = np.concatenate([points for points, _ in found])
@@ -136,10 +126,8 @@ class PolynomialStarts(DescentProblem):
         return np.concatenate(points), used
 
     def _plants(self) -> Iterator[list[Array]]:
-        """Denominators from each input, by linear algebra on the longest stretch.
-
-        One for all inputs, (max(na, nf_i),), or one for each, (nf_i,).
-        """
+        """Denominators from each input, by linear algebra on the longest stretch.  One for all
+        inputs, (max(na, nf_i),), or one for each, (nf_i,)."""
         count = max(self.errors.orders.inputs, 1)
         try:
             for denominator in self._common_denominators():
@@ -170,10 +158,8 @@ class PolynomialStarts(DescentProblem):
     def _own_denominators(self) -> Iterator[list[Array]]:
         """F_i of each input alone, from the responses of long ARX models and step by step."""
         errors, o = self.errors, self.errors.orders
-        u, y = (
-            errors.inputs - np.mean(errors.inputs, axis=0),
-            errors.output - np.mean(errors.output),
-        )
+        u, y = errors.inputs, errors.output
+        u, y = u - np.mean(u, axis=0), y - np.mean(y)
         for multiple in (2, 4, 8):
             longer = multiple * max(o.nf)
             if longer > len(y) // 10:
@@ -267,23 +253,36 @@ class PolynomialStarts(DescentProblem):
         else:
             orders = replace(orders, na=o.na - 2)
         smaller = type(self)(self.errors.of_orders(orders))
-        starts, used = smaller._estimates
+        starts, used = smaller.estimates
         descents = smaller.descend(starts)
         best = descents.points[np.argmin(descents.values)]
-        generator = self._own_generator()
         points = np.zeros((PAIRS, self.errors.dimension))
         of_inputs = [("f", i) for i in range(o.inputs)]
         for letter, i in (("a", 0), ("c", 0), ("d", 0), *of_inputs):
             into, coefficients = o.part(letter, i), best[orders.part(letter, i)]
             points[:, into.start : into.start + len(coefficients)] = coefficients
-        for letter, i in of_inputs if of_f else [("a", 0)]:
-            monic = np.append(1.0, best[orders.part(letter, i)])
-            for point, pair in zip(points, random_denominators(PAIRS, 2, generator), strict=True):
-                point[o.part(letter, i)] = np.convolve(monic, np.append(1.0, pair))[1:]
-        points, more = self.completed(points)
-        values = self.values(points)
-        chosen = points[np.argsort(values, kind="stable")[:DESCENDED]]
-        return chosen, used + descents.evaluations + more + PAIRS
+        grown = [
+            (o.part(letter, i), np.append(1.0, best[orders.part(letter, i)]))
+            for letter, i in (of_inputs if of_f else [("a", 0)])
+        ]
+        chosen, more = self._best_with_random_roots(points, grown)
+        return chosen, used + descents.evaluations + more
+
+    def _best_with_random_roots(
+        self, points: Array, grown: Sequence[tuple[slice, Array]]
+    ) -> tuple[Array, int]:
+        """The lowest points with polynomials, (place, monic), times random ones; evaluations."""
+        generator = self._own_generator()
+        for part, monic in grown:
+            missing = part.stop - part.start - len(monic) + 1
+            if missing <= 0:
+                continue
+            drawn = random_denominators(len(points), missing, generator)
+            for point, further in zip(points, drawn, strict=True):
+                point[part] = np.convolve(monic, np.append(1.0, further))[1:]
+        points, used = self.completed(points)
+        best = np.argsort(self.values(points), kind="stable")[:DESCENDED]
+        return points[best], used + len(points)
 
     def _own_generator(self) -> np.random.Generator:
         """The draws of these orders, the same in every search."""
@@ -324,15 +323,5 @@ class PolynomialStarts(DescentProblem):
         missing = [part.stop - part.start - len(each) + 1 for part, each in places]
         if max(missing) <= 0 or o.inputs == 0 or (o.na and any(o.nf)):
             return np.empty((0, self.errors.dimension))
-        generator = self._own_generator()
         points = np.repeat(self.adapted(model)[:1], PAIRS, axis=0)
-        for (part, each), more in zip(places, missing, strict=True):
-            if more <= 0:
-                continue
-            for point, further in zip(
-                points, random_denominators(PAIRS, more, generator), strict=True
-            ):
-                point[part] = np.convolve(each, np.append(1.0, further))[1:]
-        points, _ = self.completed(points)
-        best = np.argsort(self.values(points), kind="stable")[:DESCENDED]
-        return points[best]
+        return self._best_with_random_roots(points, places)[0]

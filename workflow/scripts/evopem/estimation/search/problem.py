@@ -67,14 +67,11 @@ class HoppingProblem(Problem, Protocol):
 class SearchDiagnostics:
     """How a search arrived at its optimum, and how far the optimum was confirmed.
 
-    ``evaluations``: evaluations of the objective; a gradient counts as one more.
-    ``restart_minima``: lowest value of each independent restart; a batch of random points counts
-    as one.  ``n_confirming``: restarts, other than the one that found it, that ended at the lowest
-    value.  ``n_local_optima``: distinct values among all descents that converged.
-    ``n_multistart``: independent random points that descents started from.
-    ``undiscovered_probability``: estimated probability that a descent from a random point leads to
-    an optimum that has not been found; 1 where no descents from random points were made.
-    ``convergence``: one entry a generation, and one after each polish.
+    ``evaluations``: a gradient counts as one more.  ``restart_minima``: lowest value of each
+    independent restart, a batch of random points being one.  ``n_confirming``: further restarts
+    that ended at the lowest.  ``n_local_optima``: distinct values of descents that converged.
+    ``n_multistart``: random points descended from.  ``undiscovered_probability``: that another one
+    leads to a new optimum; 1 without any.
     """
 
     evaluations: int
@@ -94,16 +91,7 @@ class SearchDiagnostics:
     @classmethod
     def of_descents(cls, value: float, evaluations: int, optima: int) -> SearchDiagnostics:
         """Of descents without generations, to the lowest of some optima: nothing was confirmed."""
-        return cls(
-            evaluations=evaluations,
-            generations=0,
-            restart_minima=(value,),
-            n_confirming=0,
-            n_local_optima=optima,
-            n_multistart=0,
-            undiscovered_probability=1.0,
-            convergence=((evaluations, value),),
-        )
+        return cls(evaluations, 0, (value,), 0, optima, 0, 1.0, ((evaluations, value),))
 
     @property
     def n_restarts(self) -> int:
@@ -113,10 +101,7 @@ class SearchDiagnostics:
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """Best point of a search, its value, and the diagnostics of the search.
-
-    ``point`` (n,).
-    """
+    """Best point of a search, its value, and the diagnostics of the search.  ``point`` (n,)."""
 
     point: Array
     value: float
@@ -150,10 +135,7 @@ class SearchProgress:
         self.convergence.append((self.spent, self.value))
 
     def result(self, n_multistart: int, undiscovered_probability: float) -> SearchResult:
-        """The best point of all, with diagnostics.
-
-        InputError when no value was finite.
-        """
+        """The best point of all, with diagnostics.  InputError when no value was finite."""
         if self.point is None:
             raise InputError(
                 "search",
@@ -181,17 +163,10 @@ def descended(problem: Problem, point: Array) -> SearchResult:
     return SearchResult(polished.points[0], value, diagnostics)
 
 
-def continuing(earlier: SearchResult | None) -> tuple[int, ...]:
-    """Last part of the key of a search's draws: the restarts of the search that it continues."""
-    return () if earlier is None else (earlier.diagnostics.n_restarts,)
-
-
 def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
-    """Combine two searches of one problem that drew independently.
-
-    The number of local optima is the larger of the two: which of them coincide is not known.  The
-    undiscovered probability is that of the one with more random points.
-    """
+    """Combine two searches of one problem that drew independently.  The number of local optima is
+    the larger of the two: which of them coincide is not known.  The undiscovered probability is
+    that of the one with more random points."""
     best = second if second.value < first.value else first
     one, other = first.diagnostics, second.diagnostics
     drawn = max(one, other, key=lambda each: (each.n_multistart, each.undiscovered_probability))
@@ -236,10 +211,8 @@ def count_distinct(values: list[float], tolerance: float = SAME_DESCENT) -> int:
 
 def undiscovered(optima: list[float], tolerance: float = SAME_DESCENT) -> float:
     """Posterior mean of the probability that a further descent leads to an undiscovered optimum.
-
     After n descents that ended at w distinct optima it is ``w (w + 1) / (n (n - 1))`` (Boender &
-    Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods).
-    """
+    Rinnooy Kan 1987, Bayesian stopping rules for multistart global optimization methods)."""
     distinct, count = count_distinct(optima, tolerance), len(optima)
     return min(distinct * (distinct + 1) / (count * (count - 1)), 1.0) if count > 1 else 1.0
 

@@ -1,10 +1,7 @@
-"""Descents in the sections' own coordinates, which move along the edge of the stability region.
-
-Spare roots of an optimum often lie on the edge, several of them at one place.  In coefficients the
-region has cusps there, and a descent ends early.  As a product of sections it is a box of
-reflection coefficients, ``k = sin(phi)`` (:func:`.kernels.sections.products_of_sections`): on its
-sides a root moves by its angle alone.
-"""
+"""Descents in the sections' own coordinates, which move along the edge of the stability region:
+where spare roots share a place on it, the region of coefficients has cusps.  Reflection
+coefficients ``k = sin(phi)`` of sections make it a box, on whose sides a root moves by its angle
+alone."""
 
 from __future__ import annotations
 
@@ -17,10 +14,7 @@ from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.sections import sections_of
-from evopem.estimation.search.staged_descent import (
-    POLISH_STAGES,
-    staged_descent,
-)
+from evopem.estimation.search.staged_descent import POLISH_STAGES, staged_descent
 
 Array = NDArray[np.float64]
 
@@ -56,11 +50,7 @@ class SectionCoordinates:
 
     def points(self, coordinates: Array, drawn_in: float = DRAWN_IN[0]) -> Array:
         """Points of coordinates, the largest radius less a part of it."""
-        points = coordinates.copy()
-        for part, radius in self._polynomials:
-            reflections = np.ascontiguousarray(np.sin(coordinates[:, part]))
-            points[:, part] = products_of_sections(reflections, radius * (1.0 - drawn_in))[0]
-        return points
+        return self._derivatives(coordinates, drawn_in)[0]
 
     def values(self, coordinates: Array) -> Array:
         """Objective of each row, (M,)."""
@@ -94,12 +84,14 @@ class SectionCoordinates:
         """Size of the residuals that belong to values of the objective."""
         return self._errors.mean_absolute_residuals(values)
 
-    def _derivatives(self, coordinates: Array) -> tuple[Array, list[Array]]:
+    def _derivatives(
+        self, coordinates: Array, drawn_in: float = DRAWN_IN[0]
+    ) -> tuple[Array, list[Array]]:
         """Points, and the derivatives of each polynomial by its reflection coefficients."""
         points, derivatives = coordinates.copy(), []
         for part, radius in self._polynomials:
             reflections = np.ascontiguousarray(np.sin(coordinates[:, part]))
-            points[:, part], each = products_of_sections(reflections, radius * (1.0 - DRAWN_IN[0]))
+            points[:, part], each = products_of_sections(reflections, radius * (1.0 - drawn_in))
             derivatives.append(each)
         return points, derivatives
 

@@ -1,11 +1,6 @@
-"""Growth from small orders, and exchange of sections: optima of more orders than needed.
-
-A model of more orders than a record supports has an optimum for nearly every choice of places at
-which its spare sections lie.  A search grows the model section by section
-(:mod:`.common_sections`): places are judged by what they may explain (:mod:`.section_gains`), the
-best are descended from, and a few optima are kept.  Then sections are exchanged: each optimum
-without one of its sections, descended from again, gains one at another place.
-"""
+"""Growth from small orders, and exchange of sections: more orders than needed have an optimum for
+nearly every choice of places of spare sections.  A search adds sections where they may explain most
+(:mod:`.section_gains`), then removes one of an optimum and adds one at another place."""
 
 from __future__ import annotations
 
@@ -119,10 +114,8 @@ class SectionExchange:
 
 
 class _Found:
-    """What a search has found of a problem so far, and what it took.
-
-    Of the places of a section it prefers those of the largest gains, or random ones.
-    """
+    """What a search has found of a problem so far, and what it took.  Of the places of a section it
+    prefers those of the largest gains, or random ones."""
 
     def __init__(
         self, problem: DescentProblem, generator: np.random.Generator, by_gains: bool = True
@@ -132,11 +125,7 @@ class _Found:
         self.ended: list[float] = []
 
     def with_sections(
-        self,
-        optima: list[Optimum],
-        smaller: DescentProblem,
-        larger: DescentProblem,
-        shared: str,
+        self, optima: list[Optimum], smaller: DescentProblem, larger: DescentProblem, shared: str
     ) -> list[Optimum]:
         """Optima of larger orders from the most promising places of a further section."""
         starts, promised = [np.empty((0, larger.errors.dimension))], [np.empty(0)]
@@ -148,17 +137,11 @@ class _Found:
         return self.descents(larger, np.concatenate(starts)[best])
 
     def _most_promising(
-        self,
-        optimum: Optimum,
-        smaller: DescentProblem,
-        larger: DescentProblem,
-        shared: str,
+        self, optimum: Optimum, smaller: DescentProblem, larger: DescentProblem, shared: str
     ) -> tuple[Array, Array]:
         """An optimum with a further section at the best of random places, and what is promised.
-
-        The gains of the places come first; one Gauss-Newton step from each of the best is nearer
-        to the truth.  For the absolute value, whose slopes jump, it is not.
-        """
+        The gains of the places come first; one Gauss-Newton step from each of the best is nearer to
+        the truth.  For the absolute value, whose slopes jump, it is not."""
         value, point = optimum
         drawn = np.flatnonzero(self.generator.random(len(grid())) < DRAWN)
         if self._by_gains:

@@ -1,10 +1,6 @@
-"""What a further section may explain at each of many places, from cross spectra of the residuals.
-
-At an optimum a section that polynomials share leaves the residuals as they are.  A small change of
-its coefficients adds the residuals and the input to them, filtered through the section's
-resonance.  How far these explain the slopes of the loss is a score test of each place (Söderström
-& Stoica 1989, section 11.5), and all of its sums follow from three spectra.
-"""
+"""What a further section may explain at each of many places: a small change of the coefficients of
+a shared one adds residuals and input, filtered through its resonance.  How far these explain the
+slopes of the loss is a score test (Söderström & Stoica 1989, section 11.5) by three spectra."""
 
 from __future__ import annotations
 
@@ -59,9 +55,7 @@ def _responses(bins: int) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
 
 def gains(errors: PolynomialErrors, point: Array, shared: str, places: NDArray[np.intp]) -> Array:
     """Part of the objective that a shared section explains at each of some places, (M,).
-
-    ``shared``: the polynomials that share the section.  ``places`` (M,): rows of :func:`grid`.
-    """
+    ``shared``: the polynomials that share the section.  ``places`` (M,): rows of :func:`grid`."""
     stretches = list(errors.of_stretches(point))
     samples = max(each.samples for each, _ in stretches)
     signals = [_slopes_and_signals(each, own, shared) for each, own in stretches]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -58,9 +58,7 @@ def recombined_polynomials(
     polynomials: Array, pairs: NDArray[np.int64], generator: np.random.Generator
 ) -> Array:
     """Polynomials, (count, m), whose sections each come from one of two parents, by frequency.
-
-    ``polynomials`` (M, m): without the leading 1.  ``pairs`` (2, count): the parents of each.
-    """
+    ``polynomials`` (M, m): without the leading 1.  ``pairs`` (2, count): the parents of each."""
     parents = [sections_of(coefficients) for coefficients in polynomials]
     count, order = pairs.shape[1], polynomials.shape[1]
     from_first = generator.random((count, order // 2 + order % 2)) < 0.5
@@ -92,9 +90,7 @@ def each_without(coefficients: Array) -> Iterator[tuple[Array, Array]]:
 
 def without_nearest(coefficients: Array, section: Array) -> Array | None:
     """A monic polynomial, with the leading 1, without its section nearest to another one.
-
-    ``coefficients`` (m,): without the leading 1.  None where the polynomial has no section.
-    """
+    ``coefficients`` (m,): without the leading 1.  None where the polynomial has no section."""
     roots_of_section = _roots(section)
     nearest = min(
         each_without(coefficients),
@@ -102,6 +98,37 @@ def without_nearest(coefficients: Array, section: Array) -> Array | None:
         default=None,
     )
     return None if nearest is None else nearest[1]
+
+
+def without_nearest_of(name: str, coefficients: Array, section: Array) -> Array | None:
+    """Coefficients of a polynomial as a point holds them, with the leading one, of B any number,
+    without the section nearest to another one."""
+    gain = coefficients[0] if name == "b" and len(coefficients) else 1.0
+    if gain == 0.0:
+        return None
+    rest = without_nearest(coefficients[1:] / gain if name == "b" else coefficients, section)
+    return None if rest is None else gain * rest
+
+
+def with_moved_section(
+    point: Array,
+    lead: slice,
+    others: Sequence[tuple[str, slice]],
+    generator: np.random.Generator,
+) -> list[Array]:
+    """Points with each section of a polynomial, and the nearest of others, at random places."""
+    moved = []
+    for section, rest in each_without(point[lead]):
+        left = [(part, without_nearest_of(name, point[part], section)) for name, part in others]
+        for factor in random_sections(PLACES, generator):
+            neighbour = point.copy()
+            neighbour[lead] = np.convolve(rest, factor)[1:]
+            for part, near in left:
+                if near is not None:
+                    whole = np.convolve(near, factor)
+                    neighbour[part] = whole[len(whole) - part.stop + part.start :]
+            moved.append(neighbour)
+    return moved
 
 
 def _roots(section: Array) -> NDArray[np.complex128]:

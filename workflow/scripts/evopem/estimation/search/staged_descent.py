@@ -34,11 +34,9 @@ SENSITIVE = 1e-60
 
 
 class Stage(NamedTuple):
-    """One BFGS run of a descent.
-
-    The smoothing of the absolute value is in units of mean |e|, the weight of the stability barrier
-    in units of the objective, and the tolerance is the relative decrease that ends the run.
-    """
+    """One BFGS run of a descent.  The smoothing of the absolute value is in units of mean |e|, the
+    weight of the stability barrier in units of the objective, and the tolerance is the relative
+    decrease that ends the run."""
 
     smoothing: float
     barrier: float
@@ -87,10 +85,8 @@ def staged_descent(
     wait: float | None = WAIT,
 ) -> Descent:
     """BFGS from each point, preconditioned by its Gauss-Newton matrix, stage after stage.
-
     ``points`` (M, n): feasible.  ``largest_value``: values of the objective that weigh the barrier
-    are cut off here.  ``first_damping``: damping of the Gauss-Newton matrix in the first stage.
-    """
+    are cut off here.  ``first_damping``: damping of the Gauss-Newton matrix in the first stage."""
     values = errors.values(points)
     evaluations = len(points)
     damping = first_damping
@@ -168,11 +164,9 @@ def _bfgs(
 def promised_values(
     errors: PredictionErrors, points: Array, value: float, largest_value: float, damping: float
 ) -> Array:
-    """Objective that one Gauss-Newton step from each feasible point predicts, (M,).
-
-    ``points`` (M, n).  ``value``: the size of the values, which smoothing and barrier depend on.
-    ``damping``: of the Gauss-Newton matrix.
-    """
+    """Objective that one Gauss-Newton step from each feasible point predicts, (M,).  ``points`` (M,
+    n).  ``value``: the size of the values, which smoothing and barrier depend on.  ``damping``: of
+    the Gauss-Newton matrix."""
     smoothing, barriers = stage_weights(
         errors, DESCENT_STAGES[0], np.full(len(points), value), largest_value
     )
@@ -202,10 +196,8 @@ def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
 def solve_linear(
     errors: PredictionErrors, points: Array, linear: NDArray[np.bool_], steps: int
 ) -> Array:
-    """Points, (M, n), changed in place, whose linear coordinates minimise the objective.
-
-    By :data:`LINEAR_STEPS` Newton steps from where they are, given the other coordinates.
-    """
+    """Points, (M, n), changed in place, whose linear coordinates minimise the objective.  By
+    :data:`LINEAR_STEPS` Newton steps from where they are, given the other coordinates."""
     none = np.zeros(len(points))
     for _ in range(steps):
         size = errors.mean_absolute_residuals(errors.values(points))
@@ -218,11 +210,9 @@ def solve_linear(
 
 
 def multistart(errors: PredictionErrors, starts: Array, largest_value: float) -> SearchResult:
-    """Descend from every start, refine the lowest, and count how many agree.
-
-    ``starts`` (M, n): those without a finite value are left out, the others count as restarts.
-    InputError when no start has a finite value.
-    """
+    """Descend from every start, refine the lowest, and count how many agree.  ``starts`` (M, n):
+    those without a finite value are left out, the others count as restarts.  InputError when no
+    start has a finite value."""
     evaluations = len(starts)
     starts = starts[np.isfinite(errors.values(starts))]
     if not len(starts):

@@ -1,9 +1,5 @@
-"""Denominators and noise models from which descents of a polynomial model start.
-
-All of them are estimates by linear algebra on one record, of inputs u (N, m), and orders nb and nk
-of each.  They give the coefficients of F (or A), C and D alone; numerators, level and states follow
-by linear least squares.
-"""
+"""Denominators and noise models from which descents start: estimates by linear algebra on one
+record, of inputs u (N, m) with orders nb and nk.  Numerators, level and states follow from them."""
 
 from __future__ import annotations
 
@@ -33,10 +29,8 @@ def arx_denominator(u: Array, y: Array, order: int, nb: Sequence[int], nk: Seque
 def steiglitz_mcbride(
     u: Array, y: Array, order: int, nb: Sequence[int], nk: Sequence[int], radius: float
 ) -> Iterator[Array]:
-    """Denominators of the iteration by Steiglitz & McBride (1965), one a step, (order,) each.
-
-    ARX models of inputs and output, all filtered through the denominator before.
-    """
+    """Denominators of the iteration by Steiglitz & McBride (1965), one a step, (order,) each.  ARX
+    models of inputs and output, all filtered through the denominator before."""
     denominator = np.zeros(order)
     for _ in range(STEIGLITZ_MCBRIDE_STEPS):
         filtered = np.stack([*u.T, y])
@@ -61,10 +55,8 @@ def long_arx_responses(u: Array, y: Array, order: int, nk: Sequence[int]) -> Arr
 
 
 def reduced_denominator(responses: Array, order: int) -> Array:
-    """Common denominator, (order,), of impulse responses (m, L), by Kung (1978).
-
-    A singular value decomposition of their Hankel matrices.
-    """
+    """Common denominator, (order,), of impulse responses (m, L), by Kung (1978).  A singular value
+    decomposition of their Hankel matrices."""
     length = responses.shape[1]
     rows = length // 2
     hankel = np.hstack(
@@ -79,9 +71,7 @@ def reduced_denominator(responses: Array, order: int) -> Array:
 
 def subspace_denominator(u: Array, y: Array, order: int) -> Array:
     """Denominator by the subspace method MOESP with past inputs and outputs as instruments.
-
-    Verhaegen (1994); (order,).
-    """
+    Verhaegen (1994); (order,)."""
     u = u.reshape(len(y), -1)
     rows = int(np.clip(HANKEL_ROWS * order, order + 2, min(MOST_HANKEL_ROWS, len(y) // 8)))
     columns = len(y) - 2 * rows + 1
@@ -114,22 +104,13 @@ def random_denominators(count: int, order: int, generator: np.random.Generator) 
 
 
 def noise_model(v: Array, nc: int, nd: int) -> tuple[Array, Array]:
-    """C and D of ``D v = C e`` by two least-squares fits (Hannan & Rissanen 1982).
-
-    A long autoregression gives e, then v is regressed on past v and past e.
-
-    ``v`` (N,).  Returns (nc,) and (nd,).
-    """
+    """C and D of ``D v = C e`` by two least-squares fits (Hannan & Rissanen 1982).  A long
+    autoregression gives e, then v is regressed on past v and past e.  ``v`` (N,).  Returns (nc,)
+    and (nd,)."""
     long_order = min(max(20, 2 * (nc + nd)), max(len(v) // 10, 1))
-    rows = _lagged(v, long_order, 1)
-    e = np.zeros_like(v)
-    e[long_order:] = v[long_order:] - rows @ _least_squares(rows, v[long_order:])
-    first = long_order + max(nc, nd)
-    regressors = np.column_stack(
-        [-v[first - k : len(v) - k] for k in range(1, nd + 1)]
-        + [e[first - k : len(v) - k] for k in range(1, nc + 1)]
-    )
-    theta = _least_squares(regressors, v[first:])
+    rows, first = _arx_regressors(np.empty((len(v), 0)), v, long_order, (), ())
+    e = v[first:] - rows @ _least_squares(rows, v[first:])
+    theta = _arx(e[:, None], v[first:], nd, (nc,), (1,))
     return theta[nd:], theta[:nd]
 
 
@@ -149,14 +130,6 @@ def _arx_regressors(
     for signal, count, delay in zip(u.T, nb, nk, strict=True):
         columns += [signal[first - delay - j : len(y) - delay - j] for j in range(count)]
     return np.column_stack(columns), first
-
-
-def _lagged(signal: Array, count: int, shortest: int) -> Array:
-    """Columns ``signal[t - shortest - j]``, t from ``count + shortest - 1`` on."""
-    first = count + shortest - 1
-    return np.column_stack(
-        [signal[first - shortest - j : len(signal) - shortest - j] for j in range(count)]
-    )
 
 
 def _least_squares(regressors: Array, target: Array) -> Array:

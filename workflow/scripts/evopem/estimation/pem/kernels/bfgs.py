@@ -70,10 +70,8 @@ def advance(
     tolerance: float,
     max_iterations: int,
 ) -> int:
-    """Accept each start's trial, or say where along the line it tries next.
-
-    Returns the evaluations: steps out of the stability region are refused without residuals.
-    """
+    """Accept each start's trial, or say where along the line it tries next.  Returns the
+    evaluations: steps out of the stability region are refused without residuals."""
     evaluations = 0
     for k, r in enumerate(rows):
         evaluations += np.isfinite(values[k])
@@ -97,10 +95,8 @@ def advance(
 
 @njit
 def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -> float:
-    """The next trial step: twice the last one until a bracket is found, then inside it.
-
-    At the minimum of a parabola while the bracket starts at zero and ends feasibly, else half way.
-    """
+    """The next trial step: twice the last one until a bracket is found, then inside it.  At the
+    minimum of a parabola while the bracket starts at zero and ends feasibly, else half way."""
     if high == np.inf:
         return 2.0 * low
     width = high - low

@@ -1,8 +1,6 @@
-"""Compilation by numba, with an on-disk cache that notices changes in a whole folder.
-
-numba's own cache compares a digest of the one file that defines a function; here the digest covers
-every Python file of that folder, which what it calls is defined in.
-"""
+"""Compilation by numba, with an on-disk cache that notices changes in a whole folder.  numba's own
+cache compares a digest of the one file that defines a function; here the digest covers every Python
+file of that folder, which what it calls is defined in."""
 
 from __future__ import annotations
 
@@ -35,10 +33,8 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 def cached_njit(function: Callable[..., Any]) -> Any:
-    """Compile a function that Python calls, on first use, and keep the result on disk.
-
-    What it calls must be defined in the same folder, or be compiled by numba itself.
-    """
+    """Compile a function that Python calls, on first use, and keep the result on disk.  What it
+    calls must be defined in the same folder, or be compiled by numba itself."""
     dispatcher: Any = numba.njit(**_OPTIONS)(function)
     dispatcher._cache = _FolderCache(function)
     return dispatcher
@@ -66,23 +62,14 @@ class _FolderStamp:
         return _digest_once(Path(self._py_file).parent)
 
 
-class _UserProvidedLocator(_FolderStamp, caching.UserProvidedCacheLocator):
-    """The directory named by ``NUMBA_CACHE_DIR``."""
-
-
-class _InTreeLocator(_FolderStamp, caching.InTreeCacheLocator):
-    """``__pycache__`` beside the source file."""
-
-
-class _UserWideLocator(_FolderStamp, caching.UserWideCacheLocator):
-    """The user's cache directory, for installations that are not writable."""
-
-
 class _FolderCacheImplementation(caching.CompileResultCacheImpl):
     _locator_classes: list[type[object]] = [  # noqa: RUF012 - as numba declares it
-        _UserProvidedLocator,
-        _InTreeLocator,
-        _UserWideLocator,
+        type(locator.__name__, (_FolderStamp, locator), {})
+        for locator in (
+            caching.UserProvidedCacheLocator,
+            caching.InTreeCacheLocator,
+            caching.UserWideCacheLocator,
+        )
     ]
 
 

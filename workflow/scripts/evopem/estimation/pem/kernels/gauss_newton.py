@@ -1,11 +1,7 @@
-"""Gauss-Newton matrices from products of lagged, filtered signals.
-
-By the signed parameters, with ``i`` an impulse at the first residual and ``1`` a constant, the
-derivatives of the residuals are delayed copies of ``(D/C) y``, ``(D/CF_i) u_i``, ``(1/C) e``,
-``(1/C) v``, ``(D/CF_i) x_i``, ``(D/C) 1``, ``(D/CF_i) i`` and ``(1/C) i`` (Ljung 1999, section
-10.3).  A copy of y or u_i that is delayed by one sample more differs by the sample before the first
-residual that enters it, times the response to an impulse, whose copies are summed as well.
-"""
+"""Gauss-Newton matrices from products of delayed copies of filtered signals (Ljung 1999, section
+10.3), by the signed parameters: ``(D/C) y``, ``(D/CF_i) u_i``, ``(1/C) e``, ``(1/C) v``, ``(D/CF_i)
+x_i``, ``(D/C) 1``, and with an impulse i ``(D/CF_i) i`` and ``(1/C) i``.  A further copy of y or
+u_i differs by the sample that enters it from the past, times the response to an impulse."""
 
 from __future__ import annotations
 
@@ -13,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
-from evopem.estimation.pem.kernels.polynomials import barrier_curvature
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
@@ -28,7 +23,6 @@ from evopem.estimation.pem.kernels.record import (
     fill,
     load_points,
     load_smoothing,
-    monic_parts,
     state_weight,
 )
 from evopem.estimation.pem.kernels.residuals import (
@@ -58,11 +52,9 @@ DECAYED = 1e-100
 
 @njit
 def _mean_second_derivatives(record, workspace, bandwidth):
-    """Mean second derivative of ``sqrt(e**2 + width**2)`` over the residuals, to ``total``.
-
-    Twice a kernel estimate of their density at zero, ``width`` being ``bandwidth`` in mean ``|e|``
-    but no narrower than the smoothing.
-    """
+    """Mean second derivative of ``sqrt(e**2 + width**2)`` over the residuals, to ``total``.  Twice
+    a kernel estimate of their density at zero, ``width`` being ``bandwidth`` in mean ``|e|`` but no
+    narrower than the smoothing."""
     zero, before = constant(0.0), record.residual_start - record.history
     first, last = record.loss_start - before, record.loss_stop - before
     count = last - first
@@ -160,10 +152,8 @@ def _table_of(record, buffers, part):
 
 @njit
 def _add_products(one, x, other, z, size, count, sums, row, stride):
-    """``sums[row + j stride] += sum_i one[x + i] other[z + i - j]`` for ``0 <= j < count``.
-
-    Four lags share what they load; up to three rows more than needed are read.
-    """
+    """``sums[row + j stride] += sum_i one[x + i] other[z + i - j]`` for ``0 <= j < count``.  Four
+    lags share what they load; up to three rows more than needed are read."""
     zero = constant(0.0)
     for j in range(0, count, 4):
         p0, p1, p2, p3 = zero, zero, zero, zero
@@ -192,9 +182,7 @@ def _add_products(one, x, other, z, size, count, sums, row, stride):
 @njit
 def _forget_decayed(table, row, size):
     """Zero the lanes of a stretch that died out: denormal numbers are a hundred times slower.
-
-    Returns whether any lane is left.
-    """
+    Returns whether any lane is left."""
     alive = False
     for lane in range(LANES):
         largest = 0.0
@@ -259,10 +247,8 @@ def _add_products_of_parts(record, buffers, segment, now, size, alive):
 
 @njit
 def _complete_sums(buffers):
-    """The products of all other copies, from those of their first ones.
-
-    Each follows from its upper-left neighbour by exchanging the samples at the record's ends.
-    """
+    """The products of all other copies, from those of their first ones.  Each follows from its
+    upper-left neighbour by exchanging the samples at the record's ends."""
     parts, sums, heads, tails = buffers.parts, buffers.sums, buffers.heads, buffers.tails
     width, history = parts[:, 2].sum(), heads.shape[0] // parts.shape[0]
     minus = constant(-1.0)
@@ -306,9 +292,7 @@ def _add_responses(record, buffers, column):
 @njit
 def _gauss_newton(record, workspace, buffers):
     """``sum_t J_t J_t'`` over the samples that count, for the loaded models, to ``buffers.sums``.
-
-    By the copies of :class:`.record.LagSums`.
-    """
+    By the copies of :class:`.record.LagSums`."""
     parts, sums, heads = buffers.parts, buffers.sums, buffers.heads
     history = heads.shape[0] // parts.shape[0]
     segment = history + CHUNK
@@ -353,21 +337,11 @@ def _unload_sums(record, objective, weights, buffers, rows, matrices):
 
 
 @cached_njit
-def gauss_newton_matrices(
-    record, objective, workspace, buffers, bandwidth, points, smoothing, barriers
-):
-    """Gauss-Newton part of the Hessian of each row's objective, (M, n, n); rows must be feasible.
-
-    For the absolute value with the mean second derivative of :func:`_mean_second_derivatives`,
-    whose width is ``bandwidth`` in mean ``|e|``.  The barriers of A, C, D and F_i, times
-    ``barriers``, are added.
-    """
+def gauss_newton_matrices(record, objective, workspace, buffers, bandwidth, points, smoothing):
+    """Gauss-Newton part of the Hessian of each feasible row's objective, (M, n, n); of the absolute
+    value with :func:`_mean_second_derivatives`, ``bandwidth`` in mean ``|e|``."""
     count, n = points.shape
     matrices = np.zeros((count, n, n))
-    parts, radii = monic_parts(record, objective)
-    order = np.max(parts[:, 1] - parts[:, 0])
-    work, curvature = np.empty((order + 1, order)), np.empty((order, order))
-    slopes, next_slopes = np.empty((order, order)), np.empty((order, order))
     for begin in range(0, count, LANES):
         rows = np.arange(begin, min(begin + LANES, count))
         load_points(record, points, rows, workspace.parameters)
@@ -382,11 +356,4 @@ def gauss_newton_matrices(
         for r in rows:
             for i in range(n):
                 matrices[r, i, i] += 2.0 * state_weight(record, objective, n, i)
-            for part in range(radii.size):
-                low, high = parts[part]
-                x = points[r, low:high]
-                barrier_curvature(x, radii[part], work, slopes, next_slopes, curvature)
-                for i in range(high - low):
-                    for j in range(high - low):
-                        matrices[r, low + i, low + j] += barriers[r] * curvature[i, j]
     return matrices

@@ -1,12 +1,6 @@
-"""Loss of a population and its gradient by the adjoint recursions.
-
-Backwards through 1/C, D and 1/F_i, with ``l`` the derivative of the loss by each residual:
-
-    C* lam = l,    mu = D* lam,    F_i* xi_i = mu,
-
-an asterisk for time reversed.  The gradient by a signed parameter is a correlation of one of these
-with the signal that the parameter multiplies.
-"""
+"""Loss of a population and its gradient by the adjoint recursions, backwards through 1/C, D and
+1/F_i: ``C* lam = l``, ``mu = D* lam``, ``F_i* xi_i = mu``, l the derivative of the loss by each
+residual.  The gradient correlates one of these with the signal that a parameter multiplies."""
 
 from __future__ import annotations
 
@@ -29,9 +23,6 @@ from evopem.estimation.pem.kernels.record import (
 )
 from evopem.estimation.pem.kernels.residuals import (
     compute_residuals,
-    feasible_rows,
-    load_block,
-    store_block,
     sum_of_losses,
 )
 from evopem.estimation.pem.kernels.simd import (
@@ -76,9 +67,7 @@ def _filter_block_back(parameters, c, nc, slope, row):
 @njit
 def _slopes(record, workspace, absolute, slope, begin, end, s):
     """Derivative of the loss with respect to each residual, from row 0 on; ``s`` plus the losses.
-
-    The absolute value is smoothed: ``sqrt(e**2 + smoothing**2)``.
-    """
+    The absolute value is smoothed: ``sqrt(e**2 + smoothing**2)``."""
     zero = constant(0.0)
     e, before = workspace.e, record.residual_start - record.history
     smoothing_squared = fma(load(workspace.smoothing, 0), load(workspace.smoothing, 0), zero)
@@ -87,26 +76,16 @@ def _slopes(record, workspace, absolute, slope, begin, end, s):
     high = max(low, min(end, record.loss_stop))
     fill(slope, 0, low - begin, 0.0)
     fill(slope, high - begin, end - begin, 0.0)
-    if absolute:
-        for t in range(low, high):
-            value = load(e, t - before)
+    for t in range(low, high):
+        value = load(e, t - before)
+        if absolute:
             r = square_root(fma(value, value, smoothing_squared))
             s = add(s, r)
             store(slope, t - begin, divide(value, r))
-        return s
-    s1, s2, s3 = zero, zero, zero
-    whole = low + (high - low) // BLOCK * BLOCK
-    for t in range(low, whole, BLOCK):
-        row, k = t - before, t - begin
-        e0, e1, e2, e3 = load_block(e, row)
-        s, s1, s2, s3 = fma(e0, e0, s), fma(e1, e1, s1), fma(e2, e2, s2), fma(e3, e3, s3)
-        e0, e1, e2, e3 = add(e0, e0), add(e1, e1), add(e2, e2), add(e3, e3)
-        store_block(slope, k, e0, e1, e2, e3)
-    for t in range(whole, high):
-        value = load(e, t - before)
-        s = fma(value, value, s)
-        store(slope, t - begin, add(value, value))
-    return add(add(s, s1), add(s2, s3))
+        else:
+            s = fma(value, value, s)
+            store(slope, t - begin, add(value, value))
+    return s
 
 
 @njit
@@ -118,18 +97,12 @@ def _filter_back(parameters, at, rows, slope, first, size):
 
 @njit
 def _times_d_back(parameters, at, nd, slope, filtered, size):
-    """Filter ``size`` rows backwards through D, eight at a time."""
-    for row in range(0, size, 2 * BLOCK):
-        s0, s1, s2, s3 = load_block(slope, row)
-        s4, s5, s6, s7 = load_block(slope, row + BLOCK)
-        w0, w1, w2, w3, w4, w5, w6 = s1, s2, s3, s4, s5, s6, s7
+    """Filter ``size`` rows backwards through D."""
+    for row in range(size):
+        s = load(slope, row)
         for k in range(nd):
-            p, w7 = load(parameters, at + k), load(slope, row + 2 * BLOCK + k)
-            s0, s1, s2, s3 = fma(p, w0, s0), fma(p, w1, s1), fma(p, w2, s2), fma(p, w3, s3)
-            s4, s5, s6, s7 = fma(p, w4, s4), fma(p, w5, s5), fma(p, w6, s6), fma(p, w7, s7)
-            w0, w1, w2, w3, w4, w5, w6 = w1, w2, w3, w4, w5, w6, w7
-        store_block(filtered, row, s0, s1, s2, s3)
-        store_block(filtered, row + BLOCK, s4, s5, s6, s7)
+            s = fma(load(parameters, at + k), load(slope, row + 1 + k), s)
+        store(filtered, row, s)
 
 
 @njit
@@ -153,37 +126,17 @@ def _four_lags(slope, first, size, signal, k):
 
 
 @njit
-def _two_lags(slope, first, size, signal, k):
-    """``sum_i slope[first + i] signal[k + i - j]`` for ``j = 0, 1``; size in whole blocks."""
-    zero = constant(0.0)
-    p0, p1, q0, q1 = zero, zero, zero, zero
-    r0, r1, s0, s1 = zero, zero, zero, zero
-    z1 = load_either(signal, k - 1)
-    for i in range(0, size, BLOCK):
-        one, two, row = load(slope, first + i), load(slope, first + i + 1), k + i
-        y0, y1 = load_either(signal, row), load_either(signal, row + 1)
-        p0, p1, q0, q1 = fma(one, y0, p0), fma(one, z1, p1), fma(two, y1, q0), fma(two, y0, q1)
-        one, two = load(slope, first + i + 2), load(slope, first + i + 3)
-        y2, y3 = load_either(signal, row + 2), load_either(signal, row + 3)
-        r0, r1, s0, s1 = fma(one, y2, r0), fma(one, y1, r1), fma(two, y3, s0), fma(two, y2, s1)
-        z1 = y3
-    return add(add(p0, r0), add(q0, s0)), add(add(p1, r1), add(q1, s1))
-
-
-@njit
 def _correlate(slope, first, size, signal, k, count, gradient, at):
     """``gradient[at + j] += sum_i slope[first + i] signal[k + i - j]``, of a signal or a table."""
     for j in range(0, count, 4):
-        if count - j > 2:
-            s0, s1, s2, s3 = _four_lags(slope, first, size, signal, k - j)
-            store(gradient, at + j + 2, add(load(gradient, at + j + 2), s2))
-            if count - j > 3:
-                store(gradient, at + j + 3, add(load(gradient, at + j + 3), s3))
-        else:
-            s0, s1 = _two_lags(slope, first, size, signal, k - j)
+        s0, s1, s2, s3 = _four_lags(slope, first, size, signal, k - j)
         store(gradient, at + j, add(load(gradient, at + j), s0))
         if count - j > 1:
             store(gradient, at + j + 1, add(load(gradient, at + j + 1), s1))
+        if count - j > 2:
+            store(gradient, at + j + 2, add(load(gradient, at + j + 2), s2))
+        if count - j > 3:
+            store(gradient, at + j + 3, add(load(gradient, at + j + 3), s3))
 
 
 @njit
@@ -259,22 +212,12 @@ def _loss_and_gradient(record, workspace, absolute):
 
 @njit
 def pass_over(record, objective, workspace, task, points, smoothing, barriers):
-    """Residuals, values, or values and gradients of each row, (M,) and (M or 0, n).
-
-    Residuals, of up to eight rows whether feasible or not, are left in ``workspace.e``.
-    """
+    """Residuals, values, or values and gradients of each row, (M,) and (M, n).  Residuals, of
+    up to eight rows whether feasible or not, are left in ``workspace.e``."""
     count, n = points.shape
-    found = np.full(count, np.inf)
-    gradients = np.zeros((count if task == GRADIENTS else 0, n))
-    if task == GRADIENTS:
-        of_roots = _barriers(record, objective, points, gradients)
-        allowed = marked_rows(of_roots < np.inf)
-    elif task == VALUES:
-        of_roots = found
-        allowed = marked_rows(feasible_rows(record, objective, points))
-    else:
-        of_roots = found
-        allowed = np.arange(count)
+    found, gradients = np.full(count, np.inf), np.zeros((count, n))
+    of_roots = _barriers(record, objective, points, gradients)
+    allowed = np.arange(count) if task == RESIDUALS else marked_rows(of_roots < np.inf)
     first = record.loss_start - record.residual_start + record.history
     last = record.loss_stop - record.residual_start + record.history
     for i in range(0, allowed.size, LANES):
@@ -304,7 +247,7 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
                 value += state_weight(record, objective, n, k) * square
             if np.isfinite(value) and finite:
                 found[r] = value
-    for r in range(gradients.shape[0]):
+    for r in range(count):
         if not np.isfinite(found[r]):
             for k in range(n):
                 gradients[r, k] = 0.0
@@ -314,9 +257,7 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
 @njit
 def _barriers(record, objective, points, gradients):
     """Barriers of all monic polynomials of each row, inf where a root lies outside, and gradients.
-
-    The gradients go to their rows, which are zero.
-    """
+    The gradients go to their rows, which are zero."""
     parts, radii = monic_parts(record, objective)
     order = np.max(parts[:, 1] - parts[:, 0])
     work = np.empty((order + 1, order))
@@ -343,11 +284,9 @@ def _unload_gradient(record, objective, table, lane, point, gradient):
 def passes(
     record, objective, workspace, task, state, smoothing, barriers, tolerance, limit, trials, few
 ):
-    """Trials of all descents, until so many are made or no more than ``few`` descents go on.
-
-    No trials are a pass over the points of the state, so that all is compiled and loaded once.
-    Returns trials, evaluations and what the last pass gave.
-    """
+    """Trials of all descents, until so many are made or no more than ``few`` descents go on.  No
+    trials are a pass over the points of the state, so that all is compiled and loaded once.
+    Returns trials, evaluations and what the last pass gave."""
     made = evaluations = 0
     while True:
         rows = marked_rows(state.line["active"])

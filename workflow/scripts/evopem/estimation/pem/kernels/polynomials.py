@@ -9,12 +9,9 @@ from evopem.estimation.pem.kernels.cache import cached_njit, njit
 
 @njit
 def step_down(coefficients, radius, work):
-    """Whether all roots of ``1 + x_1 q^-1 + ... + x_m q^-m`` lie within ``radius``.
-
-    Step-down recursion on the polynomial whose roots are divided by ``radius``.  Row k of
-    ``work``, (m + 1 or more, m or more), receives the coefficients of the polynomial of degree k;
-    the last of them is the k-th reflection coefficient.
-    """
+    """Whether all roots of ``1 + x_1 q^-1 + ... + x_m q^-m`` lie within ``radius``.  Row k of
+    ``work``, (m + 1 or more, m or more), receives the polynomial of degree k of the step-down
+    recursion, whose last coefficient is the k-th reflection coefficient."""
     m = coefficients.size
     scale = 1.0
     for i in range(m):
@@ -33,9 +30,7 @@ def step_down(coefficients, radius, work):
 @njit
 def barrier(coefficients, radius, work, slope):
     """Barrier of one polynomial, see :func:`stability_barriers`; its gradient goes to ``slope``.
-
-    The gradient follows by the adjoint of each step of the recursion.  ``slope`` must be zero.
-    """
+    The gradient follows by the adjoint of each step of the recursion.  ``slope`` must be zero."""
     m = coefficients.size
     if not step_down(coefficients, radius, work):
         return np.inf
@@ -64,11 +59,9 @@ def barrier(coefficients, radius, work, slope):
 
 @njit
 def barrier_curvature(coefficients, radius, work, slopes, next_slopes, curvature):
-    """Gauss-Newton part of the second derivatives of one polynomial's :func:`barrier`.
-
-    Written to the leading (m, m) entries of ``curvature``; zero where a root lies outside.
-    ``slopes`` and ``next_slopes``, (m or more, m or more), are buffers for ``d x_i / d x_j``.
-    """
+    """Gauss-Newton part of the second derivatives of one polynomial's :func:`barrier`.  Written to
+    the leading (m, m) entries of ``curvature``; zero where a root lies outside.  ``slopes`` and
+    ``next_slopes``, (m or more, m or more), are buffers for ``d x_i / d x_j``."""
     m = coefficients.size
     for i in range(m):
         for j in range(m):
@@ -103,9 +96,7 @@ def barrier_curvature(coefficients, radius, work, slopes, next_slopes, curvature
 @cached_njit
 def schur_stable(coefficients, radius):
     """Whether all roots of ``1 + x_1 q^-1 + ... + x_m q^-m`` lie within ``radius``, row by row.
-
-    ``coefficients`` (models, m), C-contiguous, without the leading 1.  Returns (models,) bool.
-    """
+    ``coefficients`` (models, m), C-contiguous, without the leading 1.  Returns (models,) bool."""
     count, m = coefficients.shape
     stable = np.empty(count, dtype=np.bool_)
     work = np.empty((m + 1, m))
@@ -116,15 +107,9 @@ def schur_stable(coefficients, radius):
 
 @cached_njit
 def stability_barriers(coefficients, radius):
-    """``-sum log(1 - k_i**2)`` over the reflection coefficients of each row's polynomial.
-
-    It grows without bound as a root approaches ``radius``, and is the logarithm of the variance
-    of white noise filtered through the polynomial's inverse, roots divided by ``radius``.
-
-    ``coefficients`` (models, m), C-contiguous, without the leading 1.  Returns values (models,),
-    infinite where a root lies outside; gradients (models, m), and Gauss-Newton parts of the second
-    derivatives (models, m, m), zero where a root lies outside.
-    """
+    """``-sum log(1 - k_i**2)`` over the reflection coefficients of each row's polynomial, which
+    grows without bound as a root approaches ``radius``: values (M,), inf outside, gradients (M, m)
+    and Gauss-Newton parts of the second derivatives (M, m, m), zero outside."""
     count, m = coefficients.shape
     values = np.empty(count)
     gradients, curvatures = np.zeros((count, m)), np.empty((count, m, m))
@@ -138,16 +123,9 @@ def stability_barriers(coefficients, radius):
 
 @cached_njit
 def products_of_sections(reflections, radius):
-    """Coefficients of products of sections, and their derivatives.
-
-    A section is ``1 + radius k_1 (1 + k_2) q^-1 + radius^2 k_2 q^-2``: its roots lie within
-    ``radius`` where both reflection coefficients lie between -1 and 1.  The last of an odd number
-    is a single root, ``1 + radius k q^-1``.
-
-    ``reflections`` (models, m), C-contiguous: ``k_1`` and ``k_2`` of each section in turn.
-    Returns coefficients (models, m), without the leading 1, and their derivatives by the
-    reflections (models, m, m).
-    """
+    """Products of sections ``1 + radius k_1 (1 + k_2) q^-1 + radius^2 k_2 q^-2``, whose roots lie
+    within ``radius`` where k_1 and k_2 lie within 1, and of a last ``1 + radius k q^-1`` where
+    their number is odd: coefficients (M, m), derivatives by the reflections (M, m, m)."""
     count, m = reflections.shape
     coefficients, derivatives = np.empty((count, m)), np.zeros((count, m, m))
     factors, product = np.empty(((m + 1) // 2, 2)), np.empty(m + 1)
@@ -191,14 +169,9 @@ def _product(factors, left_out, product):
 
 @cached_njit
 def filter_rows(signals, denominator, states):
-    """Filter each row of ``signals`` through ``1/denominator`` in place, and update its state.
-
-    The transposed direct form, operation by operation that of ``scipy.signal.lfilter``, whose
-    import takes longer than a small estimate.
-
-    ``signals`` (rows, samples) and ``states`` (rows, m), both C-contiguous; ``denominator``
-    (m + 1,) with its leading 1.
-    """
+    """Filter each row of ``signals`` (rows, samples) through ``1/denominator`` in place, and update
+    its state (rows, m): operation by operation :func:`scipy.signal.lfilter`, whose import takes
+    longer than a small estimate."""
     m = states.shape[1]
     z = np.zeros(m + 1)
     for row in range(signals.shape[0]):

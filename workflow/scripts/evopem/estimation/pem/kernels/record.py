@@ -1,14 +1,6 @@
-"""What a pass over the record needs: the record, the orders, the objective and the buffers.
-
-The model ``A y = sum_i (B_i/F_i) u_i + (C/D) e + level`` is computed in three steps,
-
-    F_i x_i = -B_i u_i + g_i,    v = A y + sum_i x_i - level,    C e = D v + s,
-
-with ``g_i`` and ``s`` the effects of the unknown past of the plant and of the noise filter on their
-first equations.  Parameters are stored signed, ``[a, -b_i, -c, d, -f_i, -level, g_i, s]``, with C
-and F_i, where they have an order, padded by zeros to :data:`MIN_NC` rows, so that every term of a
-recursion is an addition.
-"""
+"""What a pass over the record needs: record, orders, objective and buffers.  Models are computed by
+``F_i x_i = -B_i u_i + g_i``, ``v = A y + sum_i x_i - level``, ``C e = D v + s``; parameters are
+stored signed, ``[a, -b_i, -c, d, -f_i, -level, g_i, s]``, C and F_i padded to :data:`MIN_NC`."""
 
 from __future__ import annotations
 
@@ -40,12 +32,10 @@ FRONT = 4
 class Record(NamedTuple):
     """A record, the orders of the models that share a pass over it, and the samples that count.
 
-    ``y`` and, one after the other, the inputs in ``u`` begin with :data:`FRONT` zeros and are
-    padded behind; sample numbers include them.  ``states``: length of the noise state.  ``at_...``:
-    first rows of the signed parameters, ``entry`` and ``sign`` the entry of a point that each row
-    holds, -1 for padding, and its sign.  ``parts``: kind, input, coefficients and first row of each
-    part that has some.  ``history``: rows that recursions look back on.  Each x_i, v and e has
-    ``rows`` rows, sample t in row ``t - residual_start + history``.
+    ``y`` and, one after the other, the inputs in ``u`` begin with :data:`FRONT` zeros; sample
+    numbers include them.  ``at_...``: first rows of the signed parameters; ``entry``, ``sign``: the
+    entry of a point that each row holds, or -1, and its sign.  ``parts``: kind, input, coefficients
+    and first row of each part.  ``history``: rows that recursions look back on.
     """
 
     y: Array
@@ -80,9 +70,7 @@ class Record(NamedTuple):
 
 class Objective(NamedTuple):
     """The objective of a sum of losses, and the largest radii of A and F_i, of C and D.
-
-    ``absolute`` or else square loss, times ``factor``, plus the weighted squares of the states.
-    """
+    ``absolute`` or else square loss, times ``factor``, plus the weighted squares of the states."""
 
     absolute: bool
     factor: float
@@ -93,10 +81,8 @@ class Objective(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Buffers of a pass, each a table with one column for each of eight models.
-
-    ``totals`` are a stretch of the sum of all x_i, ``windows`` of the adjoints of e, v and all x_i.
-    """
+    """Buffers of a pass, each a table with one column for each of eight models.  ``totals`` are a
+    stretch of the sum of all x_i, ``windows`` of the adjoints of e, v and all x_i."""
 
     parameters: Array
     gradient: Array
@@ -117,10 +103,8 @@ def record_of(
     residual_start: int,
     loss_start: int,
 ) -> Record:
-    """A record as the kernels read it.
-
-    ``output`` (N,), ``inputs`` (N, m).  ``orders``: na, nb, nc, nd, nf, nk, of inputs one for each.
-    """
+    """A record as the kernels read it.  ``output`` (N,), ``inputs`` (N, m).  ``orders``: na, nb,
+    nc, nd, nf, nk, of inputs one for each."""
     na, nb, nc, nd, nf, nk = orders
     rows_c = max(nc, MIN_NC) if nc else 0
     rows_f = [max(each, MIN_NC) if each else 0 for each in nf]
@@ -215,13 +199,9 @@ def workspace_for(record: Record) -> Workspace:
 
 
 class LagSums(NamedTuple):
-    """Buffers of the products of lagged signals that Gauss-Newton matrices are sums of.
-
-    ``parts``: kind, input, copies and first row of each part of the sums, coefficients among the
-    copies and their first row in the signed parameters, and the part with the response to what
-    enters it from the past, or -1.  Stretches of their signals before the filters, through 1/C, D
-    and 1/F_i; the filtered signals at the two ends of the record; the sums.
-    """
+    """Buffers of the products of lagged signals.  ``parts``: kind, input, copies and first row of
+    each part of the sums, its coefficients and their first signed row, and the part with the
+    response to what enters it from the past, or -1."""
 
     parts: NDArray[np.intp]
     source: Array

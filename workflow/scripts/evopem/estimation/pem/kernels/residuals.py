@@ -2,18 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
-from evopem.estimation.pem.kernels.polynomials import step_down
-from evopem.estimation.pem.kernels.record import (
-    BLOCK,
-    CHUNK,
-    MIN_NC,
-    all_finite,
-    fill,
-    monic_parts,
-)
+from evopem.estimation.pem.kernels.cache import njit
+from evopem.estimation.pem.kernels.record import BLOCK, CHUNK, MIN_NC, fill
 from evopem.estimation.pem.kernels.simd import (
     add,
     constant,
@@ -42,10 +32,8 @@ def store_block(table, row, s0, s1, s2, s3):
 
 @njit
 def filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, row):
-    """Filter four samples through 1/C into rows ``row ... row + 3``, and return them.
-
-    The nc rows before are known.
-    """
+    """Filter four samples through 1/C into rows ``row ... row + 3``, and return them.  The nc rows
+    before are known."""
     q = row - nc
     w0, w1, w2 = load(filtered, q), load(filtered, q + 1), load(filtered, q + 2)
     for k in range(nc - 1, MIN_NC - 1, -1):
@@ -77,10 +65,8 @@ def _add_impulses(parameters, row, last, s0, s1, s2, s3):
 
 @njit
 def _add_lags(parameters, at, count, signal, q, s0, s1, s2, s3, s4, s5, s6, s7):
-    """Add ``sum_j parameters[at + j] signal[q + i - j]`` to the i-th of eight samples.
-
-    Of a signal that all models share or of a table of their own ones.
-    """
+    """Add ``sum_j parameters[at + j] signal[q + i - j]`` to the i-th of eight samples.  Of a signal
+    that all models share or of a table of their own ones."""
     w1, w2, w3 = load_either(signal, q + 1), load_either(signal, q + 2), load_either(signal, q + 3)
     w4, w5, w6 = load_either(signal, q + 4), load_either(signal, q + 5), load_either(signal, q + 6)
     w7 = load_either(signal, q + 7)
@@ -114,10 +100,8 @@ def _respond_directly(parameters, at, nb, u, q, totals, size):
 
 @njit
 def _respond(parameters, at, nb, u, q, at_f, rows_f, at_g, nf, since, x, row, totals, size):
-    """Write x_i of some samples to its table from ``row`` on, and add it to the totals.
-
-    ``since`` is the number of samples since the first residual, which the state counts from.
-    """
+    """Write x_i of some samples to its table from ``row`` on, and add it to the totals.  ``since``
+    is the number of samples since the first residual, which the state counts from."""
     zero, last = constant(0.0), at_g + nf - 1
     for k in range(0, size, 2 * BLOCK):
         s0, s1, s2, s3, s4, s5, s6, s7 = _add_lags(
@@ -137,10 +121,8 @@ def _respond(parameters, at, nb, u, q, at_f, rows_f, at_g, nf, since, x, row, to
 
 @njit
 def _noise(parameters, y, na, at_c, nc, rows_c, at_d, nd, at_s, states, v, e, totals, t, row, size):
-    """v and e of some samples from t on, to their tables from ``row`` on.
-
-    ``totals`` are the sums of all x_i and of the level.  ``states`` of the noise state are left.
-    """
+    """v and e of some samples from t on, to their tables from ``row`` on.  ``totals`` are the sums
+    of all x_i and of the level.  ``states`` of the noise state are left."""
     last = at_s + states - 1
     for k in range(0, size, 2 * BLOCK):
         now, other = row + k, row + k + BLOCK
@@ -171,10 +153,8 @@ def _noise(parameters, y, na, at_c, nc, rows_c, at_d, nd, at_s, states, v, e, to
 
 @njit
 def compute_residuals(record, workspace):
-    """x_i, v and e of the loaded models, of the whole record.
-
-    Eight samples at a time keep the processor busy while a recursion waits for itself.
-    """
+    """x_i, v and e of the loaded models, of the whole record.  Eight samples at a time keep the
+    processor busy while a recursion waits for itself."""
     parameters, x, v, e = workspace.parameters, workspace.x, workspace.v, workspace.e
     start, history, totals = record.residual_start, record.history, workspace.totals
     if x.shape[0] > 1:
@@ -220,22 +200,3 @@ def sum_of_losses(e, absolute, begin, end, s):
             v = load(e, row)
             s = fma(v, v, s)
     return s
-
-
-@cached_njit
-def feasible_rows(record, objective, points):
-    """Whether all roots of each row lie where the objective allows them, and all is finite.
-
-    ``points`` (models, n), C-contiguous, of the orders of the record.  Returns (models,) bool.
-    """
-    parts, radii = monic_parts(record, objective)
-    order = np.max(parts[:, 1] - parts[:, 0])
-    work = np.empty((order + 1, order))
-    feasible = np.empty(points.shape[0], dtype=np.bool_)
-    for r in range(feasible.size):
-        feasible[r] = all_finite(points[r])
-        for k in range(radii.size):
-            if feasible[r]:
-                part = points[r, parts[k, 0] : parts[k, 1]]
-                feasible[r] = step_down(part, radii[k], work)
-    return feasible

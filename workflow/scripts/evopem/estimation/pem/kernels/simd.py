@@ -1,9 +1,6 @@
-"""One SIMD vector of eight doubles as a numba type, and its arithmetic.
-
-Eight models share one pass over the record, one in each lane: a recursion costs the same for eight
-as for one.  All arithmetic is explicitly ordered, with fused multiply-adds where the code says so:
-the bits of a result depend neither on a machine's vectors nor on which models share a pass.
-"""
+"""One SIMD vector of eight doubles as a numba type: eight models share one pass, one in each lane.
+All arithmetic is explicitly ordered, with fused multiply-adds where the code says so: bits depend
+neither on a machine's vectors nor on which models share a pass."""
 
 from __future__ import annotations
 

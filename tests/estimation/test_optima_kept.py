@@ -1,0 +1,76 @@
+"""What follows a search keeps its optimum: states, units, the shortest B, errors at the bound."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem import SearchSettings, estimate
+from evopem.errors import InputError
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.polynomial_estimate import describe
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.structures import orders_of
+from evopem.signals.recording import Segment
+
+QUICK = SearchSettings(objective="quadratic", evaluations=2000)
+ONE = np.ones(1)
+
+
+@pytest.mark.parametrize("mean", [0.0, 3e3, 1e5])
+@pytest.mark.parametrize(("structure", "orders"), [("oe", (2, 2, 1)), ("bj", (2, 1, 1, 2, 1))])
+def test_a_level_is_found_beside_an_input_of_any_mean(structure, orders, mean):
+    generator = np.random.default_rng(1)
+    u, e = generator.standard_normal(600) + mean, 0.1 * generator.standard_normal(600)
+    noise = lfilter([1.0, 0.5], [1.0, -0.3], e) if structure == "bj" else e
+    # The plant has been at rest under the mean for ever.
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u - mean) + 7.5 * mean + 2.0 + noise
+    found = estimate(u, y, orders, structure=structure, settings=QUICK, level=True)
+    assert found.model.noise_variance == pytest.approx(np.var(e), rel=0.05)
+    assert found.model.f == pytest.approx([1.0, -1.5, 0.7], abs=0.02)
+    constant = found.model.b.sum() / found.model.f.sum() * mean + found.model.level
+    assert constant == pytest.approx(7.5 * mean + 2.0, abs=0.1)
+
+
+def test_states_that_hardly_decay_are_fitted_without_harm():
+    """Their columns are as good as dependent: least squares alone would lose all digits."""
+    generator = np.random.default_rng(2)
+    slow = np.real(np.poly(0.9998 * np.exp(1j * np.array([0.01, -0.01, 0.012, -0.012, 0.0, 0.0]))))
+    model = PolynomialModel(ONE, np.array([1.0]), slow, slow, slow, 1)
+    u, y = generator.standard_normal((2, 3000))
+    errors = PolynomialErrors([Segment(u, y)], model.orders, "quadratic", 1.0, 1.0)
+    at_rest = np.zeros(errors.dimension)
+    at_rest[: model.orders.parameters] = model.parameters
+    point = errors.completed_by_states(model)
+    fitted, rest = errors.values(np.array([point, at_rest]))
+    assert fitted <= rest
+
+
+def test_an_estimate_with_another_objective_than_its_search_is_refused():
+    generator = np.random.default_rng(3)
+    u = generator.standard_normal(300)
+    y = lfilter([0.0, 1.0], [1.0, -0.5], u) + 0.1 * generator.standard_normal(300)
+    found = estimate(u, y, (1, 1, 1, 1), settings=QUICK)
+    errors = PolynomialErrors(
+        [Segment(u, y)], found.model.orders, "quadratic", 0.9999, 0.9999, False, found.window
+    )
+    broken = replace(found.search, point=found.search.point * 1.2)
+    assert describe(errors, found.search, 1.0, shortest=True).objective == found.objective
+    with pytest.raises(InputError, match="objective"):
+        describe(errors, broken, 1.0, shortest=True)
+
+
+def test_a_standard_error_at_the_bound_covers_what_the_bound_takes_away():
+    damping, turn = 3e-5, 0.8
+    pole = np.exp(turn * (-damping + 1j * np.sqrt(1.0 - damping**2)))
+    generator = np.random.default_rng(4)
+    u = generator.standard_normal(2000)
+    clean = lfilter([0.0, 1.0], np.real(np.poly([pole, pole.conjugate()])), u)
+    y = clean + 0.01 * np.std(clean) * generator.standard_normal(2000)
+    found = estimate(u, y, orders_of("oe", (1, 2, 1)), structure="oe", settings=QUICK)
+    assert found.at_stability_bound
+    (mode,) = found.model.modes()
+    assert mode.damping_ratio > 1.2e-4
+    assert abs(mode.damping_ratio - damping) < 2.0 * mode.damping_se
+    assert mode.damping_se < 1e-3
