@@ -126,3 +126,48 @@ def test_recurrence_is_the_share_of_models_that_have_the_mode():
     assert (found.recurrence, found.orders) == (0.5, (3, 4, 7))
     alone = table_of_models([OrderModel.of(1, 0.0, first_order), chosen], 3)
     assert np.isnan(alone.modes[0].recurrence)
+
+
+def test_lower_orders_that_have_a_mode_speak_for_it():
+    """Only order 7 has poles to spare, and lacks the mode of orders 2 to 6."""
+    models = []
+    for order in range(2, 8):
+        a = np.convolve(factor(pole(10.0 if order < 7 else 13.0, 0.02)), factor(pole(30.0, 0.05)))
+        a = np.convolve(a, [1.0, -0.3]) if order == 7 else a
+        found = PolynomialModel(a, np.ones(1), np.ones(1), nk=1, sampling_rate=RATE)
+        models.append(OrderModel.of(order, 0.0, found))
+    judged = next(each for each in table_of_models(models, 6).modes if each.mode.frequency_hz < 11)
+    assert judged.orders == (2, 3, 4, 5, 6)
+    assert judged.recurrence == 0.8
+    assert not any("of the orders compared" in doubt for doubt in judged.doubts)
+
+
+def test_a_mode_forty_decibels_below_the_output_or_slower_than_the_record_is_not_trusted():
+    """Without noise each is significant, however little of it there is."""
+    weak, strong, slow = pole(30.0, 0.02), pole(10.0, 0.02), pole(0.2, 0.002)
+    f = [factor(each) for each in (weak, strong, slow)]
+    b = [3e-3 * np.ones(1), np.ones(1), np.array([1e-3])]
+    above = sum(np.polymul(b[k], np.polymul(f[k - 1], f[k - 2])) for k in range(3))
+    below = np.polymul(np.polymul(f[0], f[1]), f[2])
+    model = PolynomialModel(np.ones(1), above, F=below, nk=1, sampling_rate=RATE)
+    u, e = np.random.default_rng(5).standard_normal((2, 1500))
+    recording = Recording(u, model.simulate(u) + 1e-4 * e, RATE)
+    table = table_of_models(
+        [OrderModel.of(6, 0.0, model)], 6, lambda each: divided(each, recording, 700)
+    )
+    doubts = {round(each.mode.frequency_hz, 1): " ".join(each.doubts) for each in table.modes}
+    assert all(each.reached for each in table.modes)
+    assert ["0.01 % of the power" in doubts[key] for key in (0.2, 10.0, 30.0)] == [
+        False,
+        False,
+        True,
+    ]
+    assert ["hardly decays" in doubts[key] for key in (0.2, 10.0, 30.0)] == [True, False, False]
+
+
+@pytest.mark.parametrize("inputs", [0, 1])
+def test_a_strongly_damped_mode_without_input_may_be_the_colour_of_the_force(inputs):
+    b, a = [np.ones(1)] * inputs, factor(pole(10.0, 0.385))
+    model = PolynomialModel(a, b, np.array([1.0, 0.2]), nk=(1,) * inputs, sampling_rate=RATE)
+    (judged,) = table_of_models([OrderModel.of(2, 0.0, model)], 2).modes
+    assert any("colour of the force" in doubt for doubt in judged.doubts) == (not inputs)

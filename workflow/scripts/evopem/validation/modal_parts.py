@@ -63,6 +63,14 @@ class ModalParts:
         rest = rest - sum(self.by_noise, np.zeros_like(self.outputs))
         return self._beside(self.by_noise, index, rest, self.simulated)
 
+    def power_share(self, index: int) -> float:
+        """Largest share of what a mode adds in the power of an output, of either drive."""
+        power = np.var(self.outputs[self.first :], axis=0)
+        of_mode = [
+            np.var(each[index][self.first :], axis=0) for each in (self.by_input, self.by_noise)
+        ]
+        return float(np.max(of_mode / np.where(power > 0.0, power, np.inf)))
+
     def _beside(self, parts: list[Array], index: int, *more: Array) -> HeldOutContribution:
         # The other modes are regressors, not taken as right: of two close poles that cancel each
         # other's response, neither may pass because the other one is there.

@@ -21,6 +21,7 @@ from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
 from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
+from evopem.validation.excitation import EXCITED
 from evopem.validation.held_out_tests import (
     NO_TEST,
     HeldOutTest,
@@ -41,8 +42,11 @@ SIGNIFICANCE = 0.01
 STABLE_SHARE = 0.75
 # A mode that the chosen order lacks is listed where this many orders have it.
 PERSISTENT_ORDERS = 3
-# Damping ratio above which a pair of poles is hardly a resonance.
-STRONG_DAMPING = 0.5
+# Damping ratio above which a pair of poles is hardly a resonance, and above which one of a recording
+# without input may be the colour of the unknown force.
+STRONG_DAMPING, COLOUR_OF_FORCE = 0.5, 0.2
+# Share of an output's power below which a mode is not trusted: 40 dB, as of inputs.
+LEAST_POWER = EXCITED
 # Largest half width of the 95 % interval of a frequency, relative to the frequency.
 WIDEST_INTERVAL = 0.1
 # Decay in a sample, relative to the amplitude, that no record of usual length shows.
@@ -72,8 +76,8 @@ class ModeEvidence:
     mode: Mode
     order: int  # order of the model that it is taken from
     orders: tuple[int, ...]  # orders whose models have it
-    # Share of the other orders that have it, of those with more poles than all modes need: that the
-    # others lack it says nothing about it.  NaN where there are none
+    # Share of the other orders that have it.  An order that lacks it counts only where its model has
+    # more poles than all modes need: else that says nothing.  NaN where there are none
     recurrence: float
     # Of the mode's response to the inputs, on held-out samples beside the responses of all other
     # modes; one test of all outputs
@@ -85,6 +89,8 @@ class ModeEvidence:
     # beside all other modes
     noise_test: HeldOutTest
     needed_by_noise: bool | None
+    # Largest share of the mode's response in the power of a held-out output; NaN where not known
+    power_share: float = math.nan
     doubts: tuple[str, ...] = ()  # reasons not to trust it, see :func:`doubts`
     shape_doubt: str = ""  # reason not to trust its shape, see :func:`shape_doubt`
     compared: int = 0  # number of orders that the recurrence is a share of
@@ -208,7 +214,8 @@ def table_of_models(
     the stretches for the tests of a model; without any they are not possible.
     """
     by_order = {each.order: each for each in models}
-    tests: dict[int, list[tuple[HeldOutTest, HeldOutTest]]] = {}
+    tests: dict[int, list[ModeTests]] = {}
+    samples: dict[int, float] = {}
     judged: list[ModeEvidence] = []
     row_of: dict[tuple[int, int], int] = {}
     for group in cluster_modes({order: each.modes for order, each in by_order.items()}):
@@ -217,9 +224,12 @@ def table_of_models(
         order = chosen if chosen in group else min(group, key=lambda order: by_order[order].bic)
         found = by_order[order]
         if order not in tests:
-            tests[order] = held_out_mode_tests(found.modes, held_out(found.model))
+            records = held_out(found.model)
+            tests[order] = held_out_mode_tests(found.modes, records)
+            samples[order] = max((len(each.outputs) for each in records), default=math.inf)
         row_of |= {(order, index): len(judged) for order, index in group.items()}
-        judged.append(_judged(found, group, tests[order][group[order]], by_order))
+        of_mode = tests[order][group[order]]
+        judged.append(_judged(found, group, of_mode, by_order, samples[order]))
     poles = tuple(
         PoleOfOrder(
             *(order, mode.frequency_hz, mode.damping_ratio, mode.frequency_se_hz, mode.damping_se),
@@ -257,10 +267,12 @@ def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> Mo
     return replace(table, modes=table.modes + untested)
 
 
-def held_out_mode_tests(
-    modes: Sequence[Mode], held_out: Sequence[HeldOut]
-) -> list[tuple[HeldOutTest, HeldOutTest]]:
-    """Test, for each mode, its response to the inputs and its part of one-step predictions."""
+ModeTests = tuple[HeldOutTest, HeldOutTest, float]
+"""Tests of a mode's response to the inputs and of its part of predictions; its share of power."""
+
+
+def held_out_mode_tests(modes: Sequence[Mode], held_out: Sequence[HeldOut]) -> list[ModeTests]:
+    """The tests of each mode on held-out samples; not possible without any."""
     with np.errstate(all="ignore"):
         records = [ModalParts.of(modes, each) for each in held_out]
         tests = []
@@ -270,7 +282,8 @@ def held_out_mode_tests(
                 of_input = joint_contribution_test([each.of_input(index) for each in records])
             if records and np.any(mode.noise_participation):
                 of_noise = _noise_test(records, index, mode.pole, noise_zeros(held_out[0].model))
-            tests.append((of_input, of_noise))
+            share = max((each.power_share(index) for each in records), default=math.nan)
+            tests.append((of_input, of_noise, share))
     return tests
 
 
@@ -290,29 +303,32 @@ def _noise_test(
 def _judged(
     found: OrderModel,
     group: Mapping[int, int],
-    tests: tuple[HeldOutTest, HeldOutTest],
+    tests: ModeTests,
     by_order: Mapping[int, OrderModel],
+    samples: float,
 ) -> ModeEvidence:
     mode, model = found.modes[group[found.order]], found.model
-    of_input, of_noise = tests
+    of_input, of_noise, power_share = tests
     in_noise = bool(np.any(mode.noise_participation))
-    able = [
-        each.order
+    compared = [
+        each.order in group
         for each in by_order.values()
-        if each.order != found.order and len(each.model.poles()) > 2 * len(found.modes)
+        if each.order != found.order
+        and (each.order in group or len(each.model.poles()) > 2 * len(found.modes))
     ]
     judged = ModeEvidence(
         mode=mode,
         order=found.order,
         orders=tuple(sorted(group)),
-        recurrence=float(np.mean([order in group for order in able])) if able else math.nan,
-        compared=len(able),
+        recurrence=float(np.mean(compared)) if compared else math.nan,
+        compared=len(compared),
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
         noise_test=of_noise,
         needed_by_noise=of_noise.significant(SIGNIFICANCE) if in_noise else False,
+        power_share=power_share,
     )
-    reasons = tuple(doubts(judged, model.sampling_rate))
+    reasons = tuple(doubts(judged, model.sampling_rate, samples))
     return replace(judged, doubts=reasons, shape_doubt=shape_doubt(mode))
 
 
@@ -333,18 +349,29 @@ def _with_pairs(
     return tuple(found)
 
 
-def doubts(evidence: ModeEvidence, sampling_rate: float) -> list[str]:
+def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.inf) -> list[str]:
     """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
 
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
-    rate, the inputs drive it or the noise model needs it on held-out samples, three quarters of the
-    models of other orders have it, and its frequency is known to within 10 %.
+    rate that decays within the longest stretch of ``samples``, the inputs drive it or the noise
+    model needs it on held-out samples, with power to speak of, three quarters of the models of
+    other orders have it, and its frequency is known to within 10 %.
     """
     mode, found = evidence.mode, []
+    decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
     if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
         found.append("decays too fast to be a resonance")
-    if 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz <= NO_DECAY * sampling_rate:
+    elif mode.damping_ratio > COLOUR_OF_FORCE and not evidence.has_input:
+        found.append(
+            f"has a damping ratio of {100 * mode.damping_ratio:.0f} %: without an input that is as"
+            " likely the colour of the force"
+        )
+    if decay <= NO_DECAY:
         found.append("does not decay")
+    elif decay * samples < 1.0:
+        found.append("hardly decays within the record")
+    if evidence.power_share < LEAST_POWER:
+        found.append(f"carries less than {100 * LEAST_POWER:g} % of the power of any output")
     if evidence.origin == "neither":
         found.append(
             "shows neither in the response to the input nor in the noise"
