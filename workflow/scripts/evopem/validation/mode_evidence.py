@@ -42,8 +42,8 @@ SIGNIFICANCE = 0.01
 STABLE_SHARE = 0.75
 # A mode that the chosen order lacks is listed where this many orders have it.
 PERSISTENT_ORDERS = 3
-# Damping ratio above which a pair of poles is hardly a resonance, and above which one of a recording
-# without input may be the colour of the unknown force.
+# Damping ratio above which a pair of poles is hardly a resonance, and above which one without an
+# input may be the colour of the unknown force.
 STRONG_DAMPING, COLOUR_OF_FORCE = 0.5, 0.2
 # Share of an output's power below which a mode is not trusted: 40 dB, as of inputs.
 LEAST_POWER = EXCITED
@@ -76,8 +76,8 @@ class ModeEvidence:
     mode: Mode
     order: int  # order of the model that it is taken from
     orders: tuple[int, ...]  # orders whose models have it
-    # Share of the other orders that have it.  An order that lacks it counts only where its model has
-    # more poles than all modes need: else that says nothing.  NaN where there are none
+    # Share of the other orders that have it.  One that lacks it counts only where its model has more
+    # poles than all modes need: else that says nothing.  NaN where there are none
     recurrence: float
     # Of the mode's response to the inputs, on held-out samples beside the responses of all other
     # modes; one test of all outputs

@@ -1,0 +1,182 @@
+"""Tests of what every model assumes: a linear system that stays as it is, and no feedback.
+
+What a model of the wrong class leaves in its residuals is small at each lag, and hidden by noise,
+but has a known form.  Residuals and regressors are whitened by an autoregression of the residuals,
+so that the tests hold where the noise model is imperfect.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from evopem.estimation.pem.autoregression import autoregression
+from evopem.signals.correlation import cross_correlation
+from evopem.validation.held_out_tests import MOST_WHITENING
+from evopem.validation.responses import HeldOut, unscored_samples
+
+Array = NDArray[np.float64]
+
+# Degree of the polynomial in time that a change of the system is sought as.
+DEGREE = 3
+# Lags of the response that may change in size.
+LAGS = 4
+# Later samples of an input that residuals may act on.
+LATER = 20
+# Samples for each regressor below which there is no test.
+FEWEST_PER_REGRESSOR = 20
+
+
+@dataclass(frozen=True)
+class ResidualTest:
+    """Test that residuals do not depend on something."""
+
+    p_value: float  # NaN where no test is possible
+    share: float  # of the variance of the whitened residuals that it explains, 0 to 1
+
+
+NOT_TESTED = ResidualTest(math.nan, math.nan)
+
+
+@dataclass(frozen=True)
+class ModelClass:
+    """Tests of the class of a model; of several outputs the lowest p-value times their number."""
+
+    constant: ResidualTest  # the response does not change with time
+    linear: ResidualTest  # squares and cubes of inputs and response explain nothing
+    without_feedback: ResidualTest  # later inputs do not depend on the residuals
+
+
+def model_class(records: Sequence[HeldOut]) -> ModelClass:
+    """Test the one-step prediction errors of stretches on all samples that are known.
+
+    The regressors are functions of the inputs and of the simulated response alone, which are
+    independent of the noise unless there is feedback.  Without an input the past output takes
+    their place.
+    """
+    with np.errstate(all="ignore"):
+        found = [_Stretch.of(each) for each in records]
+        if not found or not all(np.isfinite(each.residuals).all() for each in found):
+            return ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED)
+        return ModelClass(
+            _of_outputs(found, _changing), _of_outputs(found, _nonlinear), _feedback(found)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """Residuals and responses of all outputs, (N, l), and the inputs, (N, m)."""
+
+    residuals: Array
+    responses: Array
+    inputs: Array
+    # Response to the squares and to the cubes of the inputs, (N, l) each
+    of_powers: tuple[Array, ...]
+
+    @classmethod
+    def of(cls, record: HeldOut) -> _Stretch:
+        """Of all samples but those that states are fitted to."""
+        first, model, u = unscored_samples(record.model), record.model, record.inputs
+        outputs = record.outputs
+        residuals = outputs - record.predicted_from_start()
+        if not model.inputs:
+            past = np.vstack([outputs[:1], outputs[:-1]])
+            return cls(residuals[first:], past[first:], u[first:], ())
+        scaled = (u - u.mean(axis=0)) / np.maximum(np.std(u, axis=0), 1e-300)
+        of_powers = tuple(
+            model.simulate(np.std(u, axis=0) * scaled**power).reshape(outputs.shape)[first:]
+            for power in (2, 3)
+        )
+        return cls(residuals[first:], record.simulated_from_rest()[first:], u[first:], of_powers)
+
+
+def _lagged(signal: Array) -> Array:
+    """A signal without its mean at lags 0, 1, ..., (N, LAGS)."""
+    centred = np.concatenate([np.zeros(LAGS - 1), signal - signal.mean()])
+    return np.lib.stride_tricks.sliding_window_view(centred, LAGS)[:, ::-1]
+
+
+def _changing(stretch: _Stretch, output: int) -> tuple[Array, Array]:
+    """The response at some lags, and its products with polynomials in time."""
+    lagged = _lagged(stretch.responses[:, output])
+    time = legvander(np.linspace(-1.0, 1.0, len(lagged)), DEGREE)[:, 1:]
+    products = lagged[:, :, None] * time[:, None, :]
+    return np.hstack([lagged, time]), products.reshape(len(lagged), -1)
+
+
+def _nonlinear(stretch: _Stretch, output: int) -> tuple[Array, Array]:
+    """The response at some lags, and squares and cubes of it and of the inputs."""
+    y = stretch.responses[:, output]
+    y = (y - y.mean()) / max(float(np.std(y)), 1e-300)
+    powers = [_lagged(y**2)[:, :2], _lagged(y**3)[:, :2]]
+    powers += [each[:, [output]] for each in stretch.of_powers]
+    return _lagged(y), np.hstack(powers)
+
+
+def _of_outputs(
+    stretches: Sequence[_Stretch], regressors: Callable[[_Stretch, int], tuple[Array, Array]]
+) -> ResidualTest:
+    """Likelihood-ratio test of regressors beside others, for each output over all stretches."""
+    outputs, tests = stretches[0].residuals.shape[1], []
+    for output in range(outputs):
+        ratio, freedom, samples = 0.0, 0, 0
+        for stretch in stretches:
+            e = stretch.residuals[:, output]
+            beside, tested = regressors(stretch, output)
+            count = tested.shape[1]
+            if len(e) < FEWEST_PER_REGRESSOR * count or not np.ptp(e) > 0.0:
+                continue
+            whitening = autoregression(e - e.mean(), MOST_WHITENING)
+            columns = np.column_stack([np.ones(len(e)), beside, tested, e])
+            *white, e = (np.convolve(each, whitening, mode="valid") for each in columns.T)
+            basis = np.column_stack(white)
+            without = _left(e, basis[:, :-count])
+            left = _left(without, _left(basis[:, -count:], basis[:, :-count]))
+            before, after = float(without @ without), float(left @ left)
+            if not after > 1e-12 * before:
+                continue
+            ratio += (len(e) - basis.shape[1]) * math.log(before / after)
+            freedom, samples = freedom + count, samples + len(e)
+        if freedom:
+            p_value = min(outputs * float(chdtrc(freedom, ratio)), 1.0)
+            tests.append(ResidualTest(p_value, -math.expm1(-ratio / samples)))
+    return min(tests, key=lambda each: each.p_value, default=NOT_TESTED)
+
+
+def _left(signals: Array, regressors: Array) -> Array:
+    """What a least-squares fit by regressors, scaled to unit length, leaves of signals."""
+    length = np.linalg.norm(regressors, axis=0)
+    basis = regressors[:, length > 0.0] / length[length > 0.0]
+    return np.asarray(signals - basis @ np.linalg.lstsq(basis, signals, rcond=1e-10)[0])
+
+
+def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
+    """Test of the correlations of residuals with later inputs, each whitened (Haugh 1976)."""
+    first, tests = stretches[0], []
+    pairs = first.residuals.shape[1] * first.inputs.shape[1]
+    for output in range(first.residuals.shape[1]):
+        for place in range(first.inputs.shape[1]):
+            statistic, freedom, shares = 0.0, 0, [0.0]
+            for stretch in stretches:
+                e, u = stretch.residuals[:, output], stretch.inputs[:, place]
+                if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
+                    continue
+                e, u = (
+                    np.convolve(x, autoregression(x - x.mean(), MOST_WHITENING)) for x in (e, u)
+                )
+                n = min(len(e), len(u))
+                values = cross_correlation(e[:n], u[:n], LATER).values[:LATER]
+                lags = np.arange(LATER, 0, -1)
+                statistic += float(np.sum(n**2 / (n - lags) * values**2))
+                freedom += LATER
+                shares.append(float(values @ values))
+            if freedom:
+                p_value = min(pairs * float(chdtrc(freedom, statistic)), 1.0)
+                tests.append(ResidualTest(p_value, max(shares)))
+    return min(tests, key=lambda each: each.p_value, default=NOT_TESTED)
