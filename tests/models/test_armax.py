@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_prediction_states
+from evopem.models.states import estimate_prediction_states
 from evopem.models.structures import armax_orders
 from evopem.synthesis.armax import true_model
 

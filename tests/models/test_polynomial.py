@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import (
+from evopem.models.states import (
     estimate_prediction_states,
 )
 from evopem.models.structures import STRUCTURES, Orders, orders_of

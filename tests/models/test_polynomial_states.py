@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_prediction_states
+from evopem.models.states import estimate_prediction_states
 
 ONE = np.ones(1)
 MODEL = PolynomialModel(ONE, np.array([1.0, 0.5]), ONE, ONE, np.array([1.0, -1.5, 0.7]), nk=1)

@@ -148,7 +148,7 @@ def test_the_mode_of_the_poles_is_the_expected_one(good):
 def test_good_evidence_passes_every_check(good):
     results = good.checks
     assert [(check.name, check.passed) for check in results if check.passed is not True] == []
-    assert len({check.name for check in results}) == len(results) == 15
+    assert len({check.name for check in results}) == len(results) == 18
     assert all(check.statement and not check.advice for check in results)
 
 

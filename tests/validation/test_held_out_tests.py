@@ -7,6 +7,7 @@ from scipy.signal import lfilter
 from evopem import SearchSettings, estimate
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
+from evopem.validation.checks.inputs import responds
 from evopem.validation.held_out_tests import (
     HeldOutContribution,
     improvement_test,
@@ -43,6 +44,21 @@ def test_unrelated_channels_pass_as_often_as_the_level_says(orders):
     # Three binomial standard errors above the level.
     for level in (0.01, 0.1):
         assert np.mean(np.array(p_values) < level) <= level + 3 * np.sqrt(level / 60)
+
+
+@pytest.mark.parametrize("denominator", [[1.0, -0.995], [1.0, -1.0], [1.0, -1.98, 0.9801]])
+def test_unrelated_slow_channels_do_not_pass(denominator):
+    """An ARX model of 2 + 2 coefficients, 700 samples to estimate and 300 held out."""
+    passed = 0
+    for seed in range(100):
+        white, noise = np.random.default_rng([3, seed]).standard_normal((2, 2, 1500))
+        u, y = (lfilter([1.0], denominator, white) + 0.05 * noise)[:, 500:]
+        u, y = u - u[:700].mean(), y - y[:700].mean()
+        past = np.column_stack([-y[1:699], -y[:698], u[1:699], u[:698]])
+        a1, a2, *b = np.linalg.lstsq(past, y[2:700])[0]
+        model = PolynomialModel([1.0, a1, a2], b, nk=1)
+        passed += bool(responds(input_significance(divided(model, Recording(u, y, 1.0), 700))))
+    assert passed <= 5
 
 
 def test_a_weak_response_is_found():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evopem import PolynomialModel, SearchSettings, estimate
-from evopem.models.polynomial_states import estimate_prediction_states
+from evopem.models.states import estimate_prediction_states
 from evopem.signals.recording import Recording
 from evopem.synthesis.armax import polynomial_record
 from evopem.validation.responses import HeldOut

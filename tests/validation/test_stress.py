@@ -91,7 +91,7 @@ CAUGHT = {
     "a pole that a zero hides": (WHITE, response(**NEARLY_CANCELLED), (3, 3, 1, 1), "Poles and"),
     "an input of one frequency": (SINE, response(SINE), (2, 2, 1, 1), "Excitation"),
     "an input of two frequencies": (TWO_SINES, response(TWO_SINES), (4, 4, 2, 1), "Excitation"),
-    "an output that is the input": (WHITE, 2.0 * WHITE, (2, 3, 1, 0), "Residuals"),
+    "an output that is the input": (WHITE, 2.0 * WHITE, (2, 3, 1, 0), "Poles and zeros"),
     "an output cut off": (WHITE, np.clip(response(), -3, 3), (2, 2, 1, 1), "Record not"),
     "an output of its own": (WHITE, WHITE[::-1].copy(), (2, 2, 1, 1), "Response to the input"),
     "channels out of step": (WHITE, np.roll(response(), 5), (2, 2, 1, 1), "Residuals independent"),

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_prediction_states
+from evopem.models.states import estimate_prediction_states
 from evopem.signals.prepared_data import PreparedData, StretchOrigin, Transforms
 from evopem.signals.recording import Recording
 from evopem.validation.validate import validate

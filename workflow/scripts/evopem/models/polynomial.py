@@ -181,46 +181,6 @@ class PolynomialModel(Polynomials):
             "Level": self.level,
         }
 
-    def residuals(
-        self,
-        inputs: ArrayLike,
-        output: ArrayLike,
-        plant_state: ArrayLike | None = None,
-        noise_state: ArrayLike | None = None,
-        start: int | None = None,
-    ) -> Array:
-        """One-step prediction errors ``e = (D/C) (A y - sum (B_i/F_i) u_i - level)``, (N,).
-
-        Parameters
-        ----------
-        inputs : (N,) or (N, m) array_like
-        output : (N,) array_like
-        plant_state : (nf_1 + ... + nf_m,) array, optional
-            What the past adds to the first nf_i equations of ``F_i x_i = -B_i u_i``.
-        noise_state : (max(nc, nd),) array, optional
-            What the past adds to the first equations of ``C e = D v``.
-        start : int, optional
-            First residual, by default ``orders.first_residual``.  Earlier residuals are NaN.
-        """
-        from scipy.signal import lfilter
-
-        u, y = self._columns(inputs), np.asarray(output, dtype=float)
-        if y.ndim != 1 or len(u) != len(y):
-            raise ValueError(f"inputs and output do not match: {np.shape(inputs)} and {y.shape}")
-        first = self.orders.first_residual if start is None else start
-        if len(y) <= first:
-            raise ValueError(f"the model needs more than {first} samples, not {len(y)}")
-        ends = np.cumsum([len(f) - 1 for f in self.F])[:-1]
-        states = [None] * self.inputs if plant_state is None else np.split(plant_state, ends)
-        v = lfilter(self.A, [1.0], y)[first:] - self.level
-        for i, f in enumerate(self.F):
-            from_input = -lfilter(self.delayed_b(i), [1.0], u[:, i])[first:]
-            v = v + lfilter([1.0], f, _with_impulses(from_input, states[i]))
-        by_d = _with_impulses(lfilter(self.D, [1.0], v), noise_state)
-        e = np.full(len(y), np.nan)
-        e[first:] = lfilter([1.0], self.C, by_d)
-        return e
-
     def predict(
         self,
         inputs: ArrayLike,
@@ -325,15 +285,6 @@ class PolynomialModel(Polynomials):
         """Numerator with its delay and denominator of G_i."""
         return self.delayed_b(place), np.convolve(self.A, self.F[place])
 
-    def _columns(self, inputs: ArrayLike) -> Array:
-        """The inputs as columns, (N, m)."""
-        u = np.asarray(inputs, dtype=float)
-        if u.ndim == 1:
-            u = u[:, None]
-        if self.has_input and u.shape[1] != self.inputs:
-            raise ValueError(f"the model has {self.inputs} inputs, not {u.shape[1]}")
-        return u
-
     def _backward_shift(self, frequencies: ArrayLike) -> Complex:
         angles = np.asarray(frequencies, dtype=float) / self.sampling_rate
         return np.asarray(np.exp(-2j * np.pi * angles), dtype=complex)
@@ -386,13 +337,3 @@ def _impulse_response(above: Array, below: Array, samples: int) -> Array:
     impulse[:1] = 1.0
     response: Array = lfilter(above, below, impulse)
     return response
-
-
-def _with_impulses(signal: Array, impulses: ArrayLike | None) -> Array:
-    """A signal with numbers added to its first samples."""
-    if impulses is None:
-        return signal
-    added = np.asarray(impulses, dtype=float)[: len(signal)]
-    changed = signal.copy()
-    changed[: len(added)] += added
-    return changed

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,19 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.states import fitted, states_of
 
 Array = NDArray[np.float64]
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 PlainStructure = Literal["ss", "ss_oe"]
 """Innovations form with K, and output-error form without."""
-
-# Singular values of the response to an initial state below this share of the largest one say
-# nothing about the state.
-STATE_RANK = 1e-10
-FIRST_SHARE = 0.1
-"""Share of a recording without a past that determines the state of its simulation."""
-# Iterations of reweighted least squares towards least absolute deviations.
-REWEIGHTINGS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,23 +64,16 @@ class StateSpaceModel:
     def __post_init__(self) -> None:
         n, ny = len(self.A), len(self.C)
         nu = self.B.shape[1] if self.B.ndim == 2 else -1
-        shapes = {
-            "A": (n, n),
-            "B": (n, nu),
-            "C": (ny, n),
-            "D": (ny, nu),
-            "K": (n, ny),
-            "level": (ny,),
-            "noise_covariance": (ny, ny),
-        }
-        for name, shape in shapes.items():
+        shapes = ((n, n), (n, nu), (ny, n), (ny, nu), (n, ny), (ny,), (ny, ny))
+        names = ("A", "B", "C", "D", "K", "level", "noise_covariance")
+        for name, shape in zip(names, shapes, strict=True):
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name} must be {shape}, not {getattr(self, name).shape}")
         if self.input_delays and len(self.input_delays) != nu:
             raise ValueError(f"{nu} inputs need {nu} delays, not {len(self.input_delays)}")
-        for names, count in ((self.input_names, nu), (self.output_names, ny)):
-            if names and len(names) != count:
-                raise ValueError(f"{count} channels need {count} names, not {len(names)}")
+        for named, count in ((self.input_names, nu), (self.output_names, ny)):
+            if named and len(named) != count:
+                raise ValueError(f"{count} channels need {count} names, not {len(named)}")
 
     @property
     def order(self) -> int:
@@ -101,16 +86,22 @@ class StateSpaceModel:
         return self.B.shape[1]
 
     @property
+    def _delays(self) -> tuple[int, ...]:
+        return self.input_delays or (0,) * self.inputs
+
+    @property
     def outputs(self) -> int:
         """Number of outputs ny."""
         return len(self.C)
 
     @property
+    def _parts(self) -> tuple[Array, ...]:
+        return self.A, self.B, self.C, self.D, self.K, self.level
+
+    @property
     def parameters(self) -> Array:
         """All entries of ``[A, B, C, D, K, level]``, row by row."""
-        return np.concatenate(
-            [part.ravel() for part in (self.A, self.B, self.C, self.D, self.K, self.level)]
-        )
+        return np.concatenate([part.ravel() for part in self._parts])
 
     @property
     def predictor(self) -> Array:
@@ -119,11 +110,10 @@ class StateSpaceModel:
 
     def with_parameters(self, parameters: Array) -> StateSpaceModel:
         """The model with other entries of ``[A, B, C, D, K, level]``."""
-        parts = (self.A, self.B, self.C, self.D, self.K, self.level)
-        ends = np.cumsum([part.size for part in parts])[:-1]
+        ends = np.cumsum([part.size for part in self._parts])[:-1]
         A, B, C, D, K, level = (
             values.reshape(part.shape)
-            for values, part in zip(np.split(parameters, ends), parts, strict=True)
+            for values, part in zip(np.split(parameters, ends), self._parts, strict=True)
         )
         return replace(self, A=A, B=B, C=C, D=D, K=K, level=level)
 
@@ -142,7 +132,7 @@ class StateSpaceModel:
         state at the first sample, at rest by default.
         """
         u = self._delayed(inputs)
-        states = _states(self.A, u @ self.B.T, initial)
+        states = states_of(self.A, u @ self.B.T, initial)
         simulated: Array = states @ self.C.T + u @ self.D.T + self.level
         return simulated
 
@@ -155,7 +145,7 @@ class StateSpaceModel:
         """
         u, y = self._signals(inputs, outputs)
         drive = u @ (self.B - self.K @ self.D).T + (y - self.level) @ self.K.T
-        states = _states(self.predictor, drive, initial)
+        states = states_of(self.predictor, drive, initial)
         errors: Array = y - self.level - states @ self.C.T - u @ self.D.T
         return errors
 
@@ -190,7 +180,7 @@ class StateSpaceModel:
         """
         errors = self.residuals(inputs, outputs)
         free = self._free_responses(self.predictor, len(errors))
-        return _fitted(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
+        return fitted(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
 
     def simulate_from_fitted_state(
         self,
@@ -204,14 +194,7 @@ class StateSpaceModel:
         Least squares, each output relative to its spread.  With ``free_level`` a constant is fitted
         as well; ``robust`` takes the least absolute instead of squared errors.
         """
-        form = self.without_delays()
-        u, y = form._signals(inputs, outputs)
-        with np.errstate(all="ignore"):
-            rest = form.simulate(u)
-            free = form._free_responses(form.A, len(y), free_level)
-        if not (np.isfinite(rest).all() and np.isfinite(free).all()):
-            return np.full(y.shape, np.inf)
-        return np.asarray(rest + free @ _fitted(free, y - rest, np.std(y, axis=0), robust))
+        return self._simulated(inputs, outputs, None, free_level, robust)
 
     def simulate_from_first(
         self,
@@ -230,17 +213,29 @@ class StateSpaceModel:
         count, at least 1.  With ``free_level`` a constant is fitted to them as well; ``robust``
         takes the least absolute instead of squared errors.
         """
+        return self._simulated(inputs, outputs, known, free_level, robust)
+
+    def _simulated(
+        self,
+        inputs: ArrayLike,
+        outputs: ArrayLike,
+        known: int | None,
+        free_level: bool,
+        robust: bool,
+    ) -> Array:
         form = self.without_delays()
         u, y = form._signals(inputs, outputs)
         n, ny = form.order, form.outputs
         with np.errstate(all="ignore"):
-            driven = _states(form.A, u @ form.B.T, None)
+            driven = states_of(form.A, u @ form.B.T, None)
             rest = driven @ form.C.T + u @ form.D.T + form.level
             free = form._free_responses(form.A, len(y), free_level)
         if not (np.isfinite(rest).all() and np.isfinite(free).all()):
             return np.full(y.shape, np.inf)
         target, columns = (y - rest)[:known], free[:known]
-        left = target - columns @ _fitted(columns, target, np.std(y[:known], axis=0))
+        if known is None:
+            return np.asarray(rest + free @ fitted(free, target, np.std(y, axis=0), robust))
+        left = target - columns @ fitted(columns, target, np.std(y[:known], axis=0))
         freedom = known - free.shape[2] / ny
         squares = left**2 * known / freedom if ny * freedom >= n else target**2
         least = 1e-20 * np.mean(target**2, axis=0)
@@ -248,13 +243,13 @@ class StateSpaceModel:
         noise[noise == 0.0] = 1.0
         moments, directions = np.linalg.eigh(driven.T @ driven / len(driven))
         free[:, :, :n] = free[:, :, :n] @ (directions * np.sqrt(np.maximum(moments, 0.0)))
-        state = _fitted(free[:known], target, noise, robust, np.eye(n, free.shape[2]))
+        state = fitted(free[:known], target, noise, robust, np.eye(n, free.shape[2]))
         return np.asarray(rest + free @ state)
 
     def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """``G = C (zI - A)^-1 B + D`` with its delays at frequencies in Hz, (..., ny, nu)."""
         z = self._circle(frequencies)
-        delays = np.asarray(self.input_delays or (0,) * self.inputs, dtype=float)
+        delays = np.asarray(self._delays, dtype=float)
         shift = z[..., None, None] ** -delays
         return (self._resolvent(z, self.B) + self.D) * shift
 
@@ -285,7 +280,7 @@ class StateSpaceModel:
 
     def without_delays(self) -> StateSpaceModel:
         """The same plant with delays as further states; without covariance."""
-        delays = self.input_delays or (0,) * self.inputs
+        delays = self._delays
         n, extra = self.order, sum(delays)
         A = np.zeros((n + extra, n + extra))
         B = np.zeros((n + extra, self.inputs))
@@ -325,7 +320,6 @@ class StateSpaceModel:
 
         ``Level``, which ``idss`` does not have, stands beside them.
         """
-        delays = self.input_delays or (0,) * self.inputs
         return {
             "A": self.A,
             "B": self.B,
@@ -334,7 +328,7 @@ class StateSpaceModel:
             "K": self.K,
             "Ts": np.array(1.0 / self.sampling_rate),
             "NoiseVariance": self.noise_covariance,
-            "InputDelay": np.asarray(delays, dtype=float)[:, None],
+            "InputDelay": np.asarray(self._delays, dtype=float)[:, None],
             "Level": self.level[:, None],
         }
 
@@ -343,11 +337,9 @@ class StateSpaceModel:
         u = np.asarray(inputs, dtype=float)
         if u.ndim != 2 or u.shape[1] != self.inputs:
             raise ValueError(f"inputs must be (N, {self.inputs}), not {u.shape}")
-        if not any(self.input_delays):
-            return u
         shifted = np.zeros_like(u)
-        for column, delay in enumerate(self.input_delays):
-            shifted[delay:, column] = u[: len(u) - delay, column]
+        for column, delay in enumerate(self._delays):
+            shifted[delay:, column] = u[: max(len(u) - delay, 0), column]
         return shifted
 
     def _signals(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[Array, Array]:
@@ -372,57 +364,3 @@ class StateSpaceModel:
         matrices = z[..., None, None] * np.eye(self.order) - self.A
         solved = np.linalg.solve(matrices, np.broadcast_to(right, (*z.shape, *right.shape)))
         return np.asarray(self.C @ solved, dtype=complex)
-
-
-def first_samples(samples: int) -> int:
-    """How many of the samples of a recording without a past determine its state."""
-    return max(round(FIRST_SHARE * samples), 1)
-
-
-def _fitted(
-    columns: Array,
-    target: Array,
-    spread: Array,
-    robust: bool = False,
-    prior: Array | None = None,
-) -> Array:
-    """Coefficients, (k,), of columns, (N, ny, k), that fit a target, (N, ny), best.
-
-    Least squares relative to the spread, (ny,), of each output; ``robust``: by reweighting nearly
-    least absolute errors.  ``prior`` (M, k): further rows, of target 0, that are not reweighted.
-    """
-    scale = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
-    rows, aim = (columns * scale[:, None]).reshape(-1, columns.shape[2]), (target * scale).ravel()
-    further = np.zeros((0, rows.shape[1])) if prior is None else prior
-    weights = np.ones(len(aim))
-    for _ in range(REWEIGHTINGS + 1 if robust else 1):
-        weighted = np.vstack([rows * weights[:, None], further])
-        # States of very different sizes would make the small ones look undetermined.
-        sizes = np.linalg.norm(weighted, axis=0)
-        sizes = np.where(sizes > 0.0, sizes, 1.0)
-        goal = np.concatenate([aim * weights, np.zeros(len(further))])
-        found = np.linalg.lstsq(weighted / sizes, goal, STATE_RANK)[0] / sizes
-        left = np.abs(aim - rows @ found)
-        weights = 1.0 / np.sqrt(np.maximum(left, 0.1 * np.mean(left) + 1e-300))
-    return np.asarray(found)
-
-
-def _states(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:
-    """States x_0 ... x_(N-1) of ``x+ = dynamics x + drive``, (N, n), in parts of equal length."""
-    samples, n = drive.shape
-    length = max(math.isqrt(samples), 1)
-    parts = -(-samples // length)
-    pushes = np.zeros((parts, length, n))
-    pushes.reshape(-1, n)[:samples] = drive
-    # Of each part from rest, and of its first state.
-    states, power = np.zeros_like(pushes), np.zeros((length, n, n))
-    power[0] = np.eye(n)
-    for k in range(1, length):
-        states[:, k] = states[:, k - 1] @ dynamics.T + pushes[:, k - 1]
-        power[k] = power[k - 1] @ dynamics.T
-    ends = states[:, -1] @ dynamics.T + pushes[:, -1]
-    x = np.zeros(n) if initial is None else np.asarray(initial, dtype=float)
-    for k in range(parts):
-        states[k] += x @ power
-        x = x @ power[-1] @ dynamics.T + ends[k]
-    return states.reshape(-1, n)[:samples]

@@ -45,19 +45,26 @@ NAMED = 3
 # The checks that a use rests on: without the first it is not given, without the second with care.
 # Notes are about the settings or the search and not about the model: no use rests on them.
 ESSENTIAL: dict[str, tuple[str, ...]] = {
-    "simulation": ("Stable", "Response to the input significant"),
+    "simulation": ("Stable", "Response to the input significant", "Free of feedback"),
     "prediction": ("Invertible",),
-    "response": ("Stable", "Response to the input significant", "Excitation adequate"),
-    "intervals": ("Roots inside the stability bound",),
+    "response": (
+        "Stable",
+        "Response to the input significant",
+        "Excitation adequate",
+        "Free of feedback",
+    ),
+    "intervals": ("Roots inside the stability bound", "Constant in time", "Linear"),
     "spectrum": ("Stable",),
 }
 DESIRABLE: dict[str, tuple[str, ...]] = {
     "simulation": (
         "Validation input comparable",
         "Simulation independent of its initial state",
+        "Constant in time",
+        "Linear",
     ),
     "prediction": ("White residuals",),
-    "response": ("Residuals independent of the input",),
+    "response": ("Residuals independent of the input", "Constant in time", "Linear"),
     "spectrum": ("White residuals", "Every spectral peak modelled"),
     "intervals": (
         "White residuals",

@@ -76,8 +76,8 @@ class ModeEvidence:
     mode: Mode
     order: int  # order of the model that it is taken from
     orders: tuple[int, ...]  # orders whose models have it
-    # Share of the other orders that have it.  One that lacks it counts only where its model has more
-    # poles than all modes need: else that says nothing.  NaN where there are none
+    # Share of the other orders that have it.  One that lacks it counts only where its model has
+    # more poles than all modes need: else that says nothing.  NaN where there are none
     recurrence: float
     # Of the mode's response to the inputs, on held-out samples beside the responses of all other
     # modes; one test of all outputs
@@ -132,24 +132,13 @@ class ModeEvidence:
 
 @dataclass(frozen=True, eq=False)
 class ModeTable:
-    """Modes by frequency, the poles of all orders, and how alike the shapes are.
+    """Modes by frequency, poles of all orders by order and frequency, and how alike shapes are."""
 
-    Attributes
-    ----------
-    order : int
-        The order that was chosen.
-    orders : tuple of int
-    modes : tuple of ModeEvidence
-    poles : tuple of PoleOfOrder
-        By order and frequency.
-    assurance : tuple of tuples of float
-        Modal assurance criterion of each pair of shapes.
-    """
-
-    order: int
+    order: int  # that was chosen
     orders: tuple[int, ...]
     modes: tuple[ModeEvidence, ...]
     poles: tuple[PoleOfOrder, ...]
+    # Modal assurance criterion of each pair of shapes
     assurance: tuple[tuple[float, ...], ...]
 
     @property
@@ -396,10 +385,7 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
 
 
 def shape_doubt(mode: Mode) -> str:
-    """Reason to doubt a mode's shape though not its frequency and damping; empty for none.
-
-    Shapes of poles that the data do not tell apart may be any mixture of each other.
-    """
+    """Reason to doubt a mode's shape though not its frequency and damping; empty for none."""
     if len(mode.shape) < 2 or not math.isfinite(mode.shape_assurance):
         return ""
     if mode.equal_poles_p > POLES_APART:

@@ -25,12 +25,12 @@ Array = NDArray[np.float64]
 
 # Degree of the polynomial in time that a change of the system is sought as.
 DEGREE = 3
-# Lags of the response that may change in size.
+# Lags of the response, and of its powers.
 LAGS = 4
 # Later samples of an input that residuals may act on.
 LATER = 20
 # Samples for each regressor below which there is no test.
-FEWEST_PER_REGRESSOR = 20
+FEWEST_PER_REGRESSOR = 10
 
 
 @dataclass(frozen=True)
@@ -114,9 +114,8 @@ def _nonlinear(stretch: _Stretch, output: int) -> tuple[Array, Array]:
     """The response at some lags, and squares and cubes of it and of the inputs."""
     y = stretch.responses[:, output]
     y = (y - y.mean()) / max(float(np.std(y)), 1e-300)
-    powers = [_lagged(y**2)[:, :2], _lagged(y**3)[:, :2]]
-    powers += [each[:, [output]] for each in stretch.of_powers]
-    return _lagged(y), np.hstack(powers)
+    of_inputs = [_lagged(each[:, output]) for each in stretch.of_powers]
+    return _lagged(y), np.hstack([_lagged(y**2), _lagged(y**3), *of_inputs])
 
 
 def _of_outputs(
@@ -167,11 +166,9 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                 e, u = stretch.residuals[:, output], stretch.inputs[:, place]
                 if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
                     continue
-                e, u = (
-                    np.convolve(x, autoregression(x - x.mean(), MOST_WHITENING)) for x in (e, u)
-                )
+                e, u = _whitened(e), _whitened(u)
                 n = min(len(e), len(u))
-                values = cross_correlation(e[:n], u[:n], LATER).values[:LATER]
+                values = cross_correlation(e[-n:], u[-n:], LATER).values[:LATER]
                 lags = np.arange(LATER, 0, -1)
                 statistic += float(np.sum(n**2 / (n - lags) * values**2))
                 freedom += LATER
@@ -180,3 +177,9 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                 p_value = min(pairs * float(chdtrc(freedom, statistic)), 1.0)
                 tests.append(ResidualTest(p_value, max(shares)))
     return min(tests, key=lambda each: each.p_value, default=NOT_TESTED)
+
+
+def _whitened(signal: Array) -> Array:
+    """A signal without its mean and what its own past predicts, of the last samples."""
+    centred = signal - signal.mean()
+    return np.convolve(centred, autoregression(centred, MOST_WHITENING), mode="valid")

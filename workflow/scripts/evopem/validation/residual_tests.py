@@ -23,8 +23,8 @@ from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_fac
 from evopem.estimation.pem.least_squares import triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomial_states import estimate_prediction_states
 from evopem.models.response_tables import NORMAL_95
+from evopem.models.states import estimate_prediction_states
 from evopem.signals import correlation as signals
 from evopem.signals.recording import Recording
 from evopem.validation.responses import HeldOut

@@ -28,6 +28,7 @@ from evopem.validation.held_out_tests import (
 )
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
+from evopem.validation.model_class import model_class
 from evopem.validation.peak_evidence import peak_evidence
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
@@ -46,6 +47,7 @@ from evopem.validation.responses import (
     HeldOut,
     Model,
     Responses,
+    divided,
     held_out_stretches,
     responses_of,
     unscored_samples,
@@ -73,6 +75,8 @@ Array = NDArray[np.float64]
 # Horizons of a decade, and the longest one.
 DECADE = (1, 2, 3, 5, 7)
 LONGEST = 1000
+# Half waves in held-out samples up to which a common course of input and output is no response.
+HALF_WAVES = 6
 
 
 def log_spaced_horizons(samples: int) -> tuple[int, ...]:
@@ -151,7 +155,10 @@ def validate(
     responses = responses_of(held_out, free_level)
     if not responses.scored.any():
         raise ValueError("no validation sample is left to score; keep more samples for validation")
-    tested = _tested(model, prepared.estimation, held_out, loss_start, objective)
+    tested = of_validation(held_out)
+    if isinstance(model, PolynomialModel):
+        start = unscored_samples(model) if loss_start is None else loss_start
+        tested = of_estimation(model, prepared.estimation, start, objective)
     recorded = recorded_series(
         prepared.transforms, responses.outputs, responses.predicted, responses.simulated
     )
@@ -176,6 +183,7 @@ def validate(
         lags=len(autocorrelations[0].lag) - 1,
         correlation_lags=min(lags, CROSS_CORRELATION_LAGS, len(tested.residuals) - 1),
         input_test=input_significance(held_out),
+        model_class=model_class(_all_samples(model, prepared, held_out)),
         resolution_hz=_resolution(prepared.estimation, spectrum),
         modes=table_of_models(
             models, order, lambda each: held_out_stretches(each, prepared, free_level)
@@ -201,6 +209,15 @@ def validation_errors(held_out: Sequence[HeldOut], free_level: bool = False) -> 
     )
 
 
+def _all_samples(
+    model: Model, prepared: PreparedData, held_out: Sequence[HeldOut]
+) -> Sequence[HeldOut]:
+    """Estimation and validation samples, where these continue those as one stretch."""
+    if held_out[0].before:
+        return held_out
+    return [*divided(model, prepared.estimation, 0), *held_out]
+
+
 def _mean(errors: Sequence[float]) -> float:
     return float(np.mean(errors))
 
@@ -211,19 +228,6 @@ def _errors(measured: Array, computed: Array) -> list[float]:
         error_percent(y, found) if np.isfinite(found).all() else math.nan
         for y, found in zip(measured.T, computed.T, strict=True)
     ]
-
-
-def _tested(
-    model: Model,
-    estimation: Recording,
-    held_out: Sequence[HeldOut],
-    loss_start: int | None,
-    objective: str,
-) -> TestedResiduals:
-    if not isinstance(model, PolynomialModel):
-        return of_validation(held_out)
-    start = unscored_samples(model) if loss_start is None else loss_start
-    return of_estimation(model, estimation, start, objective)
 
 
 def _outputs(
@@ -313,10 +317,8 @@ def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]
     estimation, validation = prepared.estimation, prepared.validation
     found = []
     for k in range(model.inputs):
-        needed = 0
-        if isinstance(model, PolynomialModel):
-            orders = model.orders
-            needed = orders.na + orders.nf[k] + orders.nb[k]
+        orders = model.orders if isinstance(model, PolynomialModel) else None
+        needed = orders.na + orders.nf[k] + orders.nb[k] if orders else 0
         u = estimation.inputs[:, k]
         found.append(
             InputValidation(
@@ -334,9 +336,10 @@ def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
 
     The measured outputs are regressed on the simulated ones and on the free responses of the plant,
     which depend on signals before the held-out samples.  Where inputs and outputs are unrelated the
-    two are independent there, whatever the model and its selection.  The noise model is not used:
-    where A and C have nearly common factors, the predictor's errors without the input have a narrow
-    peak just where ``(B/C) u`` has one.
+    two are independent there, whatever the model and its selection.  Half waves that are as long as
+    a sixth of the samples or longer are taken for drift: two slow signals always have some alike.
+    The noise model is not used: where A and C have nearly common factors, the predictor's errors
+    without the input have a narrow peak just where ``(B/C) u`` has one.
     """
     model = held_out[0].model
     if not model.inputs:
@@ -350,12 +353,19 @@ def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
             HeldOutContribution(
                 each.recording.outputs,
                 each.simulated_from_rest()[each.first :],
-                [free_responses(model.poles(), each.recording.samples)]
+                [np.hstack([free_responses(model.poles(), n), _half_waves(n)])]
                 * len(each.recording.output_names),
             )
             for each in held_out
+            for n in [each.recording.samples]
         ]
         return joint_contribution_test(records)
+
+
+def _half_waves(samples: int) -> Array:
+    """Cosines of 1, 2, ... half periods in some samples, (samples, HALF_WAVES)."""
+    time = (np.arange(samples) + 0.5) / samples
+    return np.cos(np.pi * np.outer(time, np.arange(1, HALF_WAVES + 1)))
 
 
 def _stretch_errors(held_out: Sequence[HeldOut], responses: Responses) -> list[StretchErrors]:
@@ -364,13 +374,11 @@ def _stretch_errors(held_out: Sequence[HeldOut], responses: Responses) -> list[S
     for begin, end, each in zip(ends[:-1], ends[1:], held_out, strict=True):
         part = slice(begin + each.unscored, end)
         measured = responses.outputs[part]
-        found.append(
-            StretchErrors(
-                len(measured),
-                _mean(_errors(measured, responses.predicted[part])) if len(measured) else math.nan,
-                _mean(_errors(measured, responses.simulated[part])) if len(measured) else math.nan,
-            )
-        )
+        errors = [
+            _mean(_errors(measured, computed[part])) if len(measured) else math.nan
+            for computed in (responses.predicted, responses.simulated)
+        ]
+        found.append(StretchErrors(len(measured), *errors))
     return found
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from evopem.validation.excitation import SplitSpectra
 from evopem.validation.held_out_tests import HeldOutTest
 from evopem.validation.mode_evidence import ModeTable
+from evopem.validation.model_class import ModelClass
 from evopem.validation.peak_evidence import PeakEvidence
 from evopem.validation.residual_tests import WhitenessTest
 
@@ -116,6 +117,7 @@ class Validation:
     correlation_lags: int
     # Of the response of all outputs to the inputs, on samples that the model was not estimated from
     input_test: HeldOutTest
+    model_class: ModelClass  # tests of what every model assumes, on all samples
     resolution_hz: float  # of the spectra whose peaks are judged
     modes: ModeTable
 

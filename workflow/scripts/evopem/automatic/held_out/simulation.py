@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.polynomial import Model, PolynomialModel, simulated_form
-from evopem.models.polynomial_states import estimate_prediction_states
-from evopem.models.state_space import StateSpaceModel, first_samples
+from evopem.models.state_space import StateSpaceModel
+from evopem.models.states import estimate_prediction_states, first_samples
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]

@@ -29,9 +29,13 @@ from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
     WHITE,
     better_than_mean,
+    constant_in_time,
     input_independence,
+    linear,
     outliers,
+    spectral_peaks,
     whiteness,
+    without_feedback,
 )
 from evopem.validation.checks.roots import (
     DISTINCT,
@@ -41,13 +45,15 @@ from evopem.validation.checks.roots import (
     stability_bound,
 )
 from evopem.validation.checks.search import repeatability, search_ranges
-from evopem.validation.checks.spectral_peaks import spectral_peaks
 
 CHECKS: tuple[Callable[[Evidence], Check | None], ...] = (
     stability,
     invertibility,
     whiteness,
     input_independence,
+    constant_in_time,
+    linear,
+    without_feedback,
     spectral_peaks,
     cancellation,
     search_ranges,

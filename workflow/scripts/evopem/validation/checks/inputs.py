@@ -9,6 +9,7 @@ from evopem.validation.checks.check import LISTED, SIGNIFICANCE, Check, Evidence
 from evopem.validation.excitation import FEWEST_SAMPLES
 
 if TYPE_CHECKING:
+    from evopem.validation.held_out_tests import HeldOutTest
     from evopem.validation.validation import InputValidation, Validation
 
 EXCITATION_ADEQUATE = "Excitation adequate"
@@ -23,6 +24,8 @@ CHECK_THE_MODEL = (
 )
 # Percentage of the samples at a channel's limits above which the channel counts as saturated.
 MAX_SATURATED_PERCENT = 0.1
+# Two slow signals that are not related have some course alike, but of a size that no model gives.
+LARGEST_COEFFICIENT = 2.0
 RESTING = "the input does not change in the validation samples"
 EXCITE_AGAIN = (
     "Record a second step or blow, in the same file or as a “validation_file”: one event cannot be"
@@ -63,7 +66,7 @@ def response_to_input(evidence: Evidence) -> Check | None:
     if not validation.inputs:
         return None
     test = validation.input_test
-    passed = test.significant(SIGNIFICANCE)
+    passed = responds(test)
     if passed is None and input_rests(validation):
         return Check(name, None, f"Not tested: {RESTING}.", EXCITE_AGAIN)
     if passed is None:
@@ -78,12 +81,23 @@ def response_to_input(evidence: Evidence) -> Check | None:
         passed,
         "Regression of the measured on the simulated output over"
         f" {test.samples} validation samples: coefficient {test.coefficient:.3g},"
-        f" {p_text(test.p_value)}.",
+        f" {p_text(test.p_value)}."
+        + (
+            " A coefficient above 2 is not that of the model's response."
+            if test.coefficient > LARGEST_COEFFICIENT
+            else ""
+        ),
         ""
         if passed
         else "The model does not describe a response to this input. Check that the channels belong"
         " to the same system and have the same time axis, and search longer delays (“delay.nk”).",
     )
+
+
+def responds(test: HeldOutTest) -> bool | None:
+    """Whether a response is significant and no larger than can be the model's."""
+    significant = test.significant(SIGNIFICANCE)
+    return significant and test.coefficient <= LARGEST_COEFFICIENT
 
 
 def input_rests(validation: Validation) -> bool:

@@ -1,4 +1,4 @@
-"""Checks of the residuals and errors of each output."""
+"""Checks of the residuals, errors and spectral peaks of each output."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from scipy.special import ndtri
 
 from evopem.config.structures import phases_of
 from evopem.estimation.model_record import ModelRecord
+from evopem.signals.peaks import line_spacing
 from evopem.validation.checks.check import (
     SIGNIFICANCE,
     Check,
@@ -19,6 +20,9 @@ from evopem.validation.checks.check import (
 )
 
 if TYPE_CHECKING:
+    from evopem.models.modes import Mode
+    from evopem.validation.model_class import ResidualTest
+    from evopem.validation.peak_evidence import PeakEvidence
     from evopem.validation.validation import Validation
 
 # With a coloured input, cross-correlations at neighbouring lags are dependent, so the share inside
@@ -31,6 +35,13 @@ SHARE_LEVEL = 0.00135
 # robust against them.
 MAX_OUTLIER_PERCENT = 0.1
 MAX_OUTLIER_PERCENT_ABSOLUTE = 5.0
+
+# Missed peaks that a statement lists.
+MAX_LISTED = 6
+# A mode accounts for no peak farther away than this share of its frequency.
+MAX_RELATIVE_DISTANCE = 0.1
+# Share of the variance of whitened residuals below which a dependence matters to no use of a model.
+SMALL_SHARE = 0.01
 
 WHITE = "White residuals"
 INDEPENDENT_OF_INPUT = "Residuals independent of the input"
@@ -228,3 +239,127 @@ def outliers(evidence: Evidence) -> Check:
         "Inspect them in the record, and repair spikes and drop-outs."
         + ("" if absolute else " The objective “absolute” gives outliers less weight."),
     )
+
+
+def constant_in_time(evidence: Evidence) -> Check:
+    """The response of the system as it is at the beginning until the end."""
+    return _of_class(
+        "Constant in time",
+        evidence.validation.model_class.constant,
+        "polynomials in time multiplied by the response",
+        "The system changed during the record: a gain, frequency or damping of the model is a mean."
+        " Identify parts of the record one by one, and compare them.",
+    )
+
+
+def linear(evidence: Evidence) -> Check:
+    """No squares and cubes of the response and of the inputs in the residuals."""
+    return _of_class(
+        "Linear",
+        evidence.validation.model_class.linear,
+        "squares and cubes of the response and of the inputs",
+        "The model describes one amplitude, and its intervals are too narrow. Record with a smaller"
+        " input, or take the root or logarithm of a channel that is no linear measure.",
+    )
+
+
+def without_feedback(evidence: Evidence) -> Check | None:
+    """No dependence of later inputs on the residuals."""
+    if not evidence.validation.inputs:
+        return None
+    return _of_class(
+        "Free of feedback",
+        evidence.validation.model_class.without_feedback,
+        "later samples of an input",
+        "The input depends on the output, as of a controller: the model may be that of the"
+        " controller, or carry its bias. Use a structure with a noise model and a delay of one"
+        " sample at least, or record without the controller.",
+    )
+
+
+def _of_class(name: str, test: ResidualTest, what: str, advice: str) -> Check:
+    """A test of what every model assumes."""
+    if math.isnan(test.p_value):
+        return Check(name, None, "There are too few samples to test it.", "Use a longer record.")
+    passed = test.p_value >= SIGNIFICANCE or test.share < SMALL_SHARE
+    return Check(
+        name,
+        passed,
+        f"The whitened residuals and {what}: {p_text(test.p_value)}, {100 * test.share:.2g} % of"
+        f" their variance ({100 * SIGNIFICANCE:g} % significance and a share of"
+        f" {100 * SMALL_SHARE:g} % are needed to object).",
+        "" if passed else advice,
+    )
+
+
+def spectral_peaks(evidence: Evidence) -> Check:
+    """A mode near every peak of the outputs' spectra, or a density there that the model gives."""
+    name, outputs = "Every spectral peak modelled", evidence.validation.outputs
+    count = sum(len(each.peaks) for each in outputs)
+    if not count:
+        return Check(name, True, "The output's spectrum has no distinct peaks.")
+    spacings = [line_spacing([peak.frequency_hz for peak in each.peaks]) for each in outputs]
+    resolution = evidence.validation.resolution_hz
+    modes = (*evidence.model.modes, *evidence.model.noise_modes)
+    lines = [k for k, spacing in enumerate(spacings) if spacing is not None]
+    if len(lines) == len(outputs):
+        spacing = spacings[0] or 0.0
+        return Check(
+            name,
+            None,
+            f"The spectrum has {len(outputs[0].peaks)} peaks about {spacing:.3g} Hz apart. These"
+            " are the lines of a periodic input, among which resonances do not show as peaks.",
+            "Compare the gain of the model with the multitaper estimate at the lines.",
+        )
+    # A NaN is no density that the model gives.
+    missed = [
+        (peak, each.name)
+        for k, each in enumerate(outputs)
+        if k not in lines
+        for peak in each.peaks
+        if not peak.excess <= peak.chance
+        and not any(_accounts_for(mode, peak.frequency_hz, resolution) for mode in modes)
+    ]
+    if not missed:
+        return Check(
+            name,
+            True,
+            f"Each of the {count} spectral peaks has a mode within the resolution of the"
+            f" spectrum ({resolution:.2g} Hz) or within the mode's own bandwidth and uncertainty,"
+            " or is no higher than the model and chance make it.",
+        )
+    stated = [
+        _stated(peak) + (f" of {output}" if outputs[1:] else "")
+        for peak, output in missed[:MAX_LISTED]
+    ]
+    more = f" and {len(missed) - MAX_LISTED} more" if len(missed) > MAX_LISTED else ""
+    return Check(
+        name,
+        False,
+        f"{count - len(missed)} of {count} spectral peaks have a mode or"
+        " a density that follows from the model. The output has more power than the model gives it"
+        f" at {', '.join(stated)}{more}.",
+        f"Raise the upper end of “orders.{'joint' if evidence.model.orders else 'nx'}”, or check"
+        " whether the peak is in the input already or caused by a transform.",
+    )
+
+
+def _stated(peak: PeakEvidence) -> str:
+    """A missed peak, and how much of its density the model lacks."""
+    if not math.isfinite(peak.excess):
+        return f"{peak.frequency_hz:.4g} Hz"
+    return f"{peak.frequency_hz:.4g} Hz ({peak.excess:.2g} times)"
+
+
+def _accounts_for(mode: Mode, frequency: float, resolution: float) -> bool:
+    """Whether a peak lies within the resolution, or the mode's half-power width or uncertainty.
+
+    A mode with a damping ratio above 1/√2 has no resonance peak. A tenth of the mode's frequency
+    is the limit, so that a broad or uncertain mode does not account for every peak.
+    """
+    centre, damping = mode.frequency_hz, abs(mode.damping_ratio)
+    if damping > math.sqrt(0.5):
+        return False
+    error = mode.frequency_se_hz if math.isfinite(mode.frequency_se_hz) else 0.0
+    width = min(max(damping * centre, 2.0 * error), MAX_RELATIVE_DISTANCE * centre)
+    return abs(centre - frequency) <= max(resolution, width)

@@ -1,0 +1,122 @@
+"""Level and power of the tests of what every model assumes, on ARX models of simulated records."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem.models.polynomial import PolynomialModel
+from evopem.signals.recording import Recording
+from evopem.validation.model_class import model_class
+from evopem.validation.responses import divided
+
+SAMPLES, CUT, FREQUENCY, DECAY = 1500, 1000, 0.6, 0.03
+INPUTS = ("white", "binary", "coloured", "steps", "lines", "slow")
+POLE = np.exp(complex(-DECAY, FREQUENCY))
+MODE = np.real(np.poly([POLE, np.conj(POLE)]))
+NOISE = ([1.0], MODE, [1.0, -0.98])
+
+
+def arx(u, y, nk=1, order=8):
+    """Least squares with as many coefficients of A as of B."""
+    first = order + nk
+    past = [-y[first - k : len(y) - k] for k in range(1, order + 1)]
+    past += [u[first - nk - k : len(y) - nk - k] for k in range(order)]
+    found = np.linalg.lstsq(np.column_stack(past), y[first:])[0]
+    return PolynomialModel(np.r_[1.0, found[:order]], found[order:], nk=nk)
+
+
+def input_of(kind, generator):
+    white, steps = generator.standard_normal(SAMPLES), np.arange(SAMPLES)
+    if kind == "binary":
+        return np.sign(lfilter([1.0], [1.0, -0.5], white))
+    if kind == "steps":
+        return np.repeat(generator.choice([-1.0, 1.0], SAMPLES // 50), 50)
+    if kind == "lines":
+        phases = generator.uniform(0.0, 2.0 * np.pi, 20)
+        return np.sin(2.0 * np.pi * np.outer(steps, np.arange(1, 60, 3)) / 500.0 + phases).sum(1)
+    below = {"white": [1.0], "coloured": [1.0, -1.6, 0.7], "slow": [1.0, -0.995]}
+    return lfilter([1.0], below[kind], white)
+
+
+def resonance(u, frequency=FREQUENCY, gain=1.0):
+    """Response of a mode whose frequency and gain may change from sample to sample."""
+    frequency, gain = (np.broadcast_to(each, len(u)) for each in (frequency, gain))
+    y = np.zeros(len(u))
+    for t in range(2, len(u)):
+        y[t] = 2.0 * np.exp(-DECAY) * np.cos(frequency[t]) * y[t - 1]
+        y[t] += -np.exp(-2.0 * DECAY) * y[t - 2] + gain[t] * (u[t - 1] + 0.5 * u[t - 2])
+    return y
+
+
+def saturating(u):
+    y = resonance(u)
+    return np.tanh(y / np.std(y))
+
+
+SYSTEMS = {
+    "right": resonance,
+    "frequency drifts by 10 %": lambda u: resonance(
+        u, FREQUENCY * (1.0 + np.linspace(-0.05, 0.05, len(u)))
+    ),
+    "gain halved midway": lambda u: resonance(
+        u, gain=np.where(np.arange(len(u)) < len(u) // 2, 1.0, 0.5)
+    ),
+    "quadratic": lambda u: resonance(u / np.std(u) + 0.5 * (u / np.std(u)) ** 2),
+    "saturating": saturating,
+}
+
+
+def judged(system, kind, colour, seed):
+    generator = np.random.default_rng([seed, len(kind)])
+    u = input_of(kind, generator)
+    x, v = SYSTEMS[system](u), lfilter([1.0], NOISE[colour], generator.standard_normal(SAMPLES))
+    y = x + 0.15 * np.std(x) / np.std(v) * v
+    return model_class(divided(arx(u[:CUT], y[:CUT]), Recording(u, y, 1.0), CUT))
+
+
+def test_right_models_are_rejected_at_the_level_of_one_percent():
+    found = [judged("right", kind, k % 3, k) for k in range(30) for kind in INPUTS]
+    for name in ("constant", "linear", "without_feedback"):
+        rejected = np.mean([getattr(each, name).p_value < 0.01 for each in found])
+        # Three binomial standard errors above the level.
+        assert rejected <= 0.01 + 3.0 * np.sqrt(0.01 / len(found))
+
+
+@pytest.mark.parametrize(
+    ("system", "test", "kinds"),
+    [
+        ("frequency drifts by 10 %", "constant", INPUTS),
+        ("gain halved midway", "constant", INPUTS),
+        # The square of a binary input is constant: only its levels say that there is one.
+        ("quadratic", "linear", ("white", "coloured", "lines", "slow")),
+        ("saturating", "linear", INPUTS),
+    ],
+)
+def test_models_of_the_wrong_class_are_found(system, test, kinds):
+    found = [getattr(judged(system, kind, k, k), test) for k in range(3) for kind in kinds]
+    rejected = [each.p_value < 0.01 and each.share >= 0.01 for each in found]
+    assert np.mean(rejected) >= 0.9
+
+
+def test_the_input_of_a_controller_is_found():
+    """Noise prevails in the loop, so that a model without delay is that of the controller."""
+    found = []
+    for seed in range(20):
+        r, e = np.random.default_rng([seed, 4]).standard_normal((2, SAMPLES))
+        u, y = np.zeros(SAMPLES), np.zeros(SAMPLES)
+        v = lfilter([1.0], [1.0, -0.9], e)
+        for t in range(1, SAMPLES):
+            y[t] = 0.8 * y[t - 1] + 0.5 * u[t - 1] + v[t] - 0.8 * v[t - 1]
+            u[t] = 0.2 * r[t] - 0.8 * y[t]
+        model = arx(u[:CUT], y[:CUT], nk=0, order=4)
+        tests = model_class(divided(model, Recording(u, y, 1.0), CUT))
+        found.append(tests.without_feedback)
+    assert np.mean([each.p_value < 0.01 and each.share >= 0.01 for each in found]) >= 0.9
+
+
+def test_a_short_or_constant_record_is_not_judged():
+    u = np.zeros(60)
+    (record,) = divided(PolynomialModel([1.0], [1.0], nk=1), Recording(u, u, 1.0), 0)
+    found = model_class([record])
+    assert all(np.isnan(each.p_value) for each in (found.constant, found.linear))
+    assert np.isnan(found.without_feedback.p_value)
