@@ -16,7 +16,7 @@ from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from evopem.estimation.pem.autoregression import autoregression
+from evopem.estimation.pem.least_squares import autoregression
 from evopem.signals.correlation import cross_correlation
 from evopem.validation.held_out_tests import MOST_WHITENING
 from evopem.validation.responses import HeldOut, unscored_samples
