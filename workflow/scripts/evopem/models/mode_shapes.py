@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,31 +55,25 @@ def plane_assurance(first: Complex, second: Complex) -> float:
     return float(min(cosines[-1], 1.0) ** 2)
 
 
-@dataclass(frozen=True)
-class Neighbour:
-    """How well a shape is known, alone and in the plane with a partner; see :class:`.Mode`."""
-
-    shape_assurance: float = float("nan")
-    partner: int | None = None
-    equal_poles_p: float = float("nan")
-    plane_assurance: float = float("nan")
-
-
 def neighbours_among(
     poles: Complex,
     shapes: Complex,
     derivatives: Sequence[tuple[Complex, Complex]],
     known: Sequence[int],
     covariance: ParameterCovariance,
-) -> list[Neighbour]:
-    """The neighbour of each mode, shapes (l, modes), among those whose errors are known."""
-    neighbours = [Neighbour()] * len(poles)
+) -> list[dict[str, Any]]:
+    """How well each shape, (l, modes), is known, alone and in the plane with a partner.
+
+    As fields of :class:`.Mode`; nothing of those whose errors are not ``known``.
+    """
+    neighbours: list[dict[str, Any]] = [{}] * len(poles)
     # Errors of poles and shapes for independent errors of unit variance.
     of_poles = {place: derivatives[place][0] @ covariance.factor for place in known}
     for own in known:
         deviations = derivatives[own][1] @ covariance.factor
-        alone = _assurance_in(shapes[:, [own]], shapes[:, own], deviations)
-        neighbours[own] = Neighbour(alone)
+        neighbours[own] = {
+            "shape_assurance": _assurance_in(shapes[:, [own]], shapes[:, own], deviations)
+        }
         equal = {
             other: _equal_poles_p(poles[own] - poles[other], of_poles[own] - of_poles[other])
             for other in known
@@ -88,7 +82,11 @@ def neighbours_among(
         if equal:
             partner = max(equal, key=lambda other: equal[other])
             plane = _assurance_in(shapes[:, [own, partner]], shapes[:, own], deviations)
-            neighbours[own] = Neighbour(alone, partner, equal[partner], plane)
+            neighbours[own] |= {
+                "partner": partner,
+                "equal_poles_p": equal[partner],
+                "plane_assurance": plane,
+            }
     return neighbours
 
 

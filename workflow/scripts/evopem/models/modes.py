@@ -6,16 +6,12 @@ Of a polynomial by its roots, of a state-space model by its eigenvalues and eige
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.mode_shapes import (
-    Neighbour,
-    mean_phase,
-    neighbours_among,
-    phase_collinearity,
-)
+from evopem.models.mode_shapes import mean_phase, neighbours_among, phase_collinearity
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_gradient, roots
 
@@ -28,58 +24,36 @@ DEFECTIVE = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """One oscillating mode of a model with one output or several, l, and m inputs.
+    """One oscillating mode of a model with l outputs and m inputs."""
 
-    Attributes
-    ----------
-    frequency_hz : float
-        Undamped natural frequency ``|s| / 2 pi``, ``s = ln(z) fs``.
-    damping_ratio : float
-        ``-Re(s) / |s|``.
-    pole : complex
-        Pole in the z plane, upper half.
-    frequency_se_hz, damping_se : float
-        Standard errors.  Infinite when the data do not determine the mode, NaN when the
-        covariance is not known.
-    shape : (l,) complex array
-        ``C v``, v the eigenvector of A, scaled so that its largest entry is 1.
-    shape_se_real, shape_se_imag : (l,) arrays
-        Standard errors of the shape; 0 for the entry that is 1 by definition.
-    input_participation : (m,) complex array
-        How each input drives the mode whose shape is scaled like this: ``w' B``, w the left
-        eigenvector with ``w' v = 1``.  Empty for the mode of a polynomial.
-    noise_participation : (l,) complex array
-        The same of the innovations, ``w' K``.
-    output_shares : (l,) array
-        Share of the mode in the sum, over all modes and real poles, of the energies of their own
-        impulse responses: from the inputs, or from the innovations for a model without input.
-    shape_assurance : float
-        Modal assurance criterion that the shape is expected to have with the true one; 1 less the
-        variance of its part perpendicular to the shape.  NaN when the covariance is not known.
-    partner : int or None
-        The mode, counted from 0 in the model, whose pole the data tell from this one least.
-    equal_poles_p : float
-        p-value of the hypothesis that both poles are equal (Wald's test).  Shapes of equal poles
-        may be any mixture of each other.
-    plane_assurance : float
-        What ``shape_assurance`` is of the shape and the nearest one in the plane of both modes'
-        true shapes, which a mixture of the two does not change.
-    """
-
-    frequency_hz: float
-    damping_ratio: float
-    pole: complex
+    frequency_hz: float  # undamped natural frequency ``|s| / 2 pi``, ``s = ln(z) fs``
+    damping_ratio: float  # ``-Re(s) / |s|``
+    pole: complex  # in the z plane, upper half
+    # frequency_se_hz, damping_se: standard errors; infinite when the data do not determine the
+    # mode, NaN when the covariance is not known
     frequency_se_hz: float = float("nan")
     damping_se: float = float("nan")
+    # (l,) ``C v``, v the eigenvector of A, scaled so that its largest entry is 1
     shape: Complex = field(default_factory=lambda: np.ones(1, dtype=complex))
+    # shape_se_real, shape_se_imag: (l,) standard errors; 0 for the entry that is 1 by definition
     shape_se_real: Array = field(default_factory=lambda: np.zeros(1))
     shape_se_imag: Array = field(default_factory=lambda: np.zeros(1))
+    # (m,) How each input drives the mode whose shape is scaled like this: ``w' B``, w the left
+    # eigenvector with ``w' v = 1``; and (l,) each innovation, ``w' K``
     input_participation: Complex = field(default_factory=lambda: np.empty(0, dtype=complex))
     noise_participation: Complex = field(default_factory=lambda: np.empty(0, dtype=complex))
+    # (l,) Share of the mode in the sum, over all modes and real poles, of the energies of their own
+    # impulse responses: from the inputs, or from the innovations for a model without input
     output_shares: Array = field(default_factory=lambda: np.ones(1))
+    # Modal assurance criterion that the shape is expected to have with the true one; 1 less the
+    # variance of its part perpendicular to the shape.  NaN when the covariance is not known
     shape_assurance: float = float("nan")
-    partner: int | None = None
+    partner: int | None = None  # mode of the model whose pole the data tell from this one least
+    # p-value of the hypothesis that both poles are equal (Wald's test).  Shapes of equal poles may
+    # be any mixture of each other
     equal_poles_p: float = float("nan")
+    # What ``shape_assurance`` is of the shape and the nearest one in the plane of both modes' true
+    # shapes, which a mixture of the two does not change
     plane_assurance: float = float("nan")
 
     def __eq__(self, other: object) -> bool:
@@ -191,18 +165,25 @@ def state_space_modes(
     total = energies.sum(axis=1)
     oscillating = np.flatnonzero(poles.imag > 0.0)
     oscillating = oscillating[np.argsort(np.abs(np.log(poles[oscillating])), kind="stable")]
-    errors = [_Errors.unknown(len(C))] * len(oscillating)
-    neighbours = [Neighbour()] * len(oscillating)
+    unknown = np.full(len(C), np.nan)
+    errors: list[dict[str, Any]] = [{"shape_se_real": unknown, "shape_se_imag": unknown}] * len(
+        oscillating
+    )
+    neighbours: list[dict[str, Any]] = [{}] * len(oscillating)
     if covariance is not None:
         derivatives = [
             _derivatives(poles, right, left, int(k), C, levels, len(covariance))
             for k in oscillating
         ]
         errors = [
-            _Errors.of(poles[k], shapes[:, k], *each, covariance, sampling_rate)
+            _standard_errors(poles[k], shapes[:, k], *each, covariance, sampling_rate)
             for k, each in zip(oscillating, derivatives, strict=True)
         ]
-        known = [place for place, error in enumerate(errors) if error.known]
+        known = [
+            place
+            for place, error in enumerate(errors)
+            if all(np.isfinite(value).all() for value in error.values())
+        ]
         neighbours = neighbours_among(
             poles[oscillating], shapes[:, oscillating], derivatives, known, covariance
         )
@@ -217,18 +198,12 @@ def state_space_modes(
                 frequency_hz=frequency,
                 damping_ratio=damping,
                 pole=complex(poles[k]),
-                frequency_se_hz=error.frequency_hz,
-                damping_se=error.damping,
                 shape=shapes[:, k] / scale,
-                shape_se_real=error.shape_real,
-                shape_se_imag=error.shape_imag,
                 input_participation=scale * (adjoint[k] @ B),
                 noise_participation=scale * (adjoint[k] @ K),
                 output_shares=share,
-                shape_assurance=neighbour.shape_assurance,
-                partner=neighbour.partner,
-                equal_poles_p=neighbour.equal_poles_p,
-                plane_assurance=neighbour.plane_assurance,
+                **error,
+                **neighbour,
             )
         )
     return modes
@@ -265,47 +240,27 @@ def _energies(poles: Complex, shapes: Complex, drives: Complex) -> Array:
     return energies
 
 
-@dataclass(frozen=True, eq=False)
-class _Errors:
-    """Standard errors of frequency in Hz, of damping ratio, and of a shape scaled to one, (l,)."""
-
-    frequency_hz: float
-    damping: float
-    shape_real: Array
-    shape_imag: Array
-
-    @classmethod
-    def unknown(cls, outputs: int) -> _Errors:
-        """NaN throughout."""
-        unknown = np.full(outputs, np.nan)
-        return cls(float("nan"), float("nan"), unknown, unknown)
-
-    @classmethod
-    def of(
-        cls,
-        pole: complex,
-        shape: Complex,
-        d_pole: Complex,
-        d_shape: Complex,
-        covariance: ParameterCovariance,
-        sampling_rate: float,
-    ) -> _Errors:
-        """From the derivatives of a pole, (p,), and of its shape, (l, p)."""
-        outputs, largest, scale = len(shape), int(np.argmax(np.abs(shape))), _scale(shape)
-        d_scaled = (d_shape - np.outer(shape / scale, d_shape[largest])) / scale
-        # The largest entry is 1 by definition, whatever the data determine.
-        d_scaled[largest] = 0.0
-        slopes = _slopes(pole, d_pole, sampling_rate)
-        errors = covariance.standard_errors(np.vstack([slopes, d_scaled.real, d_scaled.imag]))
-        return cls(
-            float(errors[0]), float(errors[1]), errors[2 : 2 + outputs], errors[2 + outputs :]
-        )
-
-    @property
-    def known(self) -> bool:
-        """Whether the data determine all of them."""
-        numbers = [self.frequency_hz, self.damping, *self.shape_real, *self.shape_imag]
-        return bool(np.isfinite(numbers).all())
+def _standard_errors(
+    pole: complex,
+    shape: Complex,
+    d_pole: Complex,
+    d_shape: Complex,
+    covariance: ParameterCovariance,
+    sampling_rate: float,
+) -> dict[str, Any]:
+    """Of a mode, from the derivatives of its pole, (p,), and of its shape, (l, p)."""
+    outputs, largest, scale = len(shape), int(np.argmax(np.abs(shape))), _scale(shape)
+    d_scaled = (d_shape - np.outer(shape / scale, d_shape[largest])) / scale
+    # The largest entry is 1 by definition, whatever the data determine.
+    d_scaled[largest] = 0.0
+    slopes = _slopes(pole, d_pole, sampling_rate)
+    errors = covariance.standard_errors(np.vstack([slopes, d_scaled.real, d_scaled.imag]))
+    return {
+        "frequency_se_hz": float(errors[0]),
+        "damping_se": float(errors[1]),
+        "shape_se_real": errors[2 : 2 + outputs],
+        "shape_se_imag": errors[2 + outputs :],
+    }
 
 
 def _derivatives(

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtr
 
 from evopem.estimation.pem.least_squares import autoregression
 
@@ -70,35 +71,22 @@ def joint_contribution_test(records: Sequence[HeldOutContribution]) -> HeldOutTe
     significant at all together.  Records and outputs where no test is possible are left out.
     """
     samples = sum(len(each.errors_without) for each in records)
-    weighed = [found for each in records if (found := _weighed_record(each)) is not None]
-    if not weighed:
+    sums = [found for each in records if (found := _weighed_sums(each)) is not None]
+    if not sums:
         return HeldOutTest(math.nan, math.nan, math.nan, samples)
-    precision = sum(each.precision for each in weighed)
+    # Errors of different records are independent.
+    precision, product, spread, freedom = np.sum(sums, axis=0).tolist()
     if not math.isfinite(precision):
         return HeldOutTest(1.0, math.inf, 0.0, samples)
-    coefficient = sum(each.product for each in weighed) / precision
-    error = math.sqrt(sum(each.spread for each in weighed)) / precision
-    # Errors of different records are independent.
-    freedom = sum(each.freedom for each in weighed)
-    return _one_sided(coefficient, error, freedom, samples)
+    return _one_sided(product / precision, math.sqrt(spread) / precision, freedom, samples)
 
 
-@dataclass(frozen=True)
-class _WeighedRecord:
-    """Sums over the outputs of a record, each over the variance of its noise.
+def _weighed_sums(record: HeldOutContribution) -> tuple[float, float, float, float] | None:
+    """Sums over the outputs of a record, each over the variance of its noise; None without a test.
 
-    ``precision`` of squared contributions, infinite without noise; ``product`` of contributions
-    and errors; ``spread`` is the variance of the product.
+    Of squared contributions, infinite without noise; of the products of contributions and errors;
+    the variance of these; and the degrees of freedom.
     """
-
-    precision: float
-    product: float
-    spread: float
-    freedom: int
-
-
-def _weighed_record(record: HeldOutContribution) -> _WeighedRecord | None:
-    """The sums of a record; None where no test is possible."""
     e, x = record.errors_without, record.contributions
     regressions = [
         found
@@ -108,75 +96,64 @@ def _weighed_record(record: HeldOutContribution) -> _WeighedRecord | None:
     if not regressions:
         return None
     # Whitening takes away a different number of first samples.
-    common = min(len(found.rest) for found in regressions)
-    freedom = min(found.freedom for found in regressions)
-    deviations = [math.sqrt(found.variance) for found in regressions]
+    common = min(len(rest) for *_, rest, _ in regressions)
+    freedom = min(freedom for *_, freedom in regressions)
+    deviations = [math.sqrt(float(rest @ rest) / freedom) for *_, rest, freedom in regressions]
     if min(deviations) == 0.0:
-        return _WeighedRecord(math.inf, math.inf, 0.0, freedom)
-    scaled = list(zip(regressions, deviations, strict=True))
-    unexplained = np.array([found.unexplained[-common:] / sd for found, sd in scaled])
-    remainder = np.array([found.remainder[-common:] / sd for found, sd in scaled])
-    correlation = np.corrcoef([found.rest[-common:] for found in regressions])
-    return _WeighedRecord(
+        return math.inf, math.inf, 0.0, freedom
+    remainder, unexplained, rest = (
+        np.array([each[place][-common:] for each in regressions]) for place in range(3)
+    )
+    remainder, unexplained = (
+        each / np.array(deviations)[:, None] for each in (remainder, unexplained)
+    )
+    return (
         float(np.sum(unexplained**2)),
         float(np.sum(unexplained * remainder)),
-        float(np.sum(unexplained @ unexplained.T * correlation)),
+        float(np.sum(unexplained @ unexplained.T * np.corrcoef(rest))),
         freedom,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Regression:
-    """A whitened signal and contribution, both without what other regressors explain.
+def _whitened_regression(
+    e: Array, x: Array, nuisance: Array
+) -> tuple[Array, Array, Array, int] | None:
+    """A regression of whitened signals; None where no test is possible.
 
-    ``rest`` is what the contribution leaves of the signal, and ``variance`` that of its white
-    noise, with ``freedom`` degrees of freedom.
+    Signal and contribution without what other regressors explain, what the contribution leaves of
+    the signal, and its degrees of freedom.
     """
-
-    remainder: Array
-    unexplained: Array
-    rest: Array
-    variance: float
-    freedom: int
-
-
-def _whitened_regression(e: Array, x: Array, nuisance: Array) -> _Regression | None:
-    """A regression of whitened signals; None where no test is possible."""
     others = np.hstack([np.ones((e.size, 1)), nuisance])
     if e.size < FEWEST_SAMPLES or not all(np.isfinite(each).all() for each in (e, x, others)):
         return None
-    remainder, unexplained = _without(e, others), _without(x, others)
+    remainder, unexplained = left_by(others, e), left_by(others, x)
     if _vanishes(unexplained, x) or _vanishes(remainder, e):
         return None
     coefficient = float(unexplained @ remainder) / float(unexplained @ unexplained)
     whitening = autoregression(remainder - coefficient * unexplained, MOST_WHITENING)
     e, x, *columns = (np.convolve(signal, whitening, mode="valid") for signal in (e, x, *others.T))
     others = np.column_stack(columns)
-    remainder, unexplained = _without(e, others), _without(x, others)
+    remainder, unexplained = left_by(others, e), left_by(others, x)
     freedom = e.size - others.shape[1] - len(whitening)
     if freedom < 1 or _vanishes(unexplained, x):
         return None
     coefficient = float(unexplained @ remainder) / float(unexplained @ unexplained)
-    rest = remainder - coefficient * unexplained
-    return _Regression(remainder, unexplained, rest, float(rest @ rest) / freedom, freedom)
+    return remainder, unexplained, remainder - coefficient * unexplained, freedom
 
 
-def _one_sided(coefficient: float, error: float, freedom: int, samples: int) -> HeldOutTest:
+def _one_sided(coefficient: float, error: float, freedom: float, samples: int) -> HeldOutTest:
     """Student's test of a coefficient above 0."""
-    from scipy.special import stdtr
-
     # A part that explains the errors without remainder is as significant as can be.
     statistic = coefficient / error if error > 0.0 else math.inf
     p_value = float(stdtr(freedom, -statistic)) if math.isfinite(statistic) else 0.0
     return HeldOutTest(coefficient, statistic, p_value, samples)
 
 
-def _without(signal: Array, regressors: Array) -> Array:
-    """A signal less its least-squares fit by regressors, which are scaled to unit length."""
+def left_by(regressors: Array, signals: Array) -> Array:
+    """Signals less their least-squares fit by regressors, which are scaled to unit length."""
     length = np.linalg.norm(regressors, axis=0)
     basis = regressors[:, length > 0.0] / length[length > 0.0]
-    fitted: Array = basis @ np.linalg.lstsq(basis, signal, rcond=1e-12)[0]
-    return signal - fitted
+    return np.asarray(signals - basis @ np.linalg.lstsq(basis, signals, rcond=1e-12)[0])
 
 
 def _vanishes(remainder: Array, signal: Array) -> bool:
@@ -193,8 +170,6 @@ def improvement_test(records: Sequence[tuple[Array, Array]]) -> HeldOutTest:
     ``records`` (N, l): errors without and with the part over held-out samples of each record; each
     output is weighed by the inverse of its error with it.
     """
-    from scipy.special import stdtr
-
     squares = [np.concatenate([each[k] for each in records]) ** 2 for k in (0, 1)]
     samples = len(squares[0])
     spread = squares[1].mean(axis=0)
@@ -207,6 +182,6 @@ def improvement_test(records: Sequence[tuple[Array, Array]]) -> HeldOutTest:
     white = np.convolve(difference - mean, whitening, mode="valid")
     freedom = white.size - len(whitening)
     error = math.sqrt(float(white @ white) / freedom / samples) / abs(float(whitening.sum()))
-    statistic = mean / error
-    p_value = float(stdtr(freedom, -statistic))
-    return HeldOutTest(mean / float(before.mean()), statistic, p_value, samples)
+    return replace(
+        _one_sided(mean, error, freedom, samples), coefficient=mean / float(before.mean())
+    )

@@ -175,15 +175,10 @@ def mode_table(
     estimates : sequence of StateSpaceEstimate
         Models of consecutive orders, at least three above the number that the record needs.
     recording : Recording
-        Ends with the held-out samples; may begin with the estimation samples.
+        Ends with the held-out samples; may begin with the estimation samples.  ValueError where it
+        has other channels than the models.
     first : int, optional
-        First held-out sample of each segment; by default there are none, and the tests are not
-        possible.
-
-    Raises
-    ------
-    ValueError
-        When the signals have other channels than the models.
+        First held-out sample of each segment; by default there are none, and no tests.
     """
     models = [OrderModel.of(each.model.order, each.bic, each.model) for each in estimates]
     chosen = min(models, key=lambda each: each.bic).order
@@ -396,9 +391,6 @@ def shape_doubt(mode: Mode) -> str:
 
 
 def _plane_is_known(mode: Mode, partner: Mode) -> bool:
-    """Whether two shapes that may be mixed lie in one plane that the data determine.
-
-    The statement is empty below three outputs, which have one plane alone.
-    """
+    """Whether two shapes that may be mixed lie in one plane of more than two outputs, and known."""
     mixed = len(mode.shape) > 2 and mode.equal_poles_p > POLES_APART
     return mixed and min(mode.plane_assurance, partner.plane_assurance) >= KNOWN_SHAPE

@@ -18,7 +18,7 @@ from scipy.special import chdtrc
 
 from evopem.estimation.pem.least_squares import autoregression
 from evopem.signals.correlation import cross_correlation
-from evopem.validation.held_out_tests import MOST_WHITENING
+from evopem.validation.held_out_tests import MOST_WHITENING, left_by
 from evopem.validation.responses import HeldOut, unscored_samples
 
 Array = NDArray[np.float64]
@@ -135,8 +135,8 @@ def _of_outputs(
             columns = np.column_stack([np.ones(len(e)), beside, tested, e])
             *white, e = (np.convolve(each, whitening, mode="valid") for each in columns.T)
             basis = np.column_stack(white)
-            without = _left(e, basis[:, :-count])
-            left = _left(without, _left(basis[:, -count:], basis[:, :-count]))
+            without = left_by(basis[:, :-count], e)
+            left = left_by(left_by(basis[:, :-count], basis[:, -count:]), without)
             before, after = float(without @ without), float(left @ left)
             if not after > 1e-12 * before:
                 continue
@@ -146,13 +146,6 @@ def _of_outputs(
             p_value = min(outputs * float(chdtrc(freedom, ratio)), 1.0)
             tests.append(ResidualTest(p_value, -math.expm1(-ratio / samples)))
     return min(tests, key=lambda each: each.p_value, default=NOT_TESTED)
-
-
-def _left(signals: Array, regressors: Array) -> Array:
-    """What a least-squares fit by regressors, scaled to unit length, leaves of signals."""
-    length = np.linalg.norm(regressors, axis=0)
-    basis = regressors[:, length > 0.0] / length[length > 0.0]
-    return np.asarray(signals - basis @ np.linalg.lstsq(basis, signals, rcond=1e-10)[0])
 
 
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
