@@ -101,12 +101,10 @@ def _weighed_sums(record: HeldOutContribution) -> tuple[float, float, float, flo
     deviations = [math.sqrt(float(rest @ rest) / freedom) for *_, rest, freedom in regressions]
     if min(deviations) == 0.0:
         return math.inf, math.inf, 0.0, freedom
-    remainder, unexplained, rest = (
-        np.array([each[place][-common:] for each in regressions]) for place in range(3)
-    )
-    remainder, unexplained = (
-        each / np.array(deviations)[:, None] for each in (remainder, unexplained)
-    )
+    inverse = 1.0 / np.array(deviations)[:, None]
+    remainder = inverse * np.array([each[-common:] for each, _, _, _ in regressions])
+    unexplained = inverse * np.array([each[-common:] for _, each, _, _ in regressions])
+    rest = np.array([each[-common:] for _, _, each, _ in regressions])
     return (
         float(np.sum(unexplained**2)),
         float(np.sum(unexplained * remainder)),
