@@ -119,6 +119,20 @@ def test_a_fitted_state_that_imitates_a_drift_is_told():
     assert result.simulation_error_percent > 1.5 * result.fitted_state_error_percent + 2.0
 
 
+@pytest.mark.parametrize("contiguous", [True, False])
+def test_predictions_of_an_output_error_model_start_from_the_state_of_the_record(contiguous):
+    """A slow mode that moves before the first sample: a predictor at rest would be 100 % wrong."""
+    plant = np.real(np.poly([0.999 * np.exp(0.01j), 0.999 * np.exp(-0.01j)]))
+    one = np.ones(1)
+    model = PolynomialModel(one, one, F=plant, nk=1, noise_variance=1.0)
+    u, e = np.random.default_rng(2).normal(size=(2, 3000))
+    y = lfilter([0.0, 1.0], plant, 0.01 * u)
+    y = y + 30.0 * np.cos(0.01 * np.arange(3000)) * 0.999 ** np.arange(3000) + 0.01 * e
+    result, _ = validate(model, prepared(0.01 * u, y, 1000, contiguous))
+    spread = np.std(y[1200:])
+    assert result.prediction_error_percent < 2.0 * 100.0 * 0.01 / spread + 0.5
+
+
 def test_the_prediction_of_a_sample_knows_the_output_before_it_only():
     model = lightly_damped()
     u, y = response(model, 3000, noise=0.1)
