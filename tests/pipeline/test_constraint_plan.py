@@ -6,7 +6,21 @@ import pytest
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.pipeline.planning.constraint_plan import check_fit, check_planned_fits, known_rate
+from evopem.pipeline.planning.constraint_plan import (
+    check_fit,
+    check_planned_fits,
+    known_rate,
+    selectable_orders,
+)
+
+
+def priors(*given):
+    kinds = [
+        {"quantity": quantity, "mean": mean, "standard_deviation": 0.01, "mode_hz": 5}
+        for quantity, mean in given
+    ]
+    return {"constraints": {"priors": kinds}}
+
 
 EMPTY = {"frequency_band": [5, 6], "forbidden_bands": [[4, 7]]}
 
@@ -41,6 +55,21 @@ def planned(keys, rate=50):
         ({"constraints": {"fixed_poles": [{"real": 1, "damping_ratio": 0}]}}, "fixed_poles[0]"),
         ({"focus": "simulation", "constraints": {"stability": "free"}}, "need a stable plant"),
         ({"structure": "oe", "constraints": {"stability": "free"}}, "constraints.stability"),
+        (
+            {"recipe": "auto", "constraints": {"max_pole_radius": 1.2}},
+            "max_pole_radius: 1.2 allows",
+        ),
+        (
+            {"recipe": "auto", "structure": "oe", "constraints": {"fixed_coefficients": {"a1": 1}}},
+            "fixed_coefficients.a1: a model of",
+        ),
+        (priors(("damping", 0.02), ("damping", 0.9)), "two priors of its damping"),
+        (priors(("damping", -5)), "-5.0 is no damping ratio"),
+        (
+            {"constraints": priors(("damping", 0.02))["constraints"] | {"min_damping_ratio": 0.5}},
+            "0.02 is below min_damping_ratio",
+        ),
+        (priors(("frequency", -3)), "-3.0 Hz does not lie between"),
     ],
 )
 def test_a_contradiction_names_its_key(keys, said):
@@ -69,6 +98,14 @@ def test_constraints_of_the_defaults_are_kept_one_by_one():
 def test_a_rate_that_only_the_recording_states_is_waited_for():
     settings = planned({"constraints": {"frequency_band": [30, 40]}}, rate=None)
     assert known_rate(settings) is None
-    check_fit(settings.fit, settings.order_grid, 100.0, "datasets.a", "")
+    check_fit(settings.fit, selectable_orders(settings.order_grid), 100.0, "datasets.a", "")
     with pytest.raises(InputError, match="half the sampling rate, 25"):
-        check_fit(settings.fit, settings.order_grid, 50.0, "datasets.a", "")
+        check_fit(settings.fit, selectable_orders(settings.order_grid), 50.0, "datasets.a", "")
+
+
+def test_constraints_of_the_automatic_recipe_are_those_of_its_structure():
+    """Not of the grid of the other recipe, which it does not search."""
+    fixed = {"structure": "oe", "constraints": {"fixed_coefficients": {"f1": -0.5}}}
+    assert planned({"recipe": "auto"} | fixed).fit.constraints.fixed_coefficients == {"f1": -0.5}
+    real = {"structure": "bj", "constraints": {"real_poles": "none"}}
+    assert planned({"recipe": "auto"} | real).fit.constraints.real_poles == "none"

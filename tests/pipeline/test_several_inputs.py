@@ -229,6 +229,47 @@ def test_the_absolute_objective_bears_outliers(tmp_path, monkeypatch, keys):
     assert "mean absolute ones" in Path(files.report).read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize(
+    ("keys", "active"),
+    [
+        ({"focus": 3}, ()),
+        ({"structure": "arx", "focus": "simulation"}, ()),
+        ({"structure": "state_space", "form": "ss", "orders": {"nx": 2}, "focus": 3}, ()),
+        ({"constraints": {"fixed_coefficients": {"a1": -1.5}, "stability": "free"}}, ("a1",)),
+        (
+            {
+                "constraints": {
+                    "priors": [{"quantity": "a2", "mean": 0.8, "standard_deviation": 0.01}]
+                }
+            },
+            ("priors",),
+        ),
+    ],
+    ids=str,
+)
+def test_focus_and_constraints_are_those_of_the_estimate(tmp_path, monkeypatch, keys, active):
+    keys = {"structure": "armax", "orders": {"joint": 2}, "search": {"evaluations": 1}} | keys
+    files = identified(tmp_path, monkeypatch, keys, samples=300, with_report=False)
+    record = load(ModelRecord, files.model)
+    assert record.fit.focus == keys.get("focus", "prediction")
+    assert [each in " ".join(record.fit.active) for each in active] == [True] * len(active)
+    nearest = min(record.plant.modes(), key=lambda mode: abs(mode.frequency_hz - TRUTH[0]))
+    assert nearest.frequency_hz == pytest.approx(TRUTH[0], rel=0.03)
+
+
+def test_one_input_of_several_recordings_has_a_focus_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    table = signals()[0][["hot", "y"]]
+    for name, rows in (("one.csv", table[:300]), ("two.csv", table[300:])):
+        rows.to_csv(name, index=False)
+    keys = {"structure": "armax", "orders": {"joint": 2}, "search": {"evaluations": 50}}
+    keys |= {"file": ["one.csv", "two.csv"], "sampling_rate": 10, "split": {"by": "samples"}}
+    written = {"datasets": {"two": keys | {"input": "hot", "output": "y", "focus": 3}}}
+    files = DatasetFiles.of_dataset("two")
+    identify_dataset(files, complete(written).datasets["two"], False)
+    assert load(ModelRecord, files.model).fit.focus == 3
+
+
 CONSTRAINED = [
     {"structure": "armax", "orders": {"joint": 2}},
     {"structure": "state_space", "form": "ss", "orders": {"nx": 2}},

@@ -332,8 +332,6 @@ def read_dataset(path: str | Path, of: Callable[[str, Keys], Read]) -> Read:
         ((name, keys),) = content["datasets"].items()
         return of(name, keys)
     except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(
-            str(path),
-            f"does not hold the complete configuration of one data set ({error})",
-            "delete the file and run snakemake again, which writes it anew",
-        ) from None
+        problem = f"does not hold the complete configuration of one data set ({error})"
+        remedy = "delete the file and run snakemake again, which writes it anew"
+        raise InputError(str(path), problem, remedy) from None

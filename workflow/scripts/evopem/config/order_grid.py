@@ -240,22 +240,20 @@ def check_samples(
     """
     left = max(estimation - requirements.loss_start, 0)
     if left <= requirements.parameters:
-        raise InputError(
-            f"{place}.orders",
-            f"the largest model has {requirements.parameters} parameters and {estimation} "
-            f"estimation samples, without the first {requirements.loss_start}, leave {left} to "
-            "estimate it from",
-            "lower the upper ends of delay and orders, shorten split.discard, or record longer",
+        problem = (
+            f"the largest model has {requirements.parameters} parameters and {estimation}"
+            f" estimation samples, without the first {requirements.loss_start}, leave {left}"
         )
+        remedy = "lower the upper ends of delay and orders, shorten split.discard, or record longer"
+        raise InputError(f"{place}.orders", problem, remedy)
     least = 2 * requirements.settling
     if validation <= least:
-        raise InputError(
-            f"{place}.split",
-            f"{validation} validation samples are left and more than {least} are needed, twice "
-            "the settling time of the longest model",
-            "leave more samples to validation, lower the upper ends of delay and orders, or "
-            "record longer",
+        problem = (
+            f"{validation} validation samples are left and more than {least} are needed, twice"
+            " the settling time of the longest model"
         )
+        remedy = "leave more to validation, lower the ends of delay and orders, or record longer"
+        raise InputError(f"{place}.split", problem, remedy)
 
 
 def _inclusive(limits: Range) -> range:

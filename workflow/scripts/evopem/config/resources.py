@@ -155,25 +155,14 @@ def job_environment(environment: Mapping[str, str], folder: Path) -> dict[str, s
 def check_environment(environment: Mapping[str, str]) -> None:
     """Refuse an environment in which no job can run."""
     if environment.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        raise InputError(
-            "NUMBA_DISABLE_JIT",
-            "it is set, and the searches need compiled functions",
-            "unset it and run again",
-        )
-    limit = _address_space()
-    if limit is not None and limit < MIN_ADDRESS_SPACE:
-        raise InputError(
-            "ulimit -v",
-            f"a process may have {limit // 1024} kB of address space",
-            f"allow at least {MIN_ADDRESS_SPACE // 1024} kB, or as many as there are",
-        )
-
-
-def _address_space() -> int | None:
-    """The limit of the address space in bytes; None where there is none."""
+        problem = "it is set, and the searches need compiled functions"
+        raise InputError("NUMBA_DISABLE_JIT", problem, "unset it and run again")
     try:
         import resource
     except ImportError:  # Windows
-        return None
+        return
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    return None if limit == resource.RLIM_INFINITY else limit
+    if limit != resource.RLIM_INFINITY and limit < MIN_ADDRESS_SPACE:
+        problem = f"a process may have {limit // 1024} kB of address space"
+        remedy = f"allow at least {MIN_ADDRESS_SPACE // 1024} kB, or as many as there are"
+        raise InputError("ulimit -v", problem, remedy)

@@ -208,16 +208,13 @@ class InputRanges:
     def of_inputs(self, names: Sequence[str], key: str = "") -> tuple[Range | None, ...]:
         """The range of each input, None where none is given; an error names the key."""
         if self.in_order and len(self.in_order) != len(names):
-            raise InputError(
-                key,
-                f"there are {len(self.in_order)} ranges and {len(names)} inputs",
-                "give one range for each, one for all, or a mapping from their names",
-            )
-        unknown = [name for name in self.by_name if name not in names]
-        if unknown:
-            raise InputError(
-                key, f"there is no input {unknown[0]}", f"name one of {', '.join(names)}"
-            )
+            problem = f"there are {len(self.in_order)} ranges and {len(names)} inputs"
+            remedy = "give one range for each, one for all, or a mapping from their names"
+            raise InputError(key, problem, remedy)
+        for name in self.by_name:
+            if name not in names:
+                remedy = f"name one of {', '.join(names)}"
+                raise InputError(key, f"there is no input {name}", remedy)
         return self.in_order or tuple(self.by_name.get(name, self.all) for name in names)
 
 

@@ -351,6 +351,9 @@ def _of_prior(
     positive = deviation > 0.0 and math.isfinite(deviation)
     yield not positive, key, "its standard deviation is not positive", "give one above 0"
     yield not math.isfinite(prior.mean), key, "its mean is not a finite number", "give a number"
+    alike = [each for each in constraints.priors if each.quantity == quantity]
+    alike = [each for each in alike if each is not prior and each.mode_hz == prior.mode_hz]
+    yield bool(alike), key, f"there are two priors of its {quantity}", LEAVE_ONE
     if quantity == "static_gain":
         yield from _without_gain(key, constraints, orders)
         given = constraints.static_gain is not None
@@ -367,6 +370,7 @@ def _of_prior(
             f"{near} Hz does not lie between 0 and half the sampling rate",
             "give a frequency in Hz",
         )
+        yield from _of_mean(prior, key, constraints, sampling_rate)
     else:
         yield (
             coefficient_index(quantity, orders) is None,
@@ -376,3 +380,23 @@ def _of_prior(
         )
         fixed = quantity in constraints.fixed_coefficients
         yield fixed, key, f"{quantity} is fixed already", LEAVE_ONE
+
+
+def _of_mean(
+    prior: Prior, key: str, constraints: Constraints, sampling_rate: float
+) -> Iterator[Rule]:
+    """The mean of a frequency or damping ratio that no mode within the constraints has."""
+    mean, band = prior.mean, constraints.frequency_band
+    if prior.quantity == "damping":
+        lowest = -1.0 if constraints.stability == "free" else 0.0
+        problem = f"{mean} is no damping ratio of a mode of a stable plant"
+        yield not lowest <= mean < 1.0, key, problem, "give one from 0 to below 1"
+        least = constraints.min_damping_ratio or lowest
+        yield mean < least, key, f"{mean} is below min_damping_ratio, {least}", CHANGE
+        return
+    problem = f"{mean} Hz does not lie between 0 and half the sampling rate"
+    yield not 0.0 < mean < sampling_rate / 2.0, key, problem, "give a frequency in Hz"
+    outside = band is not None and not band[0] <= mean <= band[1]
+    yield outside, key, f"{mean} Hz lies outside frequency_band", CHANGE
+    forbidden = any(lower < mean < upper for lower, upper in constraints.forbidden_bands)
+    yield forbidden, key, f"{mean} Hz lies in a forbidden band", CHANGE

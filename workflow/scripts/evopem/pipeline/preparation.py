@@ -23,7 +23,7 @@ from evopem.config.order_grid import check_samples
 from evopem.config.settings import FitSettings, OrderGrid, PreparationSettings, SampleRequirements
 from evopem.errors import InputError
 from evopem.files.json_form import save
-from evopem.pipeline.planning.constraint_plan import check_fit
+from evopem.pipeline.planning.constraint_plan import check_fit, selectable_orders
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import PreparedData, save_prepared
@@ -63,7 +63,9 @@ def prepare_samples(
     if requirements is not None:
         _check_samples(requirements, prepared, place)
     if fit is not None:
-        check_fit(*fit, prepared.estimation.sampling_rate, place, "")
+        own, grid = fit
+        rate = prepared.estimation.sampling_rate
+        check_fit(own, selectable_orders(grid), rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
@@ -11,10 +11,13 @@ from evopem.config.channels import RecordedSource
 from evopem.config.constraints import Constraints
 from evopem.config.order_grid import joint_orders, joint_range
 from evopem.config.settings import DatasetSettings, FitSettings, OrderGrid
-from evopem.config.structures import phases_of
+from evopem.config.structures import STRUCTURES, phases_of
 from evopem.errors import InputError
 from evopem.models.constraint_checks import check_fit as check
 from evopem.models.structures import Orders, orders_of
+
+LARGE = 60
+"""An order that no search of the automatic recipe exceeds."""
 
 
 def known_rate(settings: DatasetSettings) -> float | None:
@@ -28,13 +31,17 @@ def known_rate(settings: DatasetSettings) -> float | None:
 
 
 def check_fit(
-    fit: FitSettings, grid: OrderGrid, sampling_rate: float | None, source: str, place: str
+    fit: FitSettings,
+    selectable: Iterable[Orders],
+    sampling_rate: float | None,
+    source: str,
+    place: str,
 ) -> None:
-    """Refuse a focus or constraints that some model of a grid cannot have."""
+    """Refuse a focus or constraints that some model of orders cannot have."""
     constraints = fit.constraints
     if constraints is not None and sampling_rate is None:
         constraints = _without_frequencies(constraints)
-    for orders in selectable_orders(grid):
+    for orders in selectable:
         with naming_key(orders, source, place):
             check(fit.focus, constraints, orders, sampling_rate or 1.0)
 
@@ -87,7 +94,16 @@ def check_planned_fits(datasets: Mapping[str, DatasetSettings], source: str) -> 
         if not settings.fit.changes_model:
             continue
         rate, place, grid = known_rate(settings), f"datasets.{name}.", settings.order_grid
-        check_fit(settings.fit, grid, rate, source, place)
+        if settings.automatic is not None:
+            structure, fit = settings.automatic.structure, settings.fit
+            if structure is None and fit.constraints is not None:
+                # Which coefficients there are is not known before the structure.
+                own = replace(fit.constraints, fixed_coefficients={}, fixed_poles=(), priors=())
+                fit = replace(fit, constraints=own)
+            degrees = dict.fromkeys(STRUCTURES[structure or "armax"], LARGE) | {"nk": 1}
+            check_fit(fit, [orders_of(structure or "armax", degrees)], rate, source, place)
+            continue
+        check_fit(settings.fit, selectable_orders(grid), rate, source, place)
         if settings.fit.constraints is not None and rate is not None:
             # Imports numpy, which only a configuration with constraints needs before its first job.
             from evopem.estimation.pem.constrained_model import constrained_parameters
