@@ -277,7 +277,7 @@ FIGURES = (
     ReportFigure(
         *("stabilization", "modes", "Stabilization over the orders"),
         "The poles of every order, with the spectrum of the output.",
-        ("phases",),
+        ("validation.json",),
         stabilization,
         lambda view: view.has_poles_of_orders,
     ),

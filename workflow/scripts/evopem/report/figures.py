@@ -24,6 +24,8 @@ VARIABLES = {
     colour: f"--figure-{role}"
     for role, colour in {**style.COLOURS, "grid": style.GRID, "paper": style.PAPER}.items()
 }
+# Files that results of several channels do not have.
+OF_ONE_CHANNEL = ("spectrum.csv", "time_response.csv", "phases")
 # Keep the report below 3 MB, however long the recording and however many its channels.
 MOST_ROWS, MOST_CELLS = 5000, 40_000
 
@@ -74,12 +76,13 @@ class DrawnFigure:
 
 def drawn_figures(view: View, drawings: Mapping[str, str], part: str) -> dict[str, DrawnFigure]:
     """The figures of a part of the report by name; `drawings` are SVG texts by name."""
+    several = not view.results.settings.is_single_channel
     return {
         figure.name: DrawnFigure.of(
             *(figure.chart(view), drawings.get(figure.name)),
             (figure.name, figure.title_of(view), figure.caption_of(view)),
             dataset=view.name,
-            data=figure.data,
+            data=[file for file in figure.data if not several or file not in OF_ONE_CHANNEL],
             most_cells=MOST_CELLS // (2 - view.is_single),
         )
         for figure in REPORT_FIGURES
