@@ -12,7 +12,7 @@ from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording, read_validation_recording
 from evopem.results.layout import DatasetFiles
-from evopem.signals.channel_roles import causality_test, roles_of
+from evopem.signals.inspection import causality_test, roles_of
 from evopem.signals.recording import load_recording
 from evopem.signals.recording_info import RecordingInfo
 

@@ -58,9 +58,5 @@ def test_share_of_white_noise_within_its_bounds():
 
 def test_what_cannot_be_correlated():
     x = np.arange(10.0)
-    with pytest.raises(InputError, match="10 lags"):
-        autocorrelation(x, 10)
-    with pytest.raises(InputError, match="10 and 9 samples"):
-        cross_correlation(x, x[:-1], 2)
     with pytest.raises(InputError, match="constant"):
         cross_correlation(x, np.ones(10), 2)

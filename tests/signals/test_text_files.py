@@ -281,7 +281,9 @@ def test_a_name_beyond_ascii_in_the_c_locale(tmp_path, form):
     files["csv"] = write(tmp_path, table(","))
     named = files[form].rename(tmp_path / f"Größe {form.replace(' ', '')}{files[form].suffix}")
     program = (
-        "from evopem.signals.measured_files import sha256\n"
+        "from pathlib import Path\n"
+        "from evopem.files.checksums import sha256_of_file\n"
+        "from evopem.signals.measured_files import local_path\n"
         "from evopem.config.settings import ChannelSettings\n"
         "from evopem.signals.reading import read_measured\n"
         f"path = {str(named)!r}\n"
@@ -289,7 +291,7 @@ def test_a_name_beyond_ascii_in_the_c_locale(tmp_path, form):
         "    channels = ChannelSettings((1,), (output,), sampling_rate=1.0)\n"
         "    return read_measured(path, channels).recording\n"
         "assert read(2).samples > 8\n"
-        "assert len(sha256(path)) == 64\n"
+        "assert len(sha256_of_file(local_path(Path(path)))) == 64\n"
         "try:\n    read(9)\n"
         "except ValueError as error:\n    assert error.source == path, ascii(error.source)\n"
     )

@@ -10,7 +10,7 @@ from evopem.config.channels import ChannelSettings, Geometry, SyntheticSource
 from evopem.config.settings import TransformSettings
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
-from evopem.signals.channel_roles import ChannelRoles, roles_of
+from evopem.signals.inspection import ChannelRoles, roles_of
 from evopem.signals.reading import read_measured, with_time_told
 from evopem.signals.recording import Recording, save_recording
 from evopem.signals.recording_checks import joined

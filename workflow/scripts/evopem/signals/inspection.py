@@ -1,14 +1,16 @@
-"""What a measured file holds, before anything is known of it: channels, times and rate."""
+"""What a measured file holds, before anything is known of it: time, inputs and outputs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from evopem.config.channels import ChannelSettings
+from evopem.blas_threads import one_blas_thread
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.channels import Channel, Reference
@@ -16,8 +18,17 @@ from evopem.signals.recording_checks import MOST_MISSING
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import has_even_steps, timing
 
+Array = NDArray[np.float64]
+
 MOST_INCREASE = 0.95
 """Larger share of the steps of a time that do not decrease."""
+
+# Largest order of the regressions, and samples for each of their orders at least.
+MOST_LAGS, SAMPLES_PER_LAG = 30, 20
+# First samples of a long recording that are enough.
+MOST_SAMPLES = 10_000
+# Level of both tests.
+SIGNIFICANCE = 0.001
 
 
 @dataclass(frozen=True)
@@ -77,12 +88,6 @@ def inspect_file(path: str | Path) -> FileContents:
     return FileContents(tuple(signals), time, unread)
 
 
-def may_tell_time(channels: ChannelSettings) -> bool:
-    """Whether neither rate nor time nor the form of a text table is stated."""
-    stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
-    return all(each is None for each in stated)
-
-
 def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | None:
     """The channel of time stamps of a file that states no sampling rate; None where none is sure.
 
@@ -140,3 +145,154 @@ def _is_signal(channel: Channel) -> bool:
         return False
     finite = values[np.isfinite(values)]
     return finite.size >= (1.0 - MOST_MISSING) * values.size and np.ptp(finite.astype(float)) > 0.0
+
+
+@dataclass(frozen=True)
+class CausalityTest:
+    """Whether the past of one channel improves predictions of the other, in both directions."""
+
+    # p-values of the first channel's past in predictions of the second, and the reverse; NaN where
+    # the recording is too short
+    forward: float
+    backward: float
+    lags: int  # order of the regressions
+
+    @property
+    def direction(self) -> int:
+        """1 where the first channel alone drives the second, -1 for the reverse, 0 for neither."""
+        return int(self.forward < SIGNIFICANCE) - int(self.backward < SIGNIFICANCE)
+
+
+def causality_test(first: Array, second: Array) -> CausalityTest:
+    """F-tests of the past of either channel in a regression of the other on its own past.
+
+    An input that no feedback reaches is predicted from its own past as well as from both, and an
+    output is not (Granger 1969).  BIC of both regressions together chooses their order.
+    """
+    from scipy.special import fdtrc
+
+    one, other = (_standardized(each[:MOST_SAMPLES]) for each in (first, second))
+    most = min(MOST_LAGS, len(one) // SAMPLES_PER_LAG)
+    if most < 1:
+        return CausalityTest(np.nan, np.nan, 0)
+    rows = len(one) - most
+    with one_blas_thread():
+        triangles = [_triangle(*pair, most) for pair in ((other, one), (one, other))]
+
+        def criterion(lags: int) -> float:
+            left = [max(_remainders(each, lags, most)[1], 1e-300) for each in triangles]
+            return float(np.log(left).sum()) + 4 * lags * np.log(rows) / rows
+
+        lags = min(range(1, most + 1), key=criterion)
+        freedom = rows - 2 * lags - 1
+        p_values = []
+        for own, both in (_remainders(each, lags, most) for each in triangles):
+            statistic = (own - both) / lags / max(both / freedom, 1e-300)
+            p_values.append(float(fdtrc(lags, freedom, max(statistic, 0.0))))
+    return CausalityTest(p_values[0], p_values[1], lags)
+
+
+def _standardized(signal: Array) -> Array:
+    centred = np.asarray(signal - np.mean(signal), dtype=float)
+    return centred / (float(np.std(centred)) or 1.0)
+
+
+def _triangle(target: Array, other: Array, most: int) -> Array:
+    """R of the QR decomposition of a constant, past targets, past others and the target."""
+    stop = len(target)
+    past = [x[most - lag : stop - lag] for x in (target, other) for lag in range(1, most + 1)]
+    columns = [np.ones(stop - most), *past, target[most:]]
+    return np.asarray(np.linalg.qr(np.column_stack(columns), mode="r"))
+
+
+def _remainders(triangle: Array, lags: int, most: int) -> tuple[float, float]:
+    """Sums of squares left by the target's own past, and by both."""
+    left = []
+    own = list(range(lags + 1))
+    for kept in (own, own + list(range(most + 1, most + 1 + lags))):
+        rest = triangle[:, -1]
+        solution = np.linalg.lstsq(triangle[:, kept], rest, rcond=1e-12)[0]
+        left.append(float(np.sum((rest - triangle[:, kept] @ solution) ** 2)))
+    return left[0], left[1]
+
+
+INPUT_NAMES = frozenset((
+    "u", "in", "input", "excitation", "command", "drive", "stimulus", "force", "torque", "voltage",
+    "valve", "heater",
+))  # fmt: skip
+"""Words that name an input."""
+OUTPUT_NAMES = frozenset((
+    "y", "out", "output", "response", "acceleration", "acc", "accel", "velocity", "speed",
+    "position", "displacement", "angle", "temperature", "level",
+))  # fmt: skip
+"""Words that name an output."""
+
+
+@dataclass(frozen=True)
+class ChannelRoles:
+    """The channels of a file by what they are, and how that was told."""
+
+    input: Reference
+    output: Reference
+    time: Reference
+    test: CausalityTest | None = None  # from the input to the output; None where the names tell
+
+    @property
+    def sentence(self) -> str:
+        """How input and output were told apart."""
+        pair = f"“{self.input}” is the input and “{self.output}” the output"
+        if self.test is None:
+            return f"{pair} by their names."
+        return (
+            f"{pair}: the past of the first improves predictions of the second"
+            f" (p = {self.test.forward:.2g}, {self.test.lags} lags), and not the reverse"
+            f" (p = {self.test.backward:.2g})."
+        )
+
+
+def roles_of(path: str | Path) -> ChannelRoles | None:
+    """Tell the channels of a file with a time and two signals; None where there is no time.
+
+    By the words of their names, else by a test of causality.
+    """
+    contents = inspect_file(path)
+    if contents.time is None:
+        return None
+    source, time = str(path), contents.time.reference
+    if len(contents.signals) != 2:
+        names = ", ".join(repr(each.reference) for each in contents.signals) or "none"
+        raise InputError(
+            source,
+            f"beside the time there are {len(contents.signals)} channels that may be input or"
+            f" output ({names}), where two can be told apart",
+            "name input and output",
+        )
+    first, second = contents.signals
+    inputs, outputs = (named(contents.signals, words) for words in (INPUT_NAMES, OUTPUT_NAMES))
+    if len(inputs) == 1 and len(outputs) == 1 and inputs != outputs:
+        return ChannelRoles(inputs[0].reference, outputs[0].reference, time)
+    if first.samples != second.samples:
+        raise InputError(source, "its two channels have different lengths", "name input and output")
+    channels = read_channels(path, [first.reference, second.reference])
+    signals = np.column_stack([each.values.astype(float) for each in channels])
+    test = causality_test(*signals[np.isfinite(signals).all(axis=1)].T)
+    if test.direction == 0:
+        both = test.forward < SIGNIFICANCE
+        raise InputError(
+            source,
+            f"{first.reference!r} and {second.reference!r} cannot be told apart as input and"
+            " output: their names do not say it, and the past of"
+            f" {'each' if both else 'neither'} improves predictions of the other at"
+            f" {100 * SIGNIFICANCE:g} %",
+            "name input and output",
+        )
+    if test.direction > 0:
+        return ChannelRoles(first.reference, second.reference, time, test)
+    turned = CausalityTest(test.backward, test.forward, test.lags)
+    return ChannelRoles(second.reference, first.reference, time, turned)
+
+
+def named(signals: Iterable[SignalColumn], words: frozenset[str]) -> list[SignalColumn]:
+    """The channels whose names hold one of some words."""
+    parts = {each: re.split(r"[^a-z]+", str(each.reference).casefold()) for each in signals}
+    return [each for each in parts if words.intersection(parts[each])]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import importlib
 import os
 import signal
@@ -19,21 +18,17 @@ from evopem.signals.readers.channels import Channel, Contents, Reference, refuse
 T = TypeVar("T")
 
 FORMATS = {
-    ".csv": "text",
-    ".tsv": "text",
-    ".txt": "text",
-    ".dat": "text",
-    ".asc": "text",
-    ".lvm": "text",
-    ".mat": "matlab",
-    ".npz": "numpy_files",
-    ".npy": "numpy_files",
-    ".parquet": "parquet",
-    ".h5": "hdf5",
-    ".hdf5": "hdf5",
-    ".tdms": "tdms",
-    ".uff": "uff",
-    ".unv": "uff",
+    extension: module
+    for module, extensions in {
+        "text": ".csv .tsv .txt .dat .asc .lvm",
+        "matlab": ".mat",
+        "numpy_files": ".npz .npy",
+        "parquet": ".parquet",
+        "hdf5": ".h5 .hdf5",
+        "tdms": ".tdms",
+        "uff": ".uff .unv",
+    }.items()
+    for extension in extensions.split()
 }
 """The module of `evopem.signals.readers` that reads each extension."""
 
@@ -77,12 +72,6 @@ def read_channels(
     if format_of(path) == "text":
         options["references"] = references
     return _read(path, options, lambda contents: contents.read(references))
-
-
-def sha256(path: str | Path) -> str:
-    """SHA-256 of a file's bytes, as hexadecimal digits."""
-    with local_path(Path(path)).open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def format_of(path: Path) -> str:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from evopem.config.channels import ChannelSettings, UnitSettings, is_pattern
 from evopem.errors import InputError
-from evopem.signals.inspection import may_tell_time, time_told
+from evopem.signals.inspection import time_told
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.readers.channels import Channel, Reference, listing
 from evopem.signals.recording import Recording
@@ -107,7 +107,8 @@ def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecord
 
 def with_time_told(path: str | Path, channels: ChannelSettings) -> ChannelSettings:
     """Add the channel of time stamps that the file tells, where neither it nor a rate is stated."""
-    if not may_tell_time(channels):
+    stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
+    if any(each is not None for each in stated):
         return channels
     inputs, outputs = _expanded(path, channels)
     return replace(channels, time=time_told(path, [*inputs, *outputs]))
@@ -159,6 +160,8 @@ def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: st
         )
     own = in_file[0] if len(in_file) == 1 else None
     known = own if stated.sampling_rate is None else float(stated.sampling_rate)
+    if known is not None and not (np.isfinite(known) and known > 0.0):
+        raise InputError(source, f"{known} Hz is no sampling rate", "give a positive number of Hz")
     if "time" in channels:
         time, samples = channels["time"], signals[0].values.size
         if time.values.size != samples:

@@ -99,7 +99,8 @@ class Recording(_Channels):
     Raises
     ------
     ValueError
-        When names or units are not one for each channel.
+        When inputs and outputs differ in length, names or units are not one for each channel, or
+        the rate is none.
     """
 
     inputs: Array
@@ -114,6 +115,13 @@ class Recording(_Channels):
     segment_firsts: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
+        if len(self.inputs) != len(self.outputs):
+            raise ValueError(
+                f"{len(self.inputs)} input samples, {len(self.outputs)} output samples"
+            )
+        rate = self.sampling_rate
+        if not (np.isfinite(rate) and rate > 0.0):
+            raise ValueError(f"sampling_rate must be a positive number of Hz, not {rate}")
         firsts = self.segment_firsts or (0,) * len(self.segment_starts)
         object.__setattr__(self, "segment_firsts", firsts)
         for role in ("input", "output"):
@@ -208,8 +216,6 @@ def recording_of(
     u, y = (np.ascontiguousarray(each, dtype=float) for each in signals.values())
     if len(u) != len(y):
         raise ValueError(f"input and output must be of one length, not {len(u)} and {len(y)}")
-    if not (np.isfinite(sampling_rate) and sampling_rate > 0.0):
-        raise ValueError(f"sampling_rate must be a positive number of Hz, not {sampling_rate}")
     return Recording(u, y, sampling_rate)
 
 

@@ -46,12 +46,6 @@ def check_recording(
     With ``constant_input`` inputs may rest: after a step or a blow a model can still be validated
     by its free response.
     """
-    if len(recording.inputs) != recording.samples:
-        raise InputError(
-            source,
-            f"the input has {len(recording.inputs)} samples and the output {recording.samples}",
-            "choose two channels that were sampled together",
-        )
     if recording.samples < MINIMUM_SAMPLES:
         raise InputError(
             source,
@@ -81,12 +75,6 @@ def check_recording(
             remedy = "record in another unit or scale the channel"
         if problem:
             raise InputError(source, problem, remedy, place)
-    if not (np.isfinite(recording.sampling_rate) and recording.sampling_rate > 0):
-        raise InputError(
-            source,
-            f"the sampling rate is {recording.sampling_rate} Hz",
-            "give a positive number of samples a second",
-        )
 
 
 def without_missing(recording: Recording, source: str) -> Recording:

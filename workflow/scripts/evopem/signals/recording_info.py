@@ -9,8 +9,9 @@ from typing import Literal
 
 from evopem.config.channels import Geometry
 from evopem.errors import InputError
-from evopem.signals.channel_roles import ChannelRoles
-from evopem.signals.measured_files import format_of, local_path, sha256
+from evopem.files.checksums import sha256_of_file
+from evopem.signals.inspection import ChannelRoles
+from evopem.signals.measured_files import format_of, local_path
 from evopem.signals.readers.channels import Reference, listing
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import saturated_share
@@ -69,28 +70,21 @@ def describe_recording(
 ) -> RecordingInfo:
     """Properties of a recording, simulated where it has no files."""
 
-    def described(role: str) -> tuple[ChannelInfo, ...]:
-        channels = zip(
-            getattr(recording, f"{role}_names"),
-            getattr(recording, f"{role}_units"),
-            getattr(recording, f"{role}s").T,
-            strict=True,
+    channels = (
+        zip(names, units, signals.T, strict=True)
+        for names, units, signals in (
+            (recording.input_names, recording.input_units, recording.inputs),
+            (recording.output_names, recording.output_units, recording.outputs),
         )
-        return tuple(
-            ChannelInfo(name, unit, 100.0 * saturated_share(signal))
-            for name, unit, signal in channels
-        )
-
+    )
+    inputs, outputs = (
+        tuple(ChannelInfo(name, unit, 100.0 * saturated_share(each)) for name, unit, each in role)
+        for role in channels
+    )
+    kind: Literal["file", "synthesis"] = "file" if files else "synthesis"
+    shape = recording.samples, recording.sampling_rate
     return RecordingInfo(
-        "file" if files else "synthesis",
-        recording.samples,
-        recording.sampling_rate,
-        described("input"),
-        described("output"),
-        tuple(files),
-        roles,
-        time_told,
-        uneven_times,
+        *(kind, *shape, inputs, outputs, tuple(files), roles, time_told, uneven_times)
     )
 
 
@@ -108,13 +102,11 @@ def describe_file(
     are the channels as they were asked for.
     """
     path = Path(folder) / name
+    local = local_path(path)
     return FileOrigin(
-        *(str(Path(name)), sha256(path), local_path(path).stat().st_size, format_of(path)),
-        inputs,
-        outputs,
-        recording.samples,
-        len(recording.segments),
-        left_out,
+        *(str(Path(name)), sha256_of_file(local), local.stat().st_size, format_of(path)),
+        *(inputs, outputs),
+        *(recording.samples, len(recording.segments), left_out),
     )
 
 

@@ -167,10 +167,8 @@ def timing(
 
 def is_time(signal: Array, sampling_rate: float) -> bool:
     """Whether a signal increases by the sampling period, in one of `TIME_UNITS`, throughout."""
-    steps = np.diff(signal)
-    step = float(steps.mean())
-    uniform = step > 0.0 and float(np.abs(steps - step).max()) <= STEP_TOLERANCE * step
-    return uniform and any(
+    step = float(np.diff(signal).mean())
+    return has_even_steps(signal) and any(
         abs(step * seconds * sampling_rate - 1.0) < RATE_TOLERANCE
         for seconds in TIME_UNITS.values()
     )

@@ -16,8 +16,14 @@ from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.config.source_checks import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
 from evopem.errors import InputError
-from evopem.signals.channel_roles import INPUT_NAMES, OUTPUT_NAMES, named
-from evopem.signals.inspection import SignalColumn, TimeColumn, inspect_file
+from evopem.signals.inspection import (
+    INPUT_NAMES,
+    OUTPUT_NAMES,
+    SignalColumn,
+    TimeColumn,
+    inspect_file,
+    named,
+)
 from evopem.signals.measured_files import FORMATS
 
 CONFIGURATION = "config.yaml"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import ceil, prod
 from pathlib import Path
 from typing import Any
@@ -14,48 +13,35 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.signals.readers.channels import Contents, library, refuse_unreadable
-from evopem.signals.readers.numpy_files import RATE_NAMES, contents_of
+from evopem.signals.readers.numpy_files import RATE_NAMES, StoredArray, contents_of, in_memory
 
 _COMPLEX_FIELDS = ("real", "imag")
 
 
-@dataclass(frozen=True)
-class StoredDataset:
-    """A dataset, or one field of its records, that is read when it is asked for."""
+def _stored(path: Path, dataset: Any, field: str | None = None) -> StoredArray:
+    """A dataset, or one field of its records; a damaged one is refused when it is loaded."""
+    dtype = dataset.dtype
+    shape = tuple(dataset.shape) + (() if field is None else dtype[field].shape)
+    is_complex = dtype.names == _COMPLEX_FIELDS
 
-    path: Path  # the file that an error names
-    dataset: Any
-    field: str | None = None  # A field of a dataset of records
-    transposed: bool = False  # whether the dimensions are stored in reverse order, as MATLAB does
-    # false for numbers that stand for something else, such as the codes of characters
-    is_numeric: bool = True
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Lengths of the dimensions."""
-        stored = self.dataset.dtype
-        inner = () if self.field is None else stored[self.field].shape
-        shape = tuple(self.dataset.shape) + inner
-        return shape[::-1] if self.transposed else shape
-
-    @property
-    def dtype(self) -> np.dtype:
-        """Type of the elements."""
-        dtype = self.dataset.dtype
-        if not self.is_numeric:
-            return np.dtype(object)
-        if dtype.names == _COMPLEX_FIELDS:
-            return np.dtype(np.complex128)
-        return dtype if self.field is None else dtype[self.field].base
-
-    def __getitem__(self, index: tuple[()]) -> NDArray[Any]:
-        """All values."""
-        _refuse_incomplete(self.path, self.dataset)
-        values = np.asarray(self.dataset[()] if self.field is None else self.dataset[self.field])
-        if values.dtype.names == _COMPLEX_FIELDS:
+    def load() -> NDArray[Any]:
+        _refuse_incomplete(path, dataset)
+        values = np.asarray(dataset[()] if field is None else dataset[field])
+        if is_complex:
             values = values["real"] + 1j * values["imag"]
-        values = _without_missing(self.path, self.dataset, values)
-        return values.T if self.transposed else values
+        return _without_missing(path, dataset, values)
+
+    of_elements = dtype if field is None else dtype[field].base
+    return StoredArray(shape, np.dtype(np.complex128) if is_complex else of_elements, load)
+
+
+def _variable(path: Path, dataset: Any) -> StoredArray:
+    """A variable of MATLAB, whose dimensions are stored in reverse order."""
+    shape, dtype, load = _stored(path, dataset)
+    # The numbers of texts and cells stand for something else.
+    if dataset.attrs.get("MATLAB_class", b"") in (b"char", b"cell"):
+        dtype = np.dtype(object)
+    return StoredArray(shape[::-1], dtype, lambda: load().T)
 
 
 @contextmanager
@@ -65,8 +51,8 @@ def opened(path: Path, is_matlab: bool = False) -> Iterator[Contents]:
     A field of a dataset of records is named ``dataset.field``. Units and rates are attributes.
     """
     h5py = library("h5py", path)
-    arrays: dict[str, StoredDataset] = {}
-    attributes: dict[str, Any] = {}
+    arrays: dict[str, StoredArray] = {}
+    attributes: dict[str, StoredArray] = {}
     units: dict[str, str] = {}
     sparse: list[str] = []
 
@@ -76,10 +62,10 @@ def opened(path: Path, is_matlab: bool = False) -> Iterator[Contents]:
             return
         units[name] = _unit(item.attrs)
         if item.dtype.names is None or item.dtype.names == _COMPLEX_FIELDS:
-            arrays[name] = StoredDataset(path, item)
+            arrays[name] = _stored(path, item)
             return
         for field in item.dtype.names:
-            arrays[f"{name}.{field}"] = StoredDataset(path, item, field)
+            arrays[f"{name}.{field}"] = _stored(path, item, field)
 
     def collect_variable(name: str, item: Any) -> None:
         # Groups with a number sign hold the contents of cells and objects.
@@ -89,10 +75,7 @@ def opened(path: Path, is_matlab: bool = False) -> Iterator[Contents]:
             sparse.append(f"{name}/")
         # An empty variable is stored as the lengths of its dimensions.
         if isinstance(item, h5py.Dataset) and not item.attrs.get("MATLAB_empty", 0):
-            is_text = item.attrs.get("MATLAB_class", b"") in (b"char", b"cell")
-            arrays[name.replace("/", ".")] = StoredDataset(
-                path, item, transposed=True, is_numeric=not is_text
-            )
+            arrays[name.replace("/", ".")] = _variable(path, item)
 
     try:
         with h5py.File(path, "r") as file:
@@ -107,9 +90,9 @@ def opened(path: Path, is_matlab: bool = False) -> Iterator[Contents]:
         refuse_unreadable(path, "MATLAB 7.3 file" if is_matlab else "HDF5 file")
 
 
-def _rates_in(attributes: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def _rates_in(attributes: Mapping[str, Any], prefix: str = "") -> dict[str, StoredArray]:
     return {
-        f"{prefix}{name}": np.asarray(attributes[name])
+        f"{prefix}{name}": in_memory(np.asarray(attributes[name]))
         for name in attributes
         if name.lower() in RATE_NAMES
     }

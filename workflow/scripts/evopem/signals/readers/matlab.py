@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evopem.signals.readers import hdf5
 from evopem.signals.readers.channels import Contents, refuse_unreadable
-from evopem.signals.readers.numpy_files import contents_of
+from evopem.signals.readers.numpy_files import StoredArray, contents_of, in_memory
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HDF5_OFFSETS = (0, 512)
@@ -31,7 +30,7 @@ def opened(path: Path) -> Iterator[Contents]:
         yield contents_of(path, _read_level_5(path), "variable")
 
 
-def _read_level_5(path: Path) -> dict[str, NDArray[Any]]:
+def _read_level_5(path: Path) -> dict[str, StoredArray]:
     from scipy.io import loadmat
 
     try:
@@ -41,7 +40,7 @@ def _read_level_5(path: Path) -> dict[str, NDArray[Any]]:
         # scipy's parser meets damage with nearly any exception: ValueError, TypeError,
         # OverflowError, zlib.error, its own MatReadError …
         refuse_unreadable(path, "MATLAB file")
-    variables: dict[str, NDArray[Any]] = {}
+    variables: dict[str, StoredArray] = {}
     for name, value in content.items():
         # Objects of classes come without a name; scipy's own entries begin with underscores.
         if isinstance(name, str) and not name.startswith("__"):
@@ -49,12 +48,12 @@ def _read_level_5(path: Path) -> dict[str, NDArray[Any]]:
     return variables
 
 
-def _flatten(name: str, value: Any, variables: dict[str, NDArray[Any]]) -> None:
+def _flatten(name: str, value: Any, variables: dict[str, StoredArray]) -> None:
     """Add a variable, or the fields of a 1 x 1 structure under dotted names."""
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names is None:
-        variables[name] = value
+        variables[name] = in_memory(value)
     elif value.size == 1:
         for field in value.dtype.names:
             _flatten(f"{name}.{field}", value.reshape(-1)[0][field], variables)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +24,17 @@ _HERTZ = {
 _KINDS = "fiubcMm"
 
 
-class StoredArray(Protocol):
-    """An array in memory or in its file; the index ``()`` stands for all of it."""
+class StoredArray(NamedTuple):
+    """An array in memory, or in its file, from which it is loaded when it is asked for."""
 
-    @property
-    def shape(self) -> tuple[int, ...]: ...  # noqa: D102
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    load: Callable[[], NDArray[Any]]
 
-    @property
-    def dtype(self) -> np.dtype: ...  # noqa: D102
 
-    def __getitem__(self, index: tuple[()]) -> Any: ...
+def in_memory(array: NDArray[Any]) -> StoredArray:
+    """An array that is loaded already."""
+    return StoredArray(array.shape, array.dtype, lambda: array)
 
 
 @contextmanager
@@ -46,7 +47,8 @@ def opened(path: Path) -> Iterator[Contents]:
         # numpy and zipfile meet damage with ValueError, EOFError, BadZipFile, zlib.error,
         # RuntimeError (encrypted), NotImplementedError (packed in another way), MemoryError …
         refuse_unreadable(path, "numpy file without Python objects")
-    yield contents_of(path, arrays, "array")
+    stored = {name: in_memory(array) for name, array in arrays.items()}
+    yield contents_of(path, stored, "array")
 
 
 def _members(content: Any) -> dict[str, NDArray[Any]]:
@@ -74,7 +76,7 @@ def contents_of(
     arrays: Mapping[str, StoredArray],
     kind: str,
     units: Mapping[str, str] | None = None,
-    attributes: Mapping[str, Any] | None = None,
+    attributes: Mapping[str, StoredArray] | None = None,
 ) -> Contents:
     """The channels among named arrays; ``kind`` is what the format calls an array.
 
@@ -91,7 +93,7 @@ def contents_of(
         channels = []
         for name, column in (places[index] for index in indices):
             rate, problem = _rate_of(name, rates)
-            values = _signal(np.asarray(arrays[name][()]), column)
+            values = _signal(np.asarray(arrays[name].load()), column)
             unit = units.get(name, "")
             channels.append(Channel(_name(name, column), values, unit, rate, problem))
         return channels
@@ -130,19 +132,18 @@ def _path(name: str) -> tuple[str, ...]:
 
 
 def _stated_rates(
-    numbers: Mapping[str, Any], units: Mapping[str, str]
+    numbers: Mapping[str, StoredArray], units: Mapping[str, str]
 ) -> dict[str, tuple[float, str]]:
     """Every sampling rate in a file by its path: its value (Hz) and what is wrong with it."""
     rates = {}
-    for name, value in numbers.items():
+    for name, array in numbers.items():
         parts = _path(name)
         if not parts or parts[-1].lower() not in RATE_NAMES:
             continue
-        array = value if hasattr(value, "dtype") else np.asarray(value)
         if int(np.prod(array.shape)) != 1 or array.dtype.kind not in "fiu":
             continue
         unit = units.get(name, "").strip()
-        rate = float(np.asarray(array[()]).reshape(-1)[0]) * _HERTZ.get(unit, 1.0)
+        rate = float(np.asarray(array.load()).reshape(-1)[0]) * _HERTZ.get(unit, 1.0)
         problem = ""
         if unit not in _HERTZ:
             problem = f'its "{name}" is in the unit "{unit}", which is not known'

@@ -48,9 +48,7 @@ def _channel(stored: Any) -> Channel:
 
 def _sampling_rate(properties: Mapping[str, Any]) -> tuple[float | None, str]:
     """The rate (Hz) of a channel, or what is wrong with the property that states it."""
-    increment = properties.get("wf_increment")
-    if increment is None:
-        return None, ""
+    increment = properties.get("wf_increment", 0.0)
     unit = str(properties.get("wf_xunit_string", ""))
     scale = seconds_of(unit) if unit.strip() else 1.0
     if scale is None:
@@ -58,12 +56,11 @@ def _sampling_rate(properties: Mapping[str, Any]) -> tuple[float | None, str]:
     if not isinstance(increment, int | float | np.number) or isinstance(increment, bool):
         return None, f"its wf_increment is {increment}, not a number of seconds"
     step = float(increment) * scale
-    # LabVIEW writes 0 for a channel that is no waveform.
-    if step == 0.0:
+    if step == 0.0:  # LabVIEW writes it for a channel that is no waveform
         return None, ""
-    if not (np.isfinite(step) and step > 0.0 and np.isfinite(1.0 / step)):
-        return None, f"its wf_increment is {step:g} s"
-    return 1.0 / step, ""
+    if np.isfinite(step) and step > 0.0 and np.isfinite(1.0 / step):
+        return 1.0 / step, ""
+    return None, f"its wf_increment is {step:g} s"
 
 
 def _start(properties: Mapping[str, Any]) -> float | None:

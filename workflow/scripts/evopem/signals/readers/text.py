@@ -62,7 +62,7 @@ def opened(
         refuse_split_decimals(path, data[0], above, dialect, sample, width)
     closed = width > 1 and (not names or not names[-1]) and _ends_empty(sample, dialect, width)
     columns = width - closed
-    names, units = (names or [""] * width)[:columns], (units or [""] * width)[:columns]
+    names, units = ([*(each or [""] * width)][:columns] for each in (names, units))
 
     def load(places: Sequence[int]) -> list[Channel]:
         channels = []
@@ -109,23 +109,19 @@ def _refuse_interruptions(
     headings = lines.rows[heading.start - 1][0] if named else first
     for number, line in lines.comments:
         bare = line.strip()
-        if first < number < last:
-            raise InputError(
-                str(path),
-                f'the line "{bare[:40]}" stands between rows of numbers, where it may be a damaged'
-                " sample or begin another table",
-                "repair or remove that line",
-                f"line {number}",
-            )
+        problem = f'the line "{bare[:40]}"'
         stated = header_lines is not None and number <= header_lines
-        if not stated and _may_be_sample(bare, dialect, width, below=number > headings):
-            raise InputError(
-                str(path),
-                f'the line "{bare[:40]}" may be a comment or a damaged sample',
-                "write a blank after the mark of a comment above the table, and remove the line"
-                " below it",
-                f"line {number}",
-            )
+        if first < number < last:
+            problem += " stands between rows of numbers, where it may be a damaged sample or begin"
+            problem += " another table"
+            remedy = "repair or remove that line"
+        elif not stated and _may_be_sample(bare, dialect, width, below=number > headings):
+            problem += " may be a comment or a damaged sample"
+            remedy = "write a blank after the mark of a comment above the table, and remove the"
+            remedy += " line below it"
+        else:
+            continue
+        raise InputError(str(path), problem, remedy, f"line {number}")
     between = [number for number in lines.blanks if first < number < last]
     numbers = [number for number, _ in lines.rows[heading.start :]]
     # Double line ends leave a blank line after every row.

@@ -30,8 +30,8 @@ class Heading:
     """What stands above the numbers of a table."""
 
     start: int  # index of the first row of numbers among the rows
-    names: list[str]  # one text a column; both empty when the table has no headings
-    units: list[str]
+    names: Sequence[str] = ()  # one text a column, or none
+    units: Sequence[str] = ()
 
 
 def find_heading(
@@ -134,7 +134,7 @@ class _Search:
         in_front = bool(below) and not first[0] and all(fields[0].strip() for fields in below)
         if not in_front and (len(decimals) != 1 or decimals == {0}):
             self._refuse(start, "may hold the numbers of the columns", start)
-        return Heading(start + 1, first, [""] * self.width)
+        return Heading(start + 1, first)
 
     def found(
         self, comments: Sequence[Row], start: int, references: Sequence[Reference]
@@ -155,21 +155,21 @@ class _Search:
         if not any(reference in above for reference in references if isinstance(reference, str)):
             self._refuse_damaged_sample(above, start)
         self._refuse_second_heading(start)
-        return Heading(start, above, [""] * self.width)
+        return Heading(start, above)
 
     def _below_other_row(self, start: int) -> Heading:
         """The headings above numbers that follow a row with another number of fields."""
         above = self.fields(start - 1)
-        heading = self._other_width(start)
-        if heading:
-            return Heading(start, *heading)
+        names = self._other_width(start)
+        if names:
+            return Heading(start, names)
         if any(self.kind(i) == "text" and all(self._wanted(self.fields(i))) for i in range(start)):
             self._refuse(start - 1, "stands between the headings and the numbers", start)
         if all(self._may_replace_number(text) for text in above if text):
             self._refuse(
                 start - 1, f"has {len(above)} fields where the others have {self.width}", start
             )
-        return Heading(start, [], [])
+        return Heading(start)
 
     def _refuse_damaged_sample(self, above: Sequence[str], start: int) -> None:
         """Refuse a row of texts that no one names and that may be a damaged first sample."""
@@ -195,20 +195,20 @@ class _Search:
         if self.kind(start - 2) == "text" and all(self._wanted(self.fields(start - 2))):
             self._refuse(start - 1, "is a second row of texts that are not known as units", start)
 
-    def _other_width(self, start: int) -> tuple[list[str], list[str]] | None:
+    def _other_width(self, start: int) -> list[str]:
         """Headings of another number than the columns: R names no row names, LabVIEW a comment."""
         names = self.fields(start - 1)
         if len(names) == self.width + 1 and names[-1].lower() == "comment":
-            return names[:-1], [""] * self.width
+            return names[:-1]
         below = self.rows[start : start + 3]
         firsts = [self.dialect.split(line)[0].strip() for _, line in below]
         quoted = all(line.lstrip().startswith('"') for _, line in below)
         if len(names) == self.width - 1 and all(names):
             if quoted or firsts == ["1", "2", "3"]:
-                return ["", *names], [""] * self.width
+                return ["", *names]
             if self.fields(start)[-1] == "":
-                return [*names, ""], [""] * self.width
-        return None
+                return [*names, ""]
+        return []
 
     def _in_comments(self, comments: Sequence[Row], start: int) -> tuple[list[str], list[str]]:
         """Names, and units below them, in the last two comments above the numbers."""
@@ -216,10 +216,9 @@ class _Search:
         texts = [line.strip().lstrip("".join(COMMENT_MARKS)).strip() for _, line in above]
         split = [[text.strip() for text in self.dialect.split(line)] for line in texts]
         fitting = [self._is_heading(fields) for fields in split]
-        none = [""] * self.width
         if len(split) == 2 and all(fitting) and is_unit_row(split[1]):
             return split[0], _bare_units(split[1])
-        return (split[-1], none) if fitting and fitting[-1] else ([], [])
+        return (split[-1], []) if fitting and fitting[-1] else ([], [])
 
     def _is_heading(self, fields: Sequence[str]) -> bool:
         return len(fields) == self.width and not any(map(self.dialect.is_value, fields))
@@ -246,10 +245,10 @@ class _Search:
             named.pop()
         if named:
             below = next((self.fields(i) for i in fitting if i == named[-1] + 1), [])
-            units = _bare_units(below) if is_unit_row(below) else [""] * self.width
+            units = _bare_units(below) if is_unit_row(below) else []
             return Heading(start, self.fields(named[-1]), units)
         if start and self.kind(start - 1) == "other":
-            return Heading(start, *(self._other_width(start) or ([], [])))
+            return Heading(start, self._other_width(start))
         return Heading(start, *self._in_comments(comments, start))
 
     def _refuse(self, index: int, problem: str, start: int) -> NoReturn:
