@@ -133,90 +133,52 @@ def paths_of(keys: Keys) -> Iterator[str]:
 
 def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     """Refuse values that contradict each other, or the channels."""
-    structure, inputs = kind.structure, kind.inputs
+    structure, inputs, polynomial = kind.structure, kind.inputs, f"structure {kind.structure}"
     form = keys.get("form", STATE_SPACE if structure is None else structure)
+    if kind.several and kind.synthesis:
+        at.refuse("", "a synthetic data set has one input and one output", "give a file")
+    if kind.is_polynomial and not kind.has_one_output:
+        problem = f"there is a list of outputs, and {polynomial} has one output"
+        at.refuse("structure", problem, f"write structure: {STATE_SPACE}, or name one channel")
+    if kind.is_polynomial and inputs and not has_input(form) and "input" in keys:
+        remedy = f"write input: {NONE}, or another structure"
+        at.refuse("input", f"{polynomial} has no input", remedy)
+    if kind.is_polynomial and not inputs and kind.several:
+        problem = f"{polynomial} needs an input, and there is none"
+        at.refuse("input", problem, f"write structure: {STATE_SPACE}, or name an input")
+    if kind.several and keys.get("recipe") == "chapter":
+        problem = "the chapter's recipe has one input and one output"
+        at.refuse("recipe", problem, "remove the key: recipe auto finds models of several channels")
+    if kind.by_chapter and not inputs and keys.get("transforms", {}).get("difference_input"):
+        problem = f"{polynomial} has no input to difference"
+        at.refuse("transforms.difference_input", problem, "set it to 0")
+    searched = kind.several or kind.by_chapter or form in (*AUTOMATIC_STRUCTURES, STATE_SPACE)
+    if not searched:
+        problem = f"the automatic recipe does not search {polynomial} of one channel"
+        remedy = f"write recipe: chapter, or one of {', '.join(AUTOMATIC_STRUCTURES)}"
+        at.refuse("structure", problem, remedy)
+    absolute = keys.get("search", {}).get("objective") == "absolute"
+    if keys.get("weighting") == "determinant" and absolute:
+        problem = "absolute errors have no covariance whose determinant could be taken"
+        remedy = "write weighting: noise or power, or search.objective: quadratic"
+        at.refuse("weighting", problem, remedy)
+    for key in ("focus", "purpose"):
+        if keys.get(key) == "simulation" and not inputs:
+            problem = "a model without input has nothing to simulate"
+            at.refuse(key, problem, "write prediction, or remove the key")
+    if not inputs and keys.get("form", "ss") != "ss":
+        problem = f"form {form} has a plant that inputs drive"
+        at.refuse("form", problem, "write ss, or remove the key")
+    if form == "ss" and keys.get("focus") == "simulation":
+        problem = "errors of simulation do not depend on the gain K of ss"
+        remedy = "write form: ss_oe, or ss_bj for a noise model beside it"
+        at.refuse("focus", problem, remedy)
     estimation = keys.get("split", {}).get("estimation")
     takes_all = isinstance(estimation, float) and estimation == ALL_SAMPLES
-    polynomial = f"structure {structure}"
-    simulates = [key for key in ("focus", "purpose") if keys.get(key) == "simulation"]
-    for wrong, key, problem, remedy in (
-        (
-            kind.several and kind.synthesis,
-            "",
-            "a synthetic data set has one input and one output",
-            "give a file",
-        ),
-        (
-            kind.is_polynomial and not kind.has_one_output,
-            "structure",
-            f"there is a list of outputs, and {polynomial} has one output",
-            f"write structure: {STATE_SPACE}, or name one channel",
-        ),
-        (
-            kind.is_polynomial and inputs and not has_input(form) and "input" in keys,
-            "input",
-            f"{polynomial} has no input",
-            f"write input: {NONE}, or another structure",
-        ),
-        (
-            kind.is_polynomial and not inputs and kind.several,
-            "input",
-            f"{polynomial} needs an input, and there is none",
-            f"write structure: {STATE_SPACE}, or name an input",
-        ),
-        (
-            kind.several and keys.get("recipe") == "chapter",
-            "recipe",
-            "the chapter's recipe has one input and one output",
-            "remove the key: models of several channels are found by recipe auto",
-        ),
-        (
-            kind.by_chapter and not inputs and keys.get("transforms", {}).get("difference_input"),
-            "transforms.difference_input",
-            f"{polynomial} has no input to difference",
-            "set it to 0",
-        ),
-        (
-            not (kind.several or kind.by_chapter)
-            and form not in (*AUTOMATIC_STRUCTURES, STATE_SPACE),
-            "structure",
-            f"the automatic recipe does not search {polynomial} of one channel",
-            f"write recipe: chapter, or one of {', '.join(AUTOMATIC_STRUCTURES)}",
-        ),
-        (
-            keys.get("weighting") == "determinant"
-            and keys.get("search", {}).get("objective") == "absolute",
-            "weighting",
-            "absolute errors have no covariance whose determinant could be taken",
-            "write weighting: noise or power, or search.objective: quadratic",
-        ),
-        (
-            simulates and not inputs,
-            "".join(simulates[:1]),
-            "a model without input has nothing to simulate",
-            "write prediction, or remove the key",
-        ),
-        (
-            not inputs and keys.get("form", "ss") != "ss",
-            "form",
-            f"form {form} has a plant that inputs drive",
-            "write ss, or remove the key",
-        ),
-        (
-            form == "ss" and keys.get("focus") == "simulation",
-            "focus",
-            "errors of simulation do not depend on the gain K of ss",
-            "write form: ss_oe, or ss_bj for a noise model beside it",
-        ),
-        (
-            takes_all and "validation_file" not in keys,
-            "split.estimation",
-            f"{estimation} takes all samples, so none are left to validate on",
-            "give a smaller fraction such as 0.8, or a validation_file",
-        ),
-    ):
-        if wrong:
-            at.refuse(key, problem, remedy)
+    if takes_all and "validation_file" not in keys:
+        problem = f"{estimation} takes all samples, so none are left to validate on"
+        remedy = "give a smaller fraction such as 0.8, or a validation_file"
+        at.refuse("split.estimation", problem, remedy)
     _check_ranges(keys, kind, at)
     if keys.get("constraints"):
         _check_constraints(keys["constraints"], kind, form, at)
@@ -232,19 +194,14 @@ def check_settings(settings: DatasetSettings, keys: Keys, at: Place) -> None:
         ("nu", "no more individuals can be improved than there are offspring"),
     ):
         if getattr(search, low) > search.lambda_:
-            written = [key for key in (low, "lambda") if key in keys.get("search", {})]
-            at.refuse(
-                f"search.{(written or [low])[0]}",
-                f"{low} is {getattr(search, low)} and lambda is {search.lambda_}, but {meaning}",
-                f"give {low} no more than lambda",
-            )
+            key = next((key for key in (low, "lambda") if key in keys.get("search", {})), low)
+            problem = f"{low} is {getattr(search, low)} and lambda is {search.lambda_}, but"
+            at.refuse(f"search.{key}", f"{problem} {meaning}", f"give {low} no more than lambda")
     whole = len(source.all_files) > 1 and split.by == "recordings" and not source.validation_files
     if whole and isinstance(split.estimation, int):
-        at.refuse(
-            "split.estimation",
-            f"{split.estimation} is a number of samples, and whole recordings are held out",
-            "give a fraction between 0 and 1, or write by: samples beside it to cut each recording",
-        )
+        problem = f"{split.estimation} is a number of samples, and whole recordings are held out"
+        remedy = "give a fraction between 0 and 1, or write by: samples beside it to cut each"
+        at.refuse("split.estimation", problem, f"{remedy} recording")
 
 
 def _check_ranges(keys: Keys, kind: Kind, at: Place) -> None:
@@ -282,24 +239,24 @@ def _check_constraints(constraints: Keys, kind: Kind, form: str, at: Place) -> N
     if not kind.several:
         return
     if form in (STATE_SPACE, "ss_bj"):
-        at.refuse(
-            "constraints",
+        problem = (
             "what constraints mean depends on the structure: of ss_bj it is not said whether"
-            " poles of the plant or of its noise model are meant",
-            "write form: ss_oe or ss, or a polynomial structure such as oe",
+            " poles of the plant or of its noise model are meant"
         )
+        remedy = "write form: ss_oe or ss, or a polynomial structure such as oe"
+        at.refuse("constraints", problem, remedy)
     known = [
         (f"fixed_coefficients.{key}", key) for key in constraints.get("fixed_coefficients", ())
     ]
     priors = enumerate(constraints.get("priors", ()))
     for key, name in [*known, *((f"priors[{k}]", each.quantity) for k, each in priors)]:
         if not kind.is_polynomial:
-            at.refuse(
-                f"constraints.{key}",
+            problem = (
                 "the matrices of a state-space model depend on the choice of its states, so that"
-                " none of its coefficients has a value of its own",
-                "constrain poles or the static gain, or use a polynomial structure",
+                " none of its coefficients has a value of its own"
             )
+            remedy = "constrain poles or the static gain, or use a polynomial structure"
+            at.refuse(f"constraints.{key}", problem, remedy)
         if many and (name == "static_gain" or (name[:1] in ("b", "f") and name[1:].isdecimal())):
             problem = f"each of several inputs has {name}"
             at.refuse(f"constraints.{key}", problem, "leave it out, or identify one input alone")
