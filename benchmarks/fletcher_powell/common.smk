@@ -13,7 +13,7 @@ for folder in (PRODUCT / "scripts", SCRIPTS):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
-from evopem.config.resources import blas_code
+from evopem.config.configuration import blas_code
 from evopem.config.rule_digest import code_version
 from evopem.errors import InputError
 from evopem.files.json_form import to_json

@@ -2,7 +2,7 @@
 
 import pytest
 
-from evopem.config.resources import blas_code
+from evopem.config.configuration import blas_code
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from evopem.config.resources import check_environment, job_environment
+from evopem.config.configuration import check_environment, job_environment
 from evopem.errors import InputError
 
 

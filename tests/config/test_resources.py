@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from evopem.config import resources
+from evopem.config import configuration
 from evopem.config.defaults import complete
 
 
@@ -31,30 +31,30 @@ def recorded(tmp_path, monkeypatch):
 
 
 def test_a_job_that_reads_asks_for_the_size_of_its_recordings(recorded, simulated):
-    assert resources.recording_bytes(recorded) == 16_000_000
+    assert configuration.recording_bytes(recorded) == 16_000_000
     # 800 MB and 40 bytes for each of the file; 5 minutes and a quarter of one for each MB.
-    assert resources.reading_memory(recorded, attempt=1) == 800 + 640
-    assert resources.reading_time(recorded, attempt=1) == 5 + 4
+    assert configuration.reading_memory(recorded, attempt=1) == 800 + 640
+    assert configuration.reading_time(recorded, attempt=1) == 5 + 4
     # Two signals of 5000 floats.
-    assert resources.recording_bytes(simulated) == 80_000
-    assert resources.reading_memory(simulated, attempt=1) == 803
-    assert resources.reading_time(simulated, attempt=1) == 5
+    assert configuration.recording_bytes(simulated) == 80_000
+    assert configuration.reading_memory(simulated, attempt=1) == 803
+    assert configuration.reading_time(simulated, attempt=1) == 5
 
 
 def test_every_further_attempt_asks_for_more(recorded, simulated):
-    assert resources.reading_memory(recorded, attempt=3) == 3 * 1440
-    assert resources.reading_time(recorded, attempt=3) == 3 * 9
-    assert resources.estimation_memory(simulated, threads=1, attempt=2) == 1336
-    assert resources.estimation_time(simulated, "delay", "auto", threads=1, attempt=2) == 37
+    assert configuration.reading_memory(recorded, attempt=3) == 3 * 1440
+    assert configuration.reading_time(recorded, attempt=3) == 3 * 9
+    assert configuration.estimation_memory(simulated, threads=1, attempt=2) == 1336
+    assert configuration.estimation_time(simulated, "delay", "auto", threads=1, attempt=2) == 37
 
 
 def test_a_job_that_estimates_asks_for_its_processes(recorded, simulated):
     # 250 MB and 80 bytes for each of 5000 * 46 entries: 268.4 MB a process.
-    assert resources.estimation_memory(simulated, threads=1, attempt=1) == 400 + 268
-    assert resources.estimation_memory(simulated, threads=4, attempt=1) == 400 + 5 * 268.4
+    assert configuration.estimation_memory(simulated, threads=1, attempt=1) == 400 + 268
+    assert configuration.estimation_memory(simulated, threads=4, attempt=1) == 400 + 5 * 268.4
     # At most 2 million samples of 8 bytes: 400 MB and 400 bytes for each, not 80 * 46.
-    assert resources.max_samples(recorded) == 2_000_000
-    assert resources.estimation_memory(recorded, threads=1, attempt=1) == 400 + 1200
+    assert configuration.max_samples(recorded) == 2_000_000
+    assert configuration.estimation_memory(recorded, threads=1, attempt=1) == 400 + 1200
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_a_job_that_estimates_asks_for_its_processes(recorded, simulated):
 def test_a_job_that_estimates_asks_for_the_time_of_its_candidates(
     simulated, phase, per_job, threads, minutes
 ):
-    asked = resources.estimation_time(simulated, phase, per_job, threads, attempt=1)
+    asked = configuration.estimation_time(simulated, phase, per_job, threads, attempt=1)
     assert asked == int(minutes)
 
 
@@ -83,5 +83,5 @@ def test_a_job_that_estimates_asks_for_the_time_of_its_candidates(
 def test_a_file_that_does_not_exist_counts_nothing(name):
     settings = complete({"datasets": {"a": {"file": "x.csv"}}}).datasets["a"]
     settings = replace(settings, source=replace(settings.source, files=(name,)))
-    assert resources.recording_bytes(settings) == 0
-    assert resources.reading_memory(settings, attempt=1) == 800
+    assert configuration.recording_bytes(settings) == 0
+    assert configuration.reading_memory(settings, attempt=1) == 800

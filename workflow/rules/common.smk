@@ -21,7 +21,7 @@ elif importlib.util.find_spec("evopem") is None:
     )
 
 from evopem.config.defaults import complete
-from evopem.config.resources import check_environment, job_environment
+from evopem.config.configuration import check_environment, job_environment
 from evopem.config.rule_digest import code_version
 from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files

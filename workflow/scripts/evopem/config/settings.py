@@ -30,9 +30,7 @@ Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
 
 Structure = Literal["fir", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"]
-InputStructure = Literal["fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"]
 StateSpaceForm = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
-ModelForm = StateSpaceForm | InputStructure
 OutputWeighting = Literal["determinant", "noise", "power"]
 Objective = Literal["absolute", "quadratic"]
 OBJECTIVES: tuple[Objective, ...] = ("absolute", "quadratic")

@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from evopem.config.channels import NONE
+from evopem.config.configuration import check_environment
 from evopem.config.defaults import complete
 from evopem.config.keys import one_or_list
-from evopem.config.resources import check_environment
 from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.errors import InputError
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings

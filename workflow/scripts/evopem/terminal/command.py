@@ -14,9 +14,9 @@ from typing import Any
 import yaml
 
 from evopem.config.channels import listed
+from evopem.config.configuration import check_environment, job_environment
 from evopem.config.defaults import complete, read_dataset
 from evopem.config.keys import COLUMNS, one_or_list
-from evopem.config.resources import check_environment, job_environment
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.config.strict_yaml import check_yaml_files

@@ -14,8 +14,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol
 
-from evopem.config import resources
-from evopem.config.configuration import Configuration
+from evopem.config.configuration import (
+    MARGIN_MINUTES,
+    Configuration,
+    estimates_again,
+    estimation_memory,
+    estimation_time,
+    is_file,
+    reading_memory,
+    reading_time,
+)
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESERVED_NAMES
 from evopem.files.json_form import to_json
@@ -111,7 +119,7 @@ class Provider:
         if self.config.run.shard:
             return []
         several = len(self.config.datasets) > 1
-        return [*OVERVIEW] if several or any(map(resources.is_file, OVERVIEW)) else []
+        return [*OVERVIEW] if several or any(map(is_file, OVERVIEW)) else []
 
     def with_whole_results(self) -> Provider:
         """The same for the data sets whose results are whole; standard error names the others."""
@@ -194,7 +202,7 @@ class Provider:
             path
             for name in self.config.batches[wildcards.batch]
             for path in self.config.datasets[name].source.all_files
-            if resources.is_file(path)
+            if is_file(path)
         ]
 
     def batch_settings(self, wildcards: Wildcards) -> dict[str, Any]:
@@ -210,7 +218,7 @@ class Provider:
     def batch_time(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """Minutes of the job of a batch: a margin for all, and what each recording may take."""
         names = self.config.batches[wildcards.batch]
-        margin = attempt * resources.MARGIN_MINUTES
+        margin = attempt * MARGIN_MINUTES
         own = (self.time("estimation", name, None, threads, attempt) - margin for name in names)
         return margin + sum(own)
 
@@ -231,8 +239,8 @@ class Provider:
         if demand == "small":
             return 500
         if self._only_reads(demand, dataset):
-            return resources.reading_memory(settings, attempt)
-        return resources.estimation_memory(settings, threads, attempt)
+            return reading_memory(settings, attempt)
+        return estimation_memory(settings, threads, attempt)
 
     def time(
         self, demand: Demand, dataset: str, phase: str | None, threads: int, attempt: int
@@ -242,13 +250,13 @@ class Provider:
         if demand == "small":
             return 5
         if self._only_reads(demand, dataset):
-            return resources.reading_time(settings, attempt)
+            return reading_time(settings, attempt)
         per_job = self.config.run.candidates_per_job if demand == "estimation" else 1
         phase = "joint" if demand == "model" else phase
-        return resources.estimation_time(settings, phase, per_job, threads, attempt)
+        return estimation_time(settings, phase, per_job, threads, attempt)
 
     def _only_reads(self, demand: Demand, dataset: str) -> bool:
-        again = resources.estimates_again(self.config.datasets[dataset])
+        again = estimates_again(self.config.datasets[dataset])
         return demand == "reading" or (demand == "model" and not again)
 
 
@@ -305,7 +313,7 @@ class StageRule:
             path
             for key in self.stage.recorded
             for path in getattr(source, key, ())
-            if resources.is_file(path) or was_read_from(path, infos[key])
+            if is_file(path) or was_read_from(path, infos[key])
         ]
 
     @property
