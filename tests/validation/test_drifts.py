@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, nct, t
 
-from evopem.validation.drifts import constant_probability, find_drift
+from evopem.validation.level_changes import constant_probability, find_drift
 
 
 def sequences(repeats, count, scatter, seed=1):

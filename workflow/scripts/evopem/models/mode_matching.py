@@ -82,14 +82,7 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
     As many modes as possible are paired, with the least sum of squared distances in the logarithm
     of frequency (an assignment problem). Modes further apart than :data:`SAME_MODE` are not
     paired.
-
-    Returns index of the reference, by index of the estimate.
-
-    Examples
-    --------
-    >>> found = [Mode(5.4, 0.01, 0j), Mode(21.0, 0.1, 0j), Mode(37.1, 0.01, 0j)]
-    >>> match_modes(found, [Mode(5.36, 0.01, 0j), Mode(37.0, 0.01, 0j)])
-    {0: 0, 2: 1}
+    Returns the index of the reference, by index of the estimate.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -108,18 +101,12 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
 
 
 def frequency_deviation(estimate: Mode, truth: Mode) -> float:
-    """Estimate minus truth of the natural frequency, in standard errors of the estimate.
-
-    NaN where the standard error is not known, not finite or zero.
-    """
+    """Estimate minus truth of the natural frequency, in its standard errors; NaN without any."""
     return _deviation(estimate.frequency_hz - truth.frequency_hz, estimate.frequency_se_hz)
 
 
 def damping_deviation(estimate: Mode, truth: Mode) -> float:
-    """Estimate minus truth of the damping ratio, in standard errors of the estimate.
-
-    NaN where the standard error is not known, not finite or zero.
-    """
+    """Estimate minus truth of the damping ratio, in its standard errors; NaN without any."""
     return _deviation(estimate.damping_ratio - truth.damping_ratio, estimate.damping_se)
 
 
@@ -132,8 +119,6 @@ def mode_distance(first: Mode, second: Mode) -> float:
 
     The largest of three differences, each relative to what is allowed: of frequency, of damping
     ratio, and of shape, ``1 - MAC``.
-
-    ``first``, ``second``: with the same outputs.
     """
     frequency = 0.5 * (first.frequency_hz + second.frequency_hz)
     damping = 0.5 * (abs(first.damping_ratio) + abs(second.damping_ratio))

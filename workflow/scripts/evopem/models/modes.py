@@ -99,16 +99,10 @@ def _slopes(pole: complex, d_pole: NDArray, sampling_rate: float) -> Array:
 def modes_of(
     coefficients: Array, sampling_rate: float, covariance: ParameterCovariance | None = None
 ) -> list[Mode]:
-    """Modes of ``A = 1 + a_1 q^-1 + ...`` from ``s = ln(z) fs`` (chapter table 2), by frequency.
+    """Modes of ``A = 1 + a_1 q^-1 + ...`` from ``s = ln(z) fs``, by frequency.
 
-    ``coefficients`` (na,): ``a_1 ... a_na``.  ``sampling_rate``: Hz.  ``covariance``: of the na
-    coefficients; propagated to the modes to first order.
-
-    Examples
-    --------
-    >>> (mode,) = modes_of(np.array([-1.2, 0.8]), 50.0)
-    >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
-    (6.71, 0.132)
+    ``coefficients`` (na,): ``a_1 ... a_na``, with their covariance, which is propagated to first
+    order.  ``sampling_rate``: Hz.
     """
     modes = []
     for z in roots(coefficients):

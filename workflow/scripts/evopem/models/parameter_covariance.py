@@ -86,22 +86,17 @@ class ParameterCovariance:
         return ParameterCovariance(self.factor[rows], self.null_space[rows])
 
     def identifiable(self, jacobian: ArrayLike) -> NDArray[np.bool_]:
-        """Whether each function of the parameters is free of unidentifiable directions, (m,).
-
-        ``jacobian`` (m, n): gradients of m functions.
-        """
+        """Whether functions with gradients (m, n) are free of unidentifiable directions, (m,)."""
         gradients = np.asarray(jacobian, dtype=float)
         terms = gradients[:, :, None] * self.null_space[: gradients.shape[1]]
         magnitude = np.abs(terms).sum(axis=1)
         return np.all(np.abs(terms.sum(axis=1)) <= CANCELLATION * magnitude, axis=1)
 
     def standard_errors(self, jacobian: ArrayLike) -> Array:
-        """Standard errors of functions of the parameters to first order, (m,).
+        """Standard errors of functions with gradients (m, n) to first order, (m,).
 
         Infinite for functions that depend on an unidentifiable direction, NaN where the gradient
-        is not finite.  Computed as the norm of a row of ``jacobian @ factor``: never negative.
-
-        ``jacobian`` (m, n): gradients of m functions.
+        is not finite.
         """
         gradients = np.asarray(jacobian, dtype=float)
         defined = np.isfinite(gradients).all(axis=1)
@@ -112,12 +107,10 @@ class ParameterCovariance:
         return errors
 
     def of(self, jacobian: ArrayLike) -> Array:
-        """Covariance of functions of the parameters to first order, (m, m).
+        """Covariance of functions with gradients (m, n) to first order, (m, m).
 
         Rows and columns of functions that depend on an unidentifiable direction are NaN, and
         infinite on the diagonal; those of functions without a finite gradient are NaN.
-
-        ``jacobian`` (m, n): gradients of m functions.
         """
         gradients = np.asarray(jacobian, dtype=float)
         defined = np.isfinite(gradients).all(axis=1)

@@ -92,16 +92,6 @@ class PolynomialModel(Polynomials):
 
         With standard errors where the model knows its covariance, and with participations of the
         inputs, each delayed by all but one of its nk samples, and of the innovations.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from evopem import PolynomialModel
-        >>> one = np.ones(1)
-        >>> model = PolynomialModel(one, one, F=np.array([1, -1.2, 0.8]), nk=1, sampling_rate=50.0)
-        >>> (mode,) = model.modes()
-        >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
-        (6.71, 0.132)
         """
         of_all = [self._driven(mode) for mode in self._modes_of("a")]
         of_one = [

@@ -97,13 +97,7 @@ class Orders:
 
     @property
     def single(self) -> SingleOrders:
-        """The orders as numbers, of a model with at most one input.
-
-        Raises
-        ------
-        ValueError
-            When there are several inputs.
-        """
+        """The orders as numbers, of a model with at most one input; ValueError for several."""
         if len(self.nb) > 1:
             raise ValueError(f"{self} has {len(self.nb)} inputs, not one")
         nb, nf, nk = (sum(each) for each in (self.nb, self.nf, self.nk))
@@ -199,13 +193,6 @@ def orders_of(
     inputs, or a sequence with one for each.  A mapping may leave out orders that are 0.  ValueError
     when the structure is not known, does not have an order that is given, or a sequence is not as
     long as there are inputs.
-
-    Examples
-    --------
-    >>> orders_of("oe", (4, 3, 1)) == orders_of("oe", {"nb": 4, "nf": 3, "nk": 1})
-    True
-    >>> print(orders_of("oe", {"nb": 2, "nf": [2, 1], "nk": 1}, inputs=2))
-    OE([2 2],[2 1],[1 1])
     """
     if structure not in STRUCTURES:
         raise ValueError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}")

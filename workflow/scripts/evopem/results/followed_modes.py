@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
-from evopem.validation.drifts import Drift, constant_probability, find_drift
+from evopem.validation.level_changes import Drift, constant_probability, find_drift
 from evopem.validation.level_changes import FEWEST, Levels, find_levels
 
 if TYPE_CHECKING:

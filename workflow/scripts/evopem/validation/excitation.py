@@ -72,8 +72,6 @@ def split_spectra(
 
     Both are averages over segments as long as the shorter part, so that lines have equal width,
     and scaled to unit power: amplitude alone makes no difference to a linear model.
-
-    ``estimation``, ``validation`` (N,): the input of each part.  ``sampling_rate``: Hz.
     """
     parts = [np.asarray(part, dtype=float) for part in (estimation, validation)]
     length = min(LONGEST_SEGMENT, *(part.size for part in parts))

@@ -62,7 +62,7 @@ class HeldOutContribution:
 def joint_contribution_test(records: Sequence[HeldOutContribution]) -> HeldOutTest:
     """Test that a contribution explains prediction errors made without it.
 
-    Ordinary regression of the errors on the contribution and on what else may be in them.  An
+    Regression of the errors on the contribution and on what else may be in them.  An
     autoregression of the remaining errors, its order chosen by BIC, whitens both sides first
     (Cochrane & Orcutt 1949), so that the test holds where the noise model is imperfect.  One
     coefficient for all outputs of all records, each weighed by the inverse of its noise

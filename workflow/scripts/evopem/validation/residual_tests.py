@@ -153,11 +153,9 @@ def whiteness_test(
     weighted sum of chi-square variables that follows from
     :func:`residual_autocorrelation_covariance`.
 
-    ``residuals`` (N,): prediction errors on the samples that the fit has scored.  ``jacobian`` (M,
-    p): consecutive rows of the Jacobian of these residuals with respect to everything estimated, N
-    rows in all, as the prediction errors yield them.  ``lags``: number of lags tested jointly, less
-    than N.  ``objective`` {"absolute", "quadratic"}: what the fit minimised.  Raises ValueError
-    when there are not more residuals than lags, or the objective is not known.
+    ``residuals`` (N,): that the fit has scored.  ``jacobian`` (M, p): consecutive rows of their
+    derivatives by everything estimated, N in all.  ``lags``: tested jointly, fewer than N, or
+    ValueError.  ``objective`` {"absolute", "quadratic"}: what the fit minimised.
     """
     check_choice("objective", objective, OBJECTIVES)
     e = np.asarray(residuals, dtype=float)
@@ -187,9 +185,7 @@ def residual_autocorrelation_covariance(
     autocorrelations.  Both are taken from the Jacobian, so the formula holds for any model
     structure.  The absolute objective uses the score ``sign(e)``, and ``X J^-1 X'`` is weighed by
     ``(2 k E|e| - k^2) / var(e)``, with ``k = 1 / (2 f(0))`` and f the density of the residuals.
-
-    ``residuals``, ``jacobian``, ``lags``, ``objective``: as for :func:`whiteness_test`.  Returns
-    (lags, lags).
+    Arguments as of :func:`whiteness_test`.  Returns (lags, lags).
     """
     e = np.asarray(residuals, dtype=float)
     scale = float(np.sqrt(np.mean(e**2) * e.size))
@@ -272,14 +268,11 @@ def apart(signal: Array, bounds: Sequence[int], lags: int) -> Array:
 def autocorrelation_of(
     residuals: ArrayLike, lags: int = 1200, bounds: Sequence[int] = ()
 ) -> ResidualCorrelation:
-    """Sample autocorrelation of the residuals, with the 95 % bound of a white sequence.
+    """Biased autocorrelation of (N,) residuals at lags 0, 1, …, N - 1 at most, mean removed.
 
-    ``residuals`` (N,): prediction errors on the estimation samples.  ``lags``: largest lag; cut to
-    N - 1.  ``bounds``: first sample of each of several recordings, and N; none for one recording.
-    Returns at lags 0, 1, …: biased estimate, mean removed. The bound is 1.96/√N, and 0 at lag 0,
-    where the value is 1 by definition.  Ljung (1999), section 16.6. A fitted model makes the first
-    few lags smaller than the bound allows for, so the bound is cautious there (Box and Pierce
-    1970).
+    The 95 % bound of a white sequence is 1.96/√N, and 0 at lag 0 (Ljung 1999, section 16.6).  It is
+    cautious at the first few lags, which a fit makes smaller (Box and Pierce 1970).  ``bounds``: as
+    of :func:`apart`.
     """
     e = np.asarray(residuals, dtype=float)
     lags = min(lags, e.size - 1)
@@ -317,14 +310,11 @@ def correlation_with_input(
 ) -> ResidualCorrelation:
     """Cross-correlation of residuals with the input, with its 95 % bound.
 
-    ``residuals``, ``inputs`` (N,): the two series over the same samples.  ``lags``: largest lag to
-    either side; cut to N - 1.  ``bounds``: first sample of each of several recordings, and N; none
-    for one recording.  Returns of ``e(t)`` with ``u(t - lag)``, lags from -lags to lags, both
-    without mean. At positive lags the residual follows the input: dynamics the model missed. At
-    negative lags it precedes it: feedback.  Ljung (1999), section 16.6: for independent e and u, √N
-    R_eu is asymptotically normal with variance P = Σ_k R_e(k) R_u(k), so a coloured input widens
-    the bound only as far as the residuals are coloured too. The sum runs over all sample lags,
-    where it equals a sum of products of periodograms and cannot be negative.
+    Of ``e(t)`` with ``u(t - lag)``, (N,) each, lags to either side of N - 1 at most, both without
+    mean; ``bounds``: as of :func:`apart`.  At positive lags the residual follows the input:
+    dynamics that the model missed.  At negative lags it precedes it: feedback.  For independent e
+    and u, √N R_eu is asymptotically normal with variance P = Σ_k R_e(k) R_u(k) (Ljung 1999, section
+    16.6), so that a coloured input widens the bound only as far as the residuals are coloured too.
     """
     e, u = np.asarray(residuals, dtype=float), np.asarray(inputs, dtype=float)
     lags = min(lags, e.size - 1)

@@ -81,7 +81,8 @@ __all__ = ["SIGNIFICANCE", "Check", "Evidence", "OrderRange", "checks", "failed_
 
 def checks(evidence: Evidence) -> list[Check]:
     """The checks that apply to a model, in the order of the report."""
-    judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
+    found = [check for judge in CHECKS if (check := judge(evidence)) is not None]
+    judged = [replace(check, advice="") if check.passed else check for check in found]
     return [_after_remedies(check) for check in judged] if evidence.is_automatic else judged
 
 

@@ -21,27 +21,15 @@ LISTED = 6
 
 @dataclass(frozen=True)
 class Check:
-    """One check of a model.
-
-    Attributes
-    ----------
-    name : str
-    passed : bool or None
-        None where the check could not be judged.
-    statement : str
-        What was found, with its numbers.
-    advice : str
-        What to do about it; empty for a check that passed.
-    grade : {"defect", "caution", "note"}
-        What it means where the check failed: the model or its numbers are wrong for a use; they
-        hold with a reservation; or it is no statement about the model, such as an order at the end
-        of a range that the configuration gave.
-    """
+    """One check of a model."""
 
     name: str
-    passed: bool | None
-    statement: str
-    advice: str = ""
+    passed: bool | None  # None where the check could not be judged
+    statement: str  # what was found, with its numbers
+    advice: str = ""  # what to do about it; empty for a check that passed
+    # What it means where the check failed: the model or its numbers are wrong for a use; they hold
+    # with a reservation; or it is no statement about the model, such as an order at the end of a
+    # range that the configuration gave
     grade: Literal["defect", "caution", "note"] = "defect"
 
     @property

@@ -53,9 +53,7 @@ def excitation(evidence: Evidence) -> Check | None:
         f"{called} is persistently exciting of order {worst.excitation_order}, and the model needs"
         f" {worst.excitation_needed} ({' + '.join(terms)}). Directions more than 40 dB below the"
         " strongest are not counted.",
-        ""
-        if passed
-        else "Trust the model only at frequencies where the input has power. Record with a broader"
+        "Trust the model only at frequencies where the input has power. Record with a broader"
         " input, or resample to a lower rate.",
     )
 
@@ -87,9 +85,7 @@ def response_to_input(evidence: Evidence) -> Check | None:
             if test.coefficient > LARGEST_COEFFICIENT
             else ""
         ),
-        ""
-        if passed
-        else "The model does not describe a response to this input. Check that the channels belong"
+        "The model does not describe a response to this input. Check that the channels belong"
         " to the same system and have the same time axis, and search longer delays (“delay.nk”).",
     )
 
@@ -121,7 +117,7 @@ def independent_of_state(evidence: Evidence) -> Check | None:
         passed,
         f"The simulation error is {simulated:.3g} % with the state that earlier samples give, and"
         f" {fitted:.3g} % with the initial state that fits the validation samples best.",
-        "" if passed else CHECK_THE_MODEL,
+        CHECK_THE_MODEL,
         "caution",
     )
 
@@ -153,9 +149,7 @@ def comparable_split(evidence: Evidence) -> Check | None:
         name,
         not failed,
         _outside(worst, len(inputs) > 1) + (f" Also of {listed(failed)}." if failed[1:] else ""),
-        ""
-        if not failed
-        else "The validation errors measure extrapolation. Divide the recording differently"
+        "The validation errors measure extrapolation. Divide the recording differently"
         " (“split”), or give an independent recording with the same kind of input"
         " (“validation_file”).",
     )

@@ -132,9 +132,7 @@ def whiteness(evidence: Evidence) -> Check:
         f" {100 * share:.1f} % of {lags} autocorrelations lie inside their 95 % bounds (at least"
         f" {100 * _least_share(lags, len(outputs)):.1f} % required)."
         + (f" Coloured: {listed(coloured)}." if coloured and outputs[1:] else ""),
-        ""
-        if not coloured
-        else f"The noise model is incomplete: raise the upper end of {_noise_keys(model)}, or"
+        f"The noise model is incomplete: raise the upper end of {_noise_keys(model)}, or"
         " look for trends, mains hum or nonlinearity in the record.",
     )
 
@@ -183,9 +181,7 @@ def input_independence(evidence: Evidence) -> Check | None:
         f" {worst.max_in_bounds:.2f} times its bound; up to {largest_by_chance(count):.2f} times is"
         f" not significant (Bonferroni, {100 * SIGNIFICANCE:g} %)."
         + (f" Dependent: {listed(dependent)}." if dependent and pairs[1:] else ""),
-        ""
-        if not dependent
-        else "If positive lags are significant, raise the upper end of "
+        "If positive lags are significant, raise the upper end of "
         + ("“orders.nx”" if states else "“orders.nb” or “orders.joint”")
         + ", or search further delays (“delay.nk”). Significant negative lags indicate"
         " feedback from output to input.",
@@ -288,7 +284,7 @@ def _of_class(name: str, test: ResidualTest, what: str, advice: str) -> Check:
         f"The whitened residuals and {what}: {p_text(test.p_value)}, {100 * test.share:.2g} % of"
         f" their variance ({100 * SIGNIFICANCE:g} % significance and a share of"
         f" {100 * SMALL_SHARE:g} % are needed to object).",
-        "" if passed else advice,
+        advice,
     )
 
 

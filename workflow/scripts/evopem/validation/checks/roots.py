@@ -83,7 +83,7 @@ def _inside_unit_circle(name: str, what: str, found: Roots, advice: str) -> Chec
         name,
         passed,
         f"The largest radius of the {what} is {largest:.5f}, {where} the unit circle.",
-        "" if passed else advice,
+        advice,
     )
 
 
