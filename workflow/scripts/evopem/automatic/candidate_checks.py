@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, ndtri
 
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings, log_loss
 from evopem.automatic.held_out.simulation import Model, prediction_errors
@@ -19,7 +18,7 @@ from evopem.estimation.polynomial_estimate import covariance_of, roots_at_bound
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
-from evopem.validation.checks.check import SIGNIFICANCE
+from evopem.validation.checks.check import SIGNIFICANCE, largest_by_chance
 from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
@@ -38,6 +37,7 @@ from evopem.validation.excitation import excitation_order
 from evopem.validation.residual_tests import (
     autocorrelation_of,
     correlation_with_input,
+    free_whiteness_test,
     ljung_box_lags,
     whiteness_test,
 )
@@ -170,7 +170,7 @@ def _of_several_channels(
             for e in residuals.T
             if np.ptp(u) > 0.0 and np.ptp(e) > 0.0
         ]
-        allowed = _allowed(sum(len(each.lag) for each in pairs))
+        allowed = largest_by_chance(sum(len(each.lag) for each in pairs))
         correlation = max((each.largest_ratio for each in pairs), default=0.0)
         least_share = min((each.share_inside for each in pairs), default=1.0)
         if correlation > allowed or least_share < MIN_CROSS_CORRELATION_SHARE:
@@ -179,21 +179,13 @@ def _of_several_channels(
     return CandidateChecks(tuple(failed), whiteness, correlation, earlier_delays=earlier)
 
 
-def _allowed(count: int) -> float:
-    """The largest of some correlations that is not significant, in 95 % bounds."""
-    return math.inf if count == 0 else float(ndtri(1 - SIGNIFICANCE / (2 * count)) / ndtri(0.975))
-
-
 def _ljung_box(residuals: Array, bounds: Sequence[int], fitted: int) -> float:
     """p-value with as many degrees of freedom as lags, less what was fitted."""
     samples = len(residuals)
     lags = ljung_box_lags(samples, fitted, min(LAGS, samples // 3))
     if lags < 1 or not np.ptp(residuals) > 0.0:
         return 1.0
-    rho = autocorrelation_of(residuals, lags, bounds).values[1:]
-    k = np.arange(1, lags + 1)
-    statistic = samples * (samples + 2) * float(np.sum(rho**2 / (samples - k)))
-    return float(chdtrc(max(lags - fitted, 1), statistic))
+    return free_whiteness_test(residuals, lags, bounds, fitted).p_value
 
 
 def _earlier_delays(
@@ -203,7 +195,7 @@ def _earlier_delays(
 
     A dependence on later samples is one of the response, and no fault of the delay.
     """
-    allowed, earlier = _allowed(residuals.shape[1] * sum(delays)), list(delays)
+    allowed, earlier = largest_by_chance(residuals.shape[1] * sum(delays)), list(delays)
     for column, delay in enumerate(delays):
         for e in residuals.T if delay else ():
             found = correlation_with_input(e, inputs[:, column], max(delay, 1), bounds)
