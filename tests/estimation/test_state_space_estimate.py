@@ -78,7 +78,7 @@ def system(seed=0, modes=2, nu=2, ny=3, damping=0.03, structure="ss"):
         noise_covariance=np.eye(ny),
         structure=structure,
     )
-    assert np.abs(model.predictor_poles()).max() < 1.0
+    assert np.abs(model.noise_zeros()).max() < 1.0
     return model
 
 
@@ -238,7 +238,7 @@ def test_the_covariance_is_that_of_a_numerical_jacobian(structure):
     u, y, _ = recorded(truth, 200, 0.3, 3)
     record = scaled_recording(record_of([u], [y]), [1], True)
     errors = StateSpaceErrors(record, 2, structure)
-    point = descend(errors, from_poles(errors, truth.predictor_poles()), 300, 1e-13).point
+    point = descend(errors, from_poles(errors, truth.noise_zeros()), 300, 1e-13).point
     found = errors.projection(point)
     model = model_of(errors, found)
     covariance = parameter_covariance(errors, found, errors.weights(found.covariance))
@@ -640,7 +640,7 @@ def test_a_predictor_that_forgets_goes_on_behind_the_samples():
     known, error = Recording(u[:400], y[:400], 10.0), {}
     for forgets in (False, True):
         model = last_order(known, range(1, 7), forgets=forgets).model
-        radius = np.abs(model.predictor_poles()).max()
+        radius = np.abs(model.noise_zeros()).max()
         assert (radius <= np.exp(-3.0 / 400)) == forgets
         residuals = model.residuals(u, y, model.prediction_state(u[:400], y[:400]))[400:]
         error[forgets] = np.linalg.norm(residuals) / np.linalg.norm(y[400:] - y[400:].mean())

@@ -155,7 +155,7 @@ def _of_several_channels(
     )
     residuals, bounds = np.concatenate(parts), np.cumsum([0, *map(len, parts)]).tolist()
     states = model if not isinstance(model, PolynomialModel) else model.state_space()
-    radius = float(np.abs(np.concatenate([states.poles(), states.predictor_poles()])).max())
+    radius = float(np.abs(np.concatenate([states.poles(), states.noise_zeros()])).max())
     failed, whiteness, correlation, earlier = [], 1.0, 0.0, delays
     if lies_at_bound(radius, settings.max_root_radius):
         failed.append(INSIDE_BOUND)

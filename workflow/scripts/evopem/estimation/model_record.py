@@ -257,7 +257,7 @@ def derived_from(model: Model, plant_states: int) -> dict[str, Any]:
         "poles": plant.poles(),
         "zeros": (),
         "noise_poles": model.poles(),
-        "noise_zeros": model.predictor_poles(),
+        "noise_zeros": model.noise_zeros(),
         "parameter_standard_errors": None,
     }
 

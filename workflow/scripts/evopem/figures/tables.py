@@ -184,7 +184,7 @@ class Tables:
             model = record.state_space
             kinds = {"pole": model.poles()}
             if record.has_noise_model:
-                kinds["root of C"] = model.predictor_poles()
+                kinds["root of C"] = model.noise_zeros()
             found = [(kind, root, UNKNOWN) for kind, values in kinds.items() for root in values]
         for mode in self.results.truth.modes if self.results.truth else ():
             found += [("true pole", z, UNKNOWN) for z in (mode.pole, mode.pole.conjugate())]

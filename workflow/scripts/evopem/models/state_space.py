@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.states import fitted, states_of
+from evopem.models.states import delayed, fitted, states_of
 
 Array = NDArray[np.float64]
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
@@ -121,7 +121,7 @@ class StateSpaceModel:
         """Eigenvalues of A in the z plane, (n,)."""
         return np.asarray(np.linalg.eigvals(self.A), dtype=complex)
 
-    def predictor_poles(self) -> NDArray[np.complex128]:
+    def noise_zeros(self) -> NDArray[np.complex128]:
         """Eigenvalues of ``A - K C``, the zeros of the noise filter, (n,)."""
         return np.asarray(np.linalg.eigvals(self.predictor), dtype=complex)
 
@@ -337,10 +337,7 @@ class StateSpaceModel:
         u = np.asarray(inputs, dtype=float)
         if u.ndim != 2 or u.shape[1] != self.inputs:
             raise ValueError(f"inputs must be (N, {self.inputs}), not {u.shape}")
-        shifted = np.zeros_like(u)
-        for column, delay in enumerate(self._delays):
-            shifted[delay:, column] = u[: max(len(u) - delay, 0), column]
-        return shifted
+        return delayed(u, self._delays)
 
     def _signals(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[Array, Array]:
         u, y = self._delayed(inputs), np.asarray(outputs, dtype=float)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -154,3 +155,11 @@ def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array
         states[k] += x @ power
         x = x @ power[-1] @ dynamics.T + ends[k]
     return states.reshape(-1, n)[:samples]
+
+
+def delayed(signals: Array, delays: Sequence[int]) -> Array:
+    """Columns later by some samples each; 0 before the record."""
+    later = np.zeros_like(signals)
+    for column, delay in enumerate(delays):
+        later[delay:, column] = signals[: max(len(signals) - delay, 0), column]
+    return later

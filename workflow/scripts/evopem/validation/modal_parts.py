@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.states import delayed
 from evopem.validation.held_out_tests import HeldOutContribution
-from evopem.validation.responses import HeldOut, Model
+from evopem.validation.responses import HeldOut
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -39,9 +40,9 @@ class ModalParts:
             if isinstance(model, PolynomialModel)
             else [delay + 1 for delay in model.input_delays or (0,) * model.inputs]
         )
-        drives = _delayed(record.inputs, delays)
+        drives = delayed(record.inputs, delays)
         innovations = np.nan_to_num(outputs - record.predicted_from_start())
-        past = _delayed(innovations, (1,) * innovations.shape[1])
+        past = delayed(innovations, (1,) * innovations.shape[1])
         return cls(
             outputs,
             record.simulated_from_rest(),
@@ -93,13 +94,6 @@ class ModalParts:
         return without[self.first :], self.innovations[self.first :]
 
 
-def noise_zeros(model: Model) -> Complex:
-    """Zeros of the noise filter: roots of C, or eigenvalues of the predictor."""
-    if isinstance(model, PolynomialModel):
-        return model.noise_zeros()
-    return model.predictor_poles()
-
-
 def _nearest(zeros: Complex, pole: complex) -> Array:
     """The factor of the pair of zeros nearest to a pole; 1 where there is no pair."""
     if len(zeros) < 2:
@@ -137,10 +131,3 @@ def _response(mode: Mode, drives: Array, participation: Complex) -> Array:
         modal = lfilter([1.0], [1.0, -mode.pole], drives @ participation)
         response: Array = 2.0 * np.outer(modal, mode.shape).real
     return response
-
-
-def _delayed(signals: Array, delays: Sequence[int]) -> Array:
-    delayed = np.zeros_like(signals)
-    for column, delay in enumerate(delays):
-        delayed[delay:, column] = signals[: max(len(signals) - delay, 0), column]
-    return delayed

@@ -28,7 +28,7 @@ from evopem.validation.held_out_tests import (
     improvement_test,
     joint_contribution_test,
 )
-from evopem.validation.modal_parts import ModalParts, noise_zeros
+from evopem.validation.modal_parts import ModalParts
 from evopem.validation.responses import HeldOut, Model, divided
 
 if TYPE_CHECKING:
@@ -265,7 +265,7 @@ def held_out_mode_tests(modes: Sequence[Mode], held_out: Sequence[HeldOut]) -> l
             if records and len(mode.input_participation):
                 of_input = joint_contribution_test([each.of_input(index) for each in records])
             if records and np.any(mode.noise_participation):
-                of_noise = _noise_test(records, index, mode.pole, noise_zeros(held_out[0].model))
+                of_noise = _noise_test(records, index, mode.pole, held_out[0].model.noise_zeros())
             share = max((each.power_share(index) for each in records), default=math.nan)
             tests.append((of_input, of_noise, share))
     return tests

@@ -172,7 +172,7 @@ def _described(
     """The estimate at a point."""
     errors, data = problem.plain, problem.plain.data
     found, model = problem.projection(result.point), problem.model(result.point)
-    radius = float(np.abs(np.concatenate([model.poles(), model.predictor_poles()])).max())
+    radius = float(np.abs(np.concatenate([model.poles(), model.noise_zeros()])).max())
     names, unheld = problem.active(result.point)
     given = sum(len(block.known) for block in problem.blocks)
     given += sum(not gain.codes for gain in problem.gains.values())
