@@ -73,7 +73,7 @@ def test_smaller_orders_do_not_speak_against_a_mode_of_the_largest(ambient):
     table = table_of_models(models, 12)
     own = [each for each in table.modes if each.order == 12]
     assert own
-    assert {each.stable for each in own} == {None}
+    assert {each.stable for each in own} <= {None, True}
 
 
 def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
