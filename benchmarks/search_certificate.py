@@ -34,7 +34,6 @@ from evopem.estimation.prediction_errors import (  # noqa: E402
     prediction_errors,
     scaled_errors,
 )
-from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.certificate import (  # noqa: E402
     AFTER_BATCHES,
     AFTER_FEW_OPTIMA,
@@ -48,7 +47,10 @@ from evopem.estimation.search.global_search import (  # noqa: E402
     FIRST_PASS,
     global_search,
 )
-from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
+from evopem.estimation.search.polynomial_problem import (  # noqa: E402
+    ArmaxProblem,
+    PolynomialProblem,
+)
 from evopem.models.structures import Orders, orders_of  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import polynomial_record  # noqa: E402

@@ -47,8 +47,8 @@ from evopem.estimation.order_selection import (  # noqa: E402
 )
 from evopem.estimation.pem.kernels.simd import LANES  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
-from evopem.estimation.search.armax_problem import ArmaxProblem  # noqa: E402
 from evopem.estimation.search.global_search import global_search  # noqa: E402
+from evopem.estimation.search.polynomial_problem import ArmaxProblem  # noqa: E402
 from evopem.models.structures import Orders, armax_orders, orders_of  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 

@@ -13,7 +13,7 @@ from evopem import (
     estimate,
 )
 from evopem.estimation.pem.covariance import estimate_covariance
-from evopem.estimation.search.armax_problem import fit_arx
+from evopem.estimation.search.polynomial_problem import fit_arx
 from evopem.models.structures import armax_orders
 from evopem.synthesis.armax import armax
 

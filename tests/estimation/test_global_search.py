@@ -6,7 +6,6 @@ import pytest
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
-from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.certificate import (
     POLYNOMIALS,
     STATE_SPACE,
@@ -15,7 +14,7 @@ from evopem.estimation.search.certificate import (
 )
 from evopem.estimation.search.global_search import BATCH, BATCHES, global_search, hop
 from evopem.estimation.search.memetic import memetic_search
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.polynomial_problem import ArmaxProblem, PolynomialProblem
 from evopem.models.structures import armax_orders, orders_of
 from evopem.synthesis.armax import armax
 

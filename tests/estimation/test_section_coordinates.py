@@ -7,8 +7,7 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
-from evopem.estimation.search.armax_problem import ArmaxProblem
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.polynomial_problem import ArmaxProblem, PolynomialProblem
 from evopem.estimation.search.section_coordinates import SectionCoordinates
 from evopem.models.structures import armax_orders, orders_of
 from evopem.signals.recording import Segment

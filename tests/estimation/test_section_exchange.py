@@ -8,15 +8,14 @@ import pytest
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
-from evopem.estimation.search.armax_problem import ArmaxProblem
-from evopem.estimation.search.common_sections import (
+from evopem.estimation.search.polynomial_problem import ArmaxProblem, PolynomialProblem
+from evopem.estimation.search.section_exchange import (
+    SectionExchange,
     growth,
     places,
     with_common_section,
     without_common_section,
 )
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.section_exchange import SectionExchange
 from evopem.estimation.search.section_gains import gains, grid
 from evopem.models.structures import armax_orders, orders_of
 from evopem.signals.recording import Segment

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from evopem.estimation.search.sections import (
+from evopem.estimation.search.polynomials import (
     product_of,
+    random_denominators,
     recombined_polynomials,
     sections_of,
 )
-from evopem.estimation.search.starting_polynomials import random_denominators
 
 
 @pytest.mark.parametrize("order", range(8))

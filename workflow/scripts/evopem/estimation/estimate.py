@@ -28,10 +28,9 @@ from evopem.estimation.prediction_estimate import (
     prediction_estimate,
     search_key,
 )
-from evopem.estimation.search.armax_problem import ArmaxProblem
 from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.global_search import continued_search
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.polynomial_problem import ArmaxProblem, PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.estimation.simulation_estimate import simulation_estimate
 from evopem.estimation.state_space.estimate import estimate_state_space

@@ -15,8 +15,13 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.pem.constrained_model import constrained_parameters, equalities, priors_of
-from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
+from evopem.estimation.pem.constrained_model import (
+    Priors,
+    constrained_parameters,
+    equalities,
+    priors_of,
+)
+from evopem.estimation.pem.constrained_parameters import ConstrainedErrors, ConstrainedParameters
 from evopem.estimation.pem.covariance import (
     Fitted,
     loss_deviation,
@@ -28,10 +33,8 @@ from evopem.estimation.pem.covariance import (
 from evopem.estimation.pem.k_step_errors import KStepErrors, SimulationErrors
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.pem.priors import Priors
 from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import Units, scaled_errors
-from evopem.estimation.search.constrained_errors import ConstrainedErrors
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled

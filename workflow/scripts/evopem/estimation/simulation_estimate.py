@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints
 from evopem.errors import InputError
 from evopem.estimation.pem.constrained_model import equalities, plant_polynomial
-from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
+from evopem.estimation.pem.constrained_parameters import ConstrainedErrors, ConstrainedParameters
 from evopem.estimation.pem.constrained_polynomials import Linear
 from evopem.estimation.pem.covariance import (
     Fitted,
@@ -34,11 +34,10 @@ from evopem.estimation.prediction_estimate import (
     weight_of_priors,
     without_plant_radius,
 )
-from evopem.estimation.search.constrained_errors import ConstrainedErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.polynomials import noise_model
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, solve_linear
-from evopem.estimation.search.starting_polynomials import noise_model
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import roots

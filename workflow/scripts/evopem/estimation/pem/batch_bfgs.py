@@ -40,16 +40,12 @@ def descend(
     refresh: bool = True,
     wait: float | None = None,
 ) -> Descent:
-    """Minimise from each row of ``starts`` by BFGS, with a line search that brackets and bisects
-    (Lewis & Overton 2013) and serves objectives with corners; points of infinite value only shorten
-    the step.
-
-    ``evaluate(points, rows)``: values (m,) and gradients (m, n) at points that belong to the starts
-    ``rows``.  ``inverse_hessians(points, rows)``: approximations (m, n, n), asked again on the way
-    with ``refresh``.  ``tolerance``: of the decreases promised and last made, relative to the
+    """Minimise from each row of ``starts`` by BFGS, with a line search for corners too (Lewis &
+    Overton 2013); points of infinite value only shorten the step.  ``evaluate`` and
+    ``inverse_hessians`` get points and the starts ``rows`` they belong to, the latter on the way
+    too with ``refresh``.  ``tolerance``: of the decreases promised and last made, relative to the
     value.  ``wait``: how much longer the rest may take once half of the starts have ended, in what
-    those took.
-    """
+    those took."""
 
     def tried(state: State, trials: int, few: int) -> tuple[int, int]:
         if not trials:

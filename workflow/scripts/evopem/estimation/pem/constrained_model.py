@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints, FixedPole
 from evopem.errors import InputError
-from evopem.estimation.pem.constrained_parameters import ConstrainedParameters, Gain, GivenGain
+from evopem.estimation.pem.constrained_parameters import (
+    ConstrainedParameters,
+    Gain,
+    GivenGain,
+    Priors,
+    PriorTerm,
+)
 from evopem.estimation.pem.constrained_polynomials import Linear, Sections, null_space
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, Band, PoleRegion
-from evopem.estimation.pem.priors import Priors, PriorTerm
 from evopem.models.constraint_checks import coefficient_index
 from evopem.models.structures import Orders
 

@@ -36,11 +36,9 @@ def estimate_covariance(
     objective: str,
 ) -> ParameterCovariance | None:
     """Covariance of the first ``parameters`` estimates for white residuals, ``s^2 (J'J)^-1`` with s
-    as of :func:`loss_deviation` (Ljung 1999, eq. 9.17); None where that is not known.
-
-    ``triangle`` (m, m): R of the QR decomposition of J.  Where the scored residuals are rounding
-    errors of the output, the coefficients ``of_noise`` are not identifiable.
-    """
+    as of :func:`loss_deviation` (Ljung 1999, eq. 9.17) or None, from R of the QR decomposition of
+    J. Where residuals are rounding errors of the output, coefficients ``of_noise`` are not
+    identifiable."""
     estimated = triangle.shape[1]
     inverse, null_space = pseudo_inverse_factor(triangle)
     if np.linalg.norm(residuals) <= RESIDUAL_ROUNDING * np.linalg.norm(output):
@@ -60,13 +58,10 @@ def coloured_covariance(
     counts: Sequence[int] = (),
 ) -> ParameterCovariance | None:
     """Covariance of the first ``parameters`` estimates for residuals of any colour (Ljung 1999, eq.
-    9.9-9.11).
-
-    Where psi depends on the inputs alone, ``sum psi s`` has the covariance ``v sum psi~ psi~'``,
-    psi filtered backwards by an autoregression of s, v the variance of its innovations (eq.
-    9.41-42); else it is summed from sample autocovariances (Newey & West 1987).  ``counts``:
-    residuals of stretches without correlation between them.
-    """
+    9.9-9.11).  Where psi depends on the inputs alone, ``sum psi s`` has the covariance ``v sum psi~
+    psi~'``, psi filtered backwards by an autoregression of s, v the variance of its innovations
+    (eq. 9.41-42); else it is summed from sample autocovariances of each stretch (Newey & West
+    1987)."""
     from scipy.signal import lfilter
 
     samples, estimated = jacobian.shape
@@ -179,12 +174,9 @@ def two_stage_covariance(
     deviation: float,
 ) -> ParameterCovariance:
     """Joint covariance of a plant fitted to coloured errors, and of C and D fitted given the plant,
-    whose residuals the errors of the first stage add to.
-
-    ``noise_filter``: from innovations to errors of the first stage.  ``to_second`` (m, n):
-    derivatives of the plant's m parameters, as the second stage holds them, by the n of the first.
-    ``crossed`` (N, m): derivatives of the errors of the second stage by those.
-    """
+    whose residuals the errors of the first stage add to.  ``to_second`` (m, n): derivatives of the
+    plant's m parameters, as the second stage holds them, by the n of the first.  ``crossed`` (N,
+    m): derivatives of the errors of the second stage by those."""
     from scipy.linalg import block_diag
 
     plant, plant_priors, plant_null = (

@@ -1,11 +1,7 @@
-"""The prediction-error problem of a polynomial model.
-
-A *point* holds ``[a, b_1 ... b_m, c, d, f_1 ... f_m]`` (chapter eq. 18), a level for each
-recording, for each stretch the states of all plants (nf_i entries each), then for each stretch the
-noise state (``max(nc, nd)``): what the unknown past adds to the first equations of ``F_i x_i = -B_i
-u_i + g_i`` and ``C e = D v + s``.  Estimated along, they leave no transient.  A population is an
-(M, n) array.
-"""
+"""The prediction-error problem of a polynomial model.  A *point* holds ``[a, b_1 ... b_m, c, d, f_1
+... f_m]`` (chapter eq. 18), a level for each recording, for each stretch the states of all plants
+(nf_i entries each), then for each stretch the noise state (``max(nc, nd)``): what the unknown past
+adds to the first equations of ``F_i x_i = -B_i u_i + g_i`` and ``C e = D v + s``."""
 
 from __future__ import annotations
 
@@ -34,14 +30,11 @@ RANKS = (1e-10, 1e-6)
 
 
 class PolynomialErrors:
-    """Objective, gradient and curvature of the models of some orders, over one or more stretches.
-
+    """Objective, gradient and curvature of the models of some orders, over one or more stretches:
     ``100 sum|e| / sum|y|`` (chapter eq. 20-21, as ``100 - fit``) or ``100 sum e**2 / sum y**2``
-    (eq. 22) of ``A y = (B/F) u + (C/D) e + level``.  ``plant_radius``, ``noise_radius``: largest of
-    roots of A and F, of C and D.  ``window``: first residual of each stretch and first that counts;
-    one for all orders that are compared makes a smaller model a special case of a larger one.
-    NoModelError when no stretch is long enough.
-    """
+    (eq. 22) of ``A y = (B/F) u + (C/D) e + level``, roots of A and F within ``plant_radius``, of C
+    and D within ``noise_radius``.  One ``window`` makes a smaller model a special case of a larger
+    one."""
 
     def __init__(
         self,

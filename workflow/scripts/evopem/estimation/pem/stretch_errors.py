@@ -60,10 +60,8 @@ class StretchErrors:
     # needs none.
     @cached_property
     def _record(self) -> Record:
-        o = self.orders
-        orders = (o.na, o.nb, o.nc, o.nd, o.nf, o.nk)
         starts = self.residual_start, self.loss_start
-        return record_of(self.output, self.inputs, orders, self.level, *starts)
+        return record_of(self.output, self.inputs, self.orders, self.level, *starts)
 
     @cached_property
     def _workspace(self) -> Workspace:

@@ -1,11 +1,7 @@
-"""The search of identification.
-
-Where descents from a few random points all end at one optimum, the search is over.  Elsewhere
-independent searches by growth and exchange of sections follow (:mod:`.section_exchange`), until
-enough have ended at the lowest value and exchange from it finds nothing lower.  Where polynomials
-share no sections, memetic restarts and hops between neighbouring optima take their place (basin
-hopping; Leary 2000, Global optimization on funneling landscapes).
-"""
+"""The search of identification.  Where descents from a few random points all end at one optimum, it
+is over.  Elsewhere independent searches by growth and exchange of sections follow, until enough
+have ended at the lowest value and exchange from it finds nothing lower; where polynomials share no
+sections, memetic restarts and hops (basin hopping; Leary 2000)."""
 
 from __future__ import annotations
 

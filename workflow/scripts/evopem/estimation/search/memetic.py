@@ -1,9 +1,6 @@
 """Memetic search: a (mu + lambda) evolution strategy whose mutation is BFGS (chapter section 4).
-
-Offspring are recombined, some of them (the worst by default) refined by BFGS, and the best of
-parents and offspring kept.  A converged population restarts.  When enough restarts agree on the
-lowest value, a multistart check follows, and restarts until a certificate where asked for.
-"""
+Offspring are recombined, some (the worst by default) refined, and the best kept.  A converged
+population restarts.  When enough restarts agree, a multistart check follows."""
 
 from __future__ import annotations
 
@@ -53,13 +50,10 @@ def memetic_search(
     recombine: Recombination | None = None,
     until_certified: bool = False,
 ) -> SearchResult:
-    """Minimise an objective globally; InputError when no value was finite.
-
-    ``known_minimum``: restarts that agree on a higher value do not end the search,
-    ``agreeing_restarts`` at the lowest do.  ``recombine(parents, count, generator)``: offspring
-    (count, n), and their evaluations.  ``until_certified``: restarts go on after the check until a
-    certificate, where all agree with up to twice the evaluations.
-    """
+    """Minimise an objective globally; InputError when no value was finite.  Restarts that agree on
+    a value above ``known_minimum`` do not end the search.  ``recombine(parents, count,
+    generator)``: offspring (count, n), and their evaluations.  ``until_certified``: restarts go on
+    after the check until a certificate, where all agree with up to twice the evaluations."""
     found = _Found()
 
     def agreeing() -> int:

@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.descent_problem import DescentProblem
-from evopem.estimation.search.staged_descent import (
-    LINEAR_STEPS,
-    Stage,
-    solve_linear,
-    staged_descent,
-)
-from evopem.estimation.search.starting_polynomials import (
+from evopem.estimation.search.polynomials import (
     arx_denominator,
     long_arx_responses,
     noise_model,
@@ -29,6 +23,12 @@ from evopem.estimation.search.starting_polynomials import (
     reduced_denominator,
     steiglitz_mcbride,
     subspace_denominator,
+)
+from evopem.estimation.search.staged_descent import (
+    LINEAR_STEPS,
+    Stage,
+    solve_linear,
+    staged_descent,
 )
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
@@ -272,7 +272,10 @@ class PolynomialStarts(DescentProblem):
         self, points: Array, grown: Sequence[tuple[slice, Array]]
     ) -> tuple[Array, int]:
         """The lowest points with polynomials, (place, monic), times random ones; evaluations."""
-        generator = self._own_generator()
+        # The draws of these orders, the same in every search.
+        o = self.errors.orders
+        nb, nf, nk = (each or (0,) for each in (o.nb, o.nf, o.nk))
+        generator = np.random.default_rng([o.na, *nb, o.nc, o.nd, *nf, *nk])
         for part, monic in grown:
             missing = part.stop - part.start - len(monic) + 1
             if missing <= 0:
@@ -283,12 +286,6 @@ class PolynomialStarts(DescentProblem):
         points, used = self.completed(points)
         best = np.argsort(self.values(points), kind="stable")[:DESCENDED]
         return points[best], used + len(points)
-
-    def _own_generator(self) -> np.random.Generator:
-        """The draws of these orders, the same in every search."""
-        o = self.errors.orders
-        nb, nf, nk = (each or (0,) for each in (o.nb, o.nf, o.nk))
-        return np.random.default_rng([o.na, *nb, o.nc, o.nd, *nf, *nk])
 
     def adapted(self, model: PolynomialModel) -> Array:
         """A model as points of these orders: coefficients cut off or filled up with zeros."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -174,20 +174,17 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
         (one.evaluations + spent, min(value, first.value)) for spent, value in other.convergence
     )
     minima = one.restart_minima + other.restart_minima
-    return SearchResult(
-        point=best.point,
-        value=best.value,
-        diagnostics=SearchDiagnostics(
-            evaluations=one.evaluations + other.evaluations,
-            generations=one.generations + other.generations,
-            restart_minima=minima,
-            n_confirming=count_confirming(minima, best.value),
-            n_local_optima=max(one.n_local_optima, other.n_local_optima),
-            n_multistart=one.n_multistart + other.n_multistart,
-            undiscovered_probability=drawn.undiscovered_probability,
-            convergence=(*one.convergence, *continued),
-        ),
+    diagnostics = SearchDiagnostics(
+        evaluations=one.evaluations + other.evaluations,
+        generations=one.generations + other.generations,
+        restart_minima=minima,
+        n_confirming=count_confirming(minima, best.value),
+        n_local_optima=max(one.n_local_optima, other.n_local_optima),
+        n_multistart=one.n_multistart + other.n_multistart,
+        undiscovered_probability=drawn.undiscovered_probability,
+        convergence=(*one.convergence, *continued),
     )
+    return replace(best, diagnostics=diagnostics)
 
 
 def same_optimum(value: float, best: float, tolerance: float = SAME_OPTIMUM) -> bool:

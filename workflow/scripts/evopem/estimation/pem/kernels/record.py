@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.cache import njit
 from evopem.estimation.pem.kernels.simd import constant, lanes_table, store
+from evopem.models.structures import Orders
 
 # Parts of the signed parameters.
 OF_A, OF_B, OF_C, OF_D, OF_F, LEVEL, PLANT_STATE, NOISE_STATE = range(8)
@@ -31,12 +32,10 @@ FRONT = 4
 
 class Record(NamedTuple):
     """A record, the orders of the models that share a pass over it, and the samples that count.
-
-    ``y`` and, one after the other, the inputs in ``u`` begin with :data:`FRONT` zeros; sample
-    numbers include them.  ``at_...``: first rows of the signed parameters; ``entry``, ``sign``: the
-    entry of a point that each row holds, or -1, and its sign.  ``parts``: kind, input, coefficients
-    and first row of each part.  ``history``: rows that recursions look back on.
-    """
+    ``y`` and, one after the other, the inputs in ``u`` begin with :data:`FRONT` zeros, which sample
+    numbers include.  ``at_...``: first signed rows; ``entry``, ``sign``: the entry of a point that
+    each holds, or -1, and its sign.  ``parts``: kind, input, coefficients, first row.  ``history``:
+    rows looked back on."""
 
     y: Array
     u: Array
@@ -98,14 +97,14 @@ class Workspace(NamedTuple):
 def record_of(
     output: Array,
     inputs: Array,
-    orders: tuple[int, tuple[int, ...], int, int, tuple[int, ...], tuple[int, ...]],
+    orders: Orders,
     level: bool,
     residual_start: int,
     loss_start: int,
 ) -> Record:
-    """A record as the kernels read it.  ``output`` (N,), ``inputs`` (N, m).  ``orders``: na, nb,
-    nc, nd, nf, nk, of inputs one for each."""
-    na, nb, nc, nd, nf, nk = orders
+    """A record, of output (N,) and inputs (N, m), as the kernels read it."""
+    o = orders
+    na, nb, nc, nd, nf, nk = o.na, o.nb, o.nc, o.nd, o.nf, o.nk
     rows_c = max(nc, MIN_NC) if nc else 0
     rows_f = [max(each, MIN_NC) if each else 0 for each in nf]
     states = max(nc, nd)
