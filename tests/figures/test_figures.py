@@ -102,7 +102,7 @@ def test_a_million_samples_draw_quickly_and_small():
 
 def test_spectrum_with_band_peaks_and_truth(results, view):
     (axes,) = drawn(view, "spectrum")
-    shown, peaks = results.spectrum.iloc[1:], results.spectrum_summary.peaks
+    shown, peaks = results.spectrum.iloc[1:], results.spectrum_summaries[0].peaks
     density = lines(axes)["estimate with 95 % band"].get_ydata()
     assert density.max() == pytest.approx(shown["density"].max())
     (band,) = axes.collections
@@ -238,7 +238,7 @@ def of_noise_alone(results):
         ),
         phases={name: results.phases[name] for name in ("joint", "nc")},
         candidates=results.candidates[results.candidates["phase"].isin(["joint", "nc"])],
-        spectrum=results.spectrum[["frequency_hz", "density", "lower", "upper"]],
+        spectrum=results.spectrum[["output", "frequency_hz", "density", "lower", "upper"]],
         frequency_response=response,
         time_response=in_time,
         validation_tables=replace(tables, simulation=simulation),

@@ -137,7 +137,9 @@ def test_box_cox_is_explained_unless_it_is_linear(results):
 
 def with_peaks(results, *frequencies):
     peaks = tuple(SpectralPeak(frequency, 1.0, 20.0, 0.5, 2.0) for frequency in frequencies)
-    return replace(results, spectrum_summary=replace(results.spectrum_summary, peaks=peaks))
+    return replace(
+        results, spectrum_summaries=(replace(results.spectrum_summaries[0], peaks=peaks),)
+    )
 
 
 def test_spectrum_counts_the_peaks(results):

@@ -16,7 +16,6 @@ from evopem.estimation.model_record import FORMS
 from evopem.figures.style import with_unit
 from evopem.models.mode_matching import StabilizationPole, stabilization
 from evopem.results.dataset import DatasetResults
-from evopem.signals.peaks import spectral_peaks
 from evopem.signals.spectra import multitaper_spectrum
 
 if TYPE_CHECKING:
@@ -24,9 +23,7 @@ if TYPE_CHECKING:
 
 # Length of the transforms of the outputs, and of the residuals: coarse, since white noise has no
 # lines.
-SPECTRUM_NFFT, RESIDUAL_NFFT = 2048, 1024
-# Samples of a time response of several channels.
-RESPONSE_SAMPLES = 500
+RESIDUAL_NFFT = 1024
 ROOTS = (
     ("a", "pole"),
     ("f", "pole of the plant"),
@@ -35,7 +32,6 @@ ROOTS = (
     ("d", "pole of the noise filter"),
 )
 _RESPONSE = ("gain", "gain_lower", "gain_upper", "phase_deg")
-_BAND = ("", "_lower", "_upper")
 UNKNOWN = np.full((2, 2), np.nan)
 
 
@@ -97,59 +93,28 @@ class Tables:
         noise = _response(table, "noise filter", "noise_")
         if not self.inputs:
             return noise.drop(columns=["input", "coherence"])
-        measured = _response(table, "measured", "measured_")
-        if not self.results.spectrum.empty:
-            pair = {"output": self.outputs[0].name, "input": self.inputs[0].name}
-            measured = self.results.spectrum.assign(**pair)
-            measured = _response(measured, "measured", "frequency_response_")
+        measured = _response(self.results.spectrum, "measured", "frequency_response_")
         model = _response(table, "model", "").assign(coherence=np.nan)
         return pd.concat([model, noise.assign(coherence=np.nan), measured], ignore_index=True)
 
     @cached_property
     def time_response(self) -> pd.DataFrame:
         """Responses to a step and an impulse; without an input of the noise filter, or none."""
-        if self.results.settings.is_single_channel:
-            table = self.results.time_response.assign(output=self.outputs[0].name)
-            return table.assign(input=self.inputs[0].name) if self.inputs else table
-        if not self.inputs:
-            return pd.DataFrame()
-        impulse = self.results.model.plant.impulse_response(RESPONSE_SAMPLES)
-        times = np.arange(RESPONSE_SAMPLES) / self.results.model.sampling_rate
-        tables = [
-            pd.DataFrame({"time_s": times, "impulse": response, "step": np.cumsum(response)})
-            .reindex(columns=["time_s", *(f"{k}{e}" for k in ("impulse", "step") for e in _BAND)])
-            .assign(output=output.name, input=source.name)
-            for output, rows in zip(self.outputs, impulse.transpose(1, 2, 0), strict=True)
-            for source, response in zip(self.inputs, rows, strict=True)
-        ]
-        return pd.concat(tables, ignore_index=True)
+        return self.results.time_response
 
     @cached_property
-    def _spectra(self) -> tuple[pd.DataFrame, dict[str, Sequence[SpectralPeak]]]:
-        if self.results.settings.is_single_channel:
-            table = self.results.spectrum[["frequency_hz", "density", "lower", "upper"]]
-            return self._by_output([table]), {
-                self.outputs[0].name: self.results.spectrum_summary.peaks
-            }
-        found: dict[str, Sequence[SpectralPeak]] = {}
-        rate, tables = self.results.model.sampling_rate, []
-        signals = self.results.prepared.estimation.longest.outputs.T
-        for output, signal in zip(self.outputs, signals, strict=True):
-            table = spectrum_of(signal, rate, SPECTRUM_NFFT)
-            estimate = multitaper_spectrum(signal, rate, nfft=SPECTRUM_NFFT) if len(table) else None
-            found[output.name] = spectral_peaks(estimate) if estimate else ()
-            tables.append(table.drop(columns="white_level"))
-        return self._by_output(tables), found
-
-    @property
     def spectrum(self) -> pd.DataFrame:
         """Multitaper spectra of the prepared outputs."""
-        return self._spectra[0]
+        table = self.results.spectrum
+        own = table[table["input"] == self.inputs[0].name] if self.inputs else table
+        return own[["output", "frequency_hz", "density", "lower", "upper"]].reset_index(drop=True)
 
     @property
     def peaks(self) -> dict[str, Sequence[SpectralPeak]]:
         """Of each spectrum, by the names of the outputs."""
-        return self._spectra[1]
+        summaries = self.results.spectrum_summaries
+        names = [output.name for output in self.outputs]
+        return {name: each.peaks for name, each in zip(names, summaries, strict=True)}
 
     @cached_property
     def residual_spectrum(self) -> pd.DataFrame:

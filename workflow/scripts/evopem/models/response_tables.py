@@ -20,7 +20,11 @@ NORMAL_95 = 1.959963984540054
 Array = NDArray[np.float64]
 Column = list[float] | list[str] | list[int] | Array
 
-FREQUENCIES = 2049
+# Frequencies, and those of each of several pairs of channels.
+FREQUENCIES, FREQUENCIES_OF_PAIRS = 2049, 513
+# Samples of the responses of several channels.
+RESPONSE_SAMPLES = 500
+_RESPONSES = ("impulse", "step", "noise_impulse")
 # Samples of a time response: until it has settled to this share, within limits.
 SETTLED = 1e-3
 FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
@@ -193,7 +197,8 @@ def frequency_response_table(
     ``plant``: of a state-space model with a noise model beside it.
     """
     if frequencies is None:
-        frequencies = np.linspace(0.0, model.sampling_rate / 2.0, FREQUENCIES)
+        count = FREQUENCIES if len(inputs) * len(outputs) <= 1 else FREQUENCIES_OF_PAIRS
+        frequencies = np.linspace(0.0, model.sampling_rate / 2.0, count)
     own = plant or model
     response, bands = own.frequency_response(frequencies), response_interval(own, frequencies)
     noise, of_noise = model.noise_response(frequencies), response_interval(model, frequencies, True)
@@ -234,13 +239,40 @@ def _unwrapped(angles: Array) -> Array:
     return unwrapped
 
 
-def time_response_table(model: PolynomialModel) -> dict[str, Array]:
+def time_response_table(
+    model: PolynomialModel | StateSpaceModel,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    plant: StateSpaceModel | PolynomialModel,
+) -> dict[str, Array | list[str]]:
     """Impulse and step response of the plant and impulse response of the noise filter.
 
-    Each with its 95 % interval, to first order in the coefficients; NaN where there is none.
+    A row for each sample of each pair of output and input.  Polynomials of at most one input have
+    95 % intervals, to first order in the coefficients, and the noise filter; NaN elsewhere.
     """
+    if isinstance(model, PolynomialModel) and model.inputs <= 1:
+        table = _responses_of_one(model)
+        labels = {"output": outputs[:1], "input": inputs[:1]}
+        count = len(table["time_s"])
+        return {name: [*own] * count for name, own in labels.items() if own} | table
+    pairs = [(row, column) for row in range(len(outputs)) for column in range(len(inputs))]
+    impulse = plant.impulse_response(RESPONSE_SAMPLES) if pairs else np.empty((0, 0, 0))
+    impulses = np.concatenate([np.empty(0), *(impulse[:, i, j] for i, j in pairs)])
+    steps = np.concatenate([np.empty(0), *(np.cumsum(impulse[:, i, j]) for i, j in pairs)])
+    times = np.arange(RESPONSE_SAMPLES) / model.sampling_rate
+    unknown = np.full(len(impulses), np.nan)
+    bands = {f"{name}{end}": unknown for name in _RESPONSES for end in ("", "_lower", "_upper")}
+    return {
+        "output": [outputs[i] for i, _ in pairs for _ in times],
+        "input": [inputs[j] for _, j in pairs for _ in times],
+        "time_s": np.tile(times, len(pairs)),
+        **(bands | {"impulse": impulses, "step": steps}),
+    }
+
+
+def _responses_of_one(model: PolynomialModel) -> dict[str, Array | list[str]]:
     samples = response_length(model)
-    table = {"time_s": np.arange(samples) / model.sampling_rate}
+    table: dict[str, Array | list[str]] = {"time_s": np.arange(samples) / model.sampling_rate}
     responses = {
         "impulse": (model.has_input, lambda m: m.impulse_response(samples)),
         "step": (model.has_input, lambda m: m.step_response(samples)),

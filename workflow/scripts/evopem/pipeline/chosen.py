@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, cast
-
-import numpy as np
+from typing import cast
 
 from evopem.automatic.chosen import estimate_choice, select_structure, window_of
 from evopem.automatic.chosen import estimate_chosen as search_chosen
@@ -38,10 +36,7 @@ from evopem.models.response_tables import (
 from evopem.pipeline.structures import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
-from evopem.signals.recording import Recording
-from evopem.signals.spectra import frequency_response
 
-NFFT = 1024
 Log = Callable[[str], None]
 
 
@@ -143,17 +138,15 @@ def complete_model(
     With a focus or constraints, the model of its orders is estimated for these.  That of several
     channels, which have no phases, is searched globally.
     """
-    estimation = load_prepared(files.prepared, files.transforms).estimation
     if phases:
         record = _selected(files, search, window, phases[-1], fit)
-        names = record.input_names, record.output_names
-        write_table(files.frequency_response, frequency_response_table(record.model, *names))
-        write_table(files.time_response, time_response_table(record.polynomials))
     else:
         record = estimate_channels(files, search, settings, fits, fit, log)
-        with one_blas_thread():
-            rows = _frequency_response(record, estimation)
-        write_table(files.frequency_response, rows)
+    model, names = record.model, (record.input_names, record.output_names)
+    plant = None if record.orders is not None else record.plant
+    with one_blas_thread():
+        write_table(files.frequency_response, frequency_response_table(model, *names, plant))
+        write_table(files.time_response, time_response_table(model, *names, record.plant))
     save(record, files.model)
     save_model_mat(record.model, files.model_mat)
 
@@ -186,22 +179,3 @@ def _selected(
         focus=fit.focus,
         constraints=fit.constraints,
     )
-
-
-def _frequency_response(record: ModelRecord, estimation: Recording) -> dict[str, Any]:
-    """The responses of model and noise filter, beside the measured ones."""
-    plant = None if record.orders is not None else record.plant
-    names = record.input_names, record.output_names
-    if not record.has_input:
-        return frequency_response_table(record.model, *names, plant)
-    # Enough tapers for the spectral matrix of the inputs to be inverted.
-    width = max(4.0, 2.0 * len(record.input_names) + 1.0)
-    measured = frequency_response(estimation, min(width, estimation.longest.samples / 4.0), NFFT)
-    response = measured.response.transpose(1, 2, 0)
-    coherence = measured.coherence.T[:, None].repeat(response.shape[1], axis=1)
-    return {
-        **frequency_response_table(record.model, *names, plant, measured.frequencies),
-        "measured_gain": np.abs(response).ravel(),
-        "measured_phase_deg": np.degrees(np.angle(response)).ravel(),
-        "coherence": coherence.ravel(),
-    }

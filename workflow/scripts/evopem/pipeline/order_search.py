@@ -44,7 +44,7 @@ def estimate_candidates(
     previous = previous_phase(phase, grid.structure)
     before = load(PhaseSelection, files.phase(previous)) if previous else None
     resonances = (
-        load(SpectrumSummary, files.spectrum_summary).resonances
+        load(tuple[SpectrumSummary, ...], files.spectrum_summary)[0].resonances
         if needs_resonances(phase, grid)
         else None
     )

@@ -32,7 +32,7 @@ def stands_in_for_the_chapter(settings: DatasetSettings) -> bool:
 def compare_with_chapter(results: DatasetResults) -> list[tuple[str, str, str]]:
     """Quantity, value of these results, value of the chapter."""
     selected = {phase: selection.orders for phase, selection in results.phases.items()}
-    peaks = [number(peak.frequency_hz, 3) for peak in results.spectrum_summary.peaks]
+    peaks = [number(peak.frequency_hz, 3) for peak in results.spectrum_summaries[0].peaks]
     return [
         ("Spectral peaks (Hz)", ", ".join(peaks) or "none", SPECTRAL_PEAKS),
         ("Delay nk", str(selected["delay"].single.nk), str(ORDERS.single.nk)),

@@ -53,7 +53,7 @@ class DatasetResults:
     # spectrum, time_response: as in their CSV files, of one channel of each kind
     spectrum: pd.DataFrame
     time_response: pd.DataFrame
-    spectrum_summary: SpectrumSummary
+    spectrum_summaries: tuple[SpectrumSummary, ...]  # of each output
     # By the names of the phases of the order search, in their order; of one channel
     phases: dict[str, PhaseSelection]
     searches: tuple[StructureSearch, ...] = ()  # of several channels, like the choice
@@ -131,9 +131,8 @@ def read_results(files: DatasetFiles) -> DatasetResults:
 
     single = settings.is_single_channel
 
-    def tables(*names: str, exist: bool = True) -> dict[str, pd.DataFrame]:
-        paths = {name: getattr(files, name) for name in names}
-        return {name: read_table(paths[name]) if exist else pd.DataFrame() for name in names}
+    def tables(*names: str) -> dict[str, pd.DataFrame]:
+        return {name: read_table(getattr(files, name)) for name in names}
 
     phases = phases_of_dataset(settings) if single else ()
     structures = () if single else searched_forms(settings)
@@ -152,13 +151,10 @@ def read_results(files: DatasetFiles) -> DatasetResults:
         validation_tables=ValidationTables(
             **tables("residual_autocorrelation", "cross_correlation", "simulation", "horizons")
         ),
-        **tables("candidates", "frequency_response"),
-        **tables("spectrum", "time_response", exist=single),
+        **tables("candidates", "frequency_response", "spectrum", "time_response"),
         truth=load(Truth, files.truth) if Path(files.truth).exists() else None,
         decisions=load(DecisionRecord, files.decisions) if is_automatic else None,
-        spectrum_summary=load(SpectrumSummary, files.spectrum_summary)
-        if single
-        else SpectrumSummary(math.nan, 0, 0, 0, math.nan, (), 0),
+        spectrum_summaries=load(tuple[SpectrumSummary, ...], files.spectrum_summary),
         phases={phase: load(PhaseSelection, files.phase(phase)) for phase in phases},
         searches=tuple(load(StructureSearch, files.search(name)) for name in structures),
         choice=None if single else load(Remedied, files.decision("remedies")).choice,

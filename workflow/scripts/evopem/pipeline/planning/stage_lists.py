@@ -176,30 +176,17 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "truth": _where(_of(is_synthetic), "truth"),
     "decided": _where(_of(is_automatic), *_DECISIONS),
     "about_search": _where(_of(has_several), "decision:search"),
-    "time_response": _where(_of(is_single), "time_response"),
     "decisions": _where(_of(is_automatic), "decisions"),
     "models": _where(_of(has_several), "models_of_orders:{structure}"),
     "tabulated": _where(
         *(_of(has_several), "search:{structures}", "decision:comparison", "decision:remedies")
     ),
-    "shown": lambda task: _SHOWN if is_single(task.settings) else _SHOWN_OF_SEVERAL,
 }
 """What words in the inputs and outputs of stages stand for."""
 
 PREPARED = ("prepared", "transforms")
 VALIDATION = (
     *("validation", "residual_autocorrelation", "cross_correlation", "simulation", "horizons"),
-)
-# What figures and report read.
-_SHOWN: tuple[str, ...] = (
-    *("{truth}", "{decisions}", "config", "recording", "recording_info", *PREPARED, "spectrum"),
-    *("spectrum_summary", "phase:{phases}", "candidates", "model", "frequency_response"),
-    *("time_response", *VALIDATION, "{validation_info}"),
-)
-_SHOWN_OF_SEVERAL: tuple[str, ...] = (
-    *("search:{structures}", "config", "recording_info", "{validation_info}", *PREPARED),
-    *("recording", "candidates", "decision:remedies", "decisions", "model"),
-    *("frequency_response", *VALIDATION),
 )
 
 

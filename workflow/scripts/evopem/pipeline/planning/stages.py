@@ -23,6 +23,12 @@ _PREPARED, _VALIDATION = of.PREPARED, of.VALIDATION
 _DECIDED = ("decision:preparation", *_PREPARED)
 _SCORED = (*_DECIDED, "decision:folds", "decision:delay")
 
+_SHOWN = (
+    *("{truth}", "{decisions}", "config", "recording", "recording_info", "{validation_info}"),
+    *(*_PREPARED, "spectrum", "spectrum_summary", "{searched}", "candidates", "model"),
+    *("frequency_response", "time_response", *_VALIDATION),
+)
+
 _decided = partial(Stage, applies=of.is_automatic, demand="estimation")
 _searched = partial(Stage, applies=of.is_by_chapter, demand="estimation")
 
@@ -82,7 +88,6 @@ STAGES = (
         "estimate_spectrum",
         "spectrum:estimate_spectrum",
         "spectrum",
-        applies=of.is_single,
         inputs=_PREPARED,
         outputs=("spectrum", "spectrum_summary"),
         settings={"settings": "spectrum"},
@@ -170,7 +175,7 @@ STAGES = (
         "chosen:complete_model",
         "model and its uncertainty",
         inputs=("{decided}", "phase:{last}", *_PREPARED),
-        outputs=("model", "model_mat", "frequency_response", "{time_response}", "{about_search}"),
+        outputs=("model", "model_mat", "frequency_response", "time_response", "{about_search}"),
         given=("search", "window", "phases", "fit", "fits"),
         settings={"settings": of.choices("orders", "evaluations")},
         demand="model",
@@ -230,7 +235,7 @@ STAGES = (
         "draw_figures",
         "report:draw_figures",
         "figures",
-        inputs=("{shown}",),
+        inputs=_SHOWN,
         outputs=("figures",),
         is_page=True,
     ),
@@ -238,7 +243,7 @@ STAGES = (
         "write_report",
         "report:write_report",
         "report",
-        inputs=("{shown}", "figures"),
+        inputs=(*_SHOWN, "figures"),
         outputs=("report",),
         is_page=True,
     ),
