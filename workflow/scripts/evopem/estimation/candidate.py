@@ -186,7 +186,7 @@ def race(
             0.0 if done else _likely_gain(each, samples)
             for each, done in zip(settled, finished, strict=True)
         ]
-        excesses = _excesses_of_delays(settled, gains) if phase == "delay" else _excesses(settled)
+        excesses = _excesses(settled, phase, gains)
         contending = [
             row for row, excess in enumerate(excesses) if not finished[row] and excess <= gains[row]
         ]
@@ -220,17 +220,14 @@ def _target(candidate: Candidate, excess: float, samples: int, settings: SearchS
     return Target(value, candidate.orders.parameters / samples / power)
 
 
-def _excesses(candidates: Sequence[Candidate]) -> list[float]:
-    """How far each candidate's BIC lies above the lowest."""
-    lowest = min(each.criteria.bic for each in candidates)
-    return [each.criteria.bic - lowest for each in candidates]
+def _excesses(candidates: Sequence[Candidate], phase: str, gains: Sequence[float]) -> list[float]:
+    """How far each candidate's BIC lies above the lowest.
 
-
-def _excesses_of_delays(candidates: Sequence[Candidate], gains: Sequence[float]) -> list[float]:
-    """How far the mean BIC of each candidate's delay lies above the lowest, less other gains.
-
-    The candidates of the leading delay have to be searched only when another one may overtake it.
+    Of delays 0 or infinite: a delay has to be searched only when another one may overtake it.
     """
+    if phase != "delay":
+        lowest = min(each.criteria.bic for each in candidates)
+        return [each.criteria.bic - lowest for each in candidates]
     means, rows = _mean_criteria(candidates)
     reach = {nk: float(np.mean([gains[row] for row in rows[nk]])) for nk in rows}
     leader = min(sorted(means), key=lambda nk: means[nk])

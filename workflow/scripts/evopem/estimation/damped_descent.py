@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,41 +51,34 @@ class Optimum:
     evaluations: int  # a Jacobian counts as one
 
 
-class HasCovariance(Protocol):
-    """Errors of a point."""
-
-    @property
-    def covariance(self) -> Array:
-        """Of the outputs, (l, l)."""
-
-
-Errors = TypeVar("Errors", bound=HasCovariance)
-
-
-class Squares(Protocol[Errors]):
-    """What :func:`descend` needs to know of a problem."""
-
-    def begun(self, start: Array) -> Array:
-        """A start within its bounds."""
+class Problem(Protocol):
+    """What descents need to know of a problem."""
 
     def moved(self, point: Array, step: Array) -> Array:
         """A point after a step, within its bounds."""
 
-    def projection(self, point: Array) -> Errors:
-        """Errors of a point."""
+    def projection(self, point: Array) -> Any:
+        """Errors of a point, with their covariance."""
+
+    def stable(self, projection: Any) -> bool:
+        """Whether a descent may end there."""
+
+
+class Squares(Problem, Protocol):
+    """The same of squared errors."""
+
+    def begun(self, start: Array) -> Array:
+        """A start within its bounds."""
 
     def criterion(self, covariance: Array) -> float:
         """Criterion of errors."""
 
-    def stable(self, projection: Errors) -> bool:
-        """Whether a descent may end there."""
-
-    def normal_equations(self, projection: Errors) -> tuple[Array, Array]:
+    def normal_equations(self, projection: Any) -> tuple[Array, Array]:
         """Gradient, (n,), and Gauss-Newton Hessian, (n, n), of the criterion of the last point."""
 
 
-class AbsoluteErrors(Protocol):
-    """What :func:`descend_absolute` needs to know of a problem."""
+class AbsoluteErrors(Problem, Protocol):
+    """The same of absolute errors."""
 
     @property
     def weighing(self) -> Weighing:
@@ -97,14 +90,8 @@ class AbsoluteErrors(Protocol):
     def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
         """Of each output the derivatives of its errors, (N, m), and the m entries of a point."""
 
-    def moved(self, point: Array, step: Array) -> Array:
-        """A point after a step, within its bounds."""
 
-    def is_stable(self, point: Array) -> bool:
-        """Whether a descent may end there."""
-
-
-def descend(problem: Squares[Errors], start: Array, steps: int, tolerance: float) -> Optimum:
+def descend(problem: Squares, start: Array, steps: int, tolerance: float) -> Optimum:
     """Minimise a criterion from a point by at most some accepted steps.
 
     Converged when a step promises less than a tenth of the tolerance, or twice gains less than it.
@@ -227,7 +214,7 @@ def polish_absolute(problem: AbsoluteErrors, start: Array) -> Optimum:
     """
     first = descend_absolute(problem, start, SEARCH_WIDTH)
     before = absolute_criterion(problem.errors(start), problem.weighing)
-    stays = before < first.value and problem.is_stable(start)
+    stays = before < first.value and problem.stable(problem.projection(start))
     point = start if stays else first.point
     last = descend_absolute(problem, point, POLISH_WIDTH, LAST_PASS)
     return replace(last, evaluations=first.evaluations + last.evaluations)
@@ -278,7 +265,7 @@ class _Descent:
         self.problem = problem
         self.point = problem.moved(start, np.zeros_like(start))
         self.errors = problem.errors(self.point)
-        self.stable = problem.is_stable(self.point)
+        self.stable = problem.stable(problem.projection(self.point))
         self.evaluations = 1
         self._damping = Damping()
         self._duals = np.zeros_like(self.errors)
@@ -324,7 +311,7 @@ class _Descent:
         new = self._smoothed(errors, widths)
         if not new < value:
             return 0.0
-        stable = self.problem.is_stable(point)
+        stable = self.problem.stable(self.problem.projection(point))
         # A descent may begin with an unstable point, but never goes back to one.
         if self.stable and not stable:
             return 0.0

@@ -219,20 +219,18 @@ def _unconstrained(
         return found
     scaled = problem.errors
     k_errors = errors_ahead(scaled, horizon)
-    starts = np.concatenate(
-        [
-            found.point[None, :],
-            problem.estimates[0],
-            problem.random(RANDOM_STARTS, task.generator(1)),
-        ]
-    )
+    random = problem.random(RANDOM_STARTS, task.generator(1))
+    starts = np.concatenate([found.point[None, :], problem.estimates[0], random])
     if task.constraints.stability == "required":
         # k-step errors are not linear in the states and B alone: descents follow at once.
         return multistart(k_errors, scaled.repair(starts), found.value)
     parameters, priors = coordinates_of(task, scaled, Constraints(stability="free"), units.scales)
     wide = without_plant_radius(scaled)
     constrained = ConstrainedErrors(errors_ahead(wide, horizon), parameters, priors, 0.0)
-    starts = np.concatenate([starts, _least_squares_start(wide)])
+    # The ARX model of least squares, its poles wherever they are.
+    linear, steps = ~wide.linear("c", "d", "f", "plant"), LINEAR_STEPS[wide.objective]
+    arx = solve_linear(wide, np.zeros((1, wide.dimension)), linear, steps)
+    starts = np.concatenate([starts, arx])
     z = np.array([parameters.unbounded(parameters.coordinates(point)) for point in starts])
     found = multistart(constrained, z, found.value)
     return replace(found, point=constrained.points(found.point[None, :])[0])
@@ -254,13 +252,6 @@ def _one_step_optimum(
     # The search of ARMAX models counts other first residuals.
     ended = descended(problem, units.taken(task.optimum.point))
     return replace(ended, diagnostics=task.optimum.diagnostics)
-
-
-def _least_squares_start(errors: PolynomialErrors) -> Array:
-    """The ARX model of least squares, its poles wherever they are, (1, n)."""
-    linear = ~errors.linear("c", "d", "f", "plant")
-    point = np.zeros((1, errors.dimension))
-    return solve_linear(errors, point, linear, LINEAR_STEPS[errors.objective])
 
 
 def _starts(

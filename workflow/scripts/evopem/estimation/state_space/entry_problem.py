@@ -285,10 +285,6 @@ class EntryProblem:
             columns[:, held] = 0.0
             yield columns, slice(None)
 
-    def is_stable(self, point: Array) -> bool:
-        """Whether the predictor is stable."""
-        return self.stable(self.projection(point))
-
     # To and from models.
 
     def point_of(self, model: StateSpaceModel, initial: Array, levels: Array) -> Array:

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
-from evopem.config.settings import OBJECTIVES, OutputWeighting, SearchSettings
+from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.errors import NoModelError
 from evopem.estimation.criteria import autoregression_of, lies_at_bound, limited, log_loss
 from evopem.estimation.polynomial_estimate import ConstraintEffect
+from evopem.estimation.prediction_errors import check_search_settings
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.point_model import PointModel, model_of
@@ -54,16 +55,9 @@ class StateSpaceTask:
     forgets: bool = False  # as of StateSpaceErrors
 
     def __post_init__(self) -> None:
-        given = (
-            ("weighting", self.weighting, WEIGHTINGS),
-            ("objective", self.settings.objective, OBJECTIVES),
-        )
-        for name, value, values in given:
-            if value not in values:
-                raise ValueError(f"{name} must be one of {values}, not {value!r}")
-        if not 0.0 < self.settings.max_root_radius < 1.0:
-            radius = self.settings.max_root_radius
-            raise ValueError(f"max_root_radius must lie between 0 and 1, not {radius}")
+        check_search_settings(self.settings)
+        if self.weighting not in WEIGHTINGS:
+            raise ValueError(f"weighting must be one of {WEIGHTINGS}, not {self.weighting!r}")
 
     @classmethod
     def of(

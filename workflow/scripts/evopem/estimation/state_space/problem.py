@@ -192,9 +192,9 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
             of_outputs[:, 1 : 2 * layout.pairs : 2] *= ratio
         return after
 
-    def is_stable(self, point: Array) -> bool:
+    def stable(self, projection: Projection) -> bool:
         """Whether A is stable as well."""
-        return self.plain.stable(self.projection(point))
+        return self.plain.stable(projection)
 
     # What the search asks for.
 
@@ -242,7 +242,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
             return float("inf")
         if largest_radius(self.plain.layout, self.coordinates(point)) > self.plain.section_radius:
             return float("inf")
-        if not self.is_stable(point):
+        if not self.stable(self.projection(point)):
             return float("inf")
         return percent_of_absolute(
             damped_descent.absolute_criterion(self.errors(point), self.weighing)
