@@ -276,7 +276,7 @@ def _modes_table(view: View) -> pd.DataFrame:
 FIGURES = (
     ReportFigure(
         *("stabilization", "modes", "Stabilization over the orders"),
-        "The poles of every order, with the spectrum of the output.",
+        "The poles of every order; behind them the spectrum, of a single output.",
         ("validation.json",),
         stabilization,
         lambda view: view.has_poles_of_orders,
