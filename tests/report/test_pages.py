@@ -198,7 +198,7 @@ def test_the_configuration_and_the_command_are_complete(page, config_text):
 def test_every_check_is_in_the_page(results, page):
     """Verdict, name, statement and advice of each, the failed ones first."""
     checks = results.checks
-    assert len(checks) == 15
+    assert len({check.name for check in checks}) == len(checks) >= 15
     assert [check.name for check in checks if check.passed is False] != []
     for check in checks:
         words = [f"{check.word} {check.name}.", check.statement]
