@@ -181,7 +181,7 @@ def _settings(
         if key in keys:
             raise InputError(key, "it is no key of the analysis", "leave it out")
     own: dict[str, Any] = {
-        "file": _files(DATA, recorded),
+        "file": one_or_list(_files(DATA, recorded)),
         "output": one_or_list(signals.output_names),
         "sampling_rate": float(signals.sampling_rate),
     }
@@ -192,7 +192,7 @@ def _settings(
     if len(signals.input_names) <= 1 and len(signals.output_names) == 1:
         own["recipe"] = "auto"
     if held_out:
-        own["validation_file"] = _files(VALIDATION, held_out)
+        own["validation_file"] = one_or_list(_files(VALIDATION, held_out))
     try:
         content = {"datasets": {name: own | _as_lists(keys)}}
         completed = complete(content, "identify")
