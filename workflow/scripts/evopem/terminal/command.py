@@ -136,7 +136,8 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
             raise InputError(each, "begins with -, as options do", f"write ./{each}")
     arguments, left = parser.parse_known_args(given)
     for option, _, second in zip(given, given[1:], given[2:], strict=False):
-        if left and option in ("--input", "--output") and second == left[0]:
+        of_channel = option in ("--input", "--output") and not second.startswith("-")
+        if left and of_channel and second == left[0]:
             parser.error(
                 f"{second} stands without an option: write {option} before each channel, as in"
                 f" {option} 2 {option} 3, or give a pattern in quotation marks, as in {option}"
