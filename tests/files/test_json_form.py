@@ -16,7 +16,7 @@ from hypothesis import settings as examples
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from evopem.automatic.decision import DecisionRecord, OtherModel
+from evopem.automatic.decision import DecisionRecord, OtherModel, Trial
 from evopem.automatic.orders import DelayChoice
 from evopem.config import settings
 from evopem.config.channels import ChannelSettings, SyntheticSource, UnitSettings
@@ -200,6 +200,10 @@ class Example:
     maybe: float | None
     array: np.ndarray[Any, np.dtype[np.float64]]
     lambda_: int = 3
+
+
+def test_truth_values_of_numpy_are_those_of_json():
+    assert json.dumps(to_json(Trial("a", "b", "c", 1.0, 0.5, 0.5, np.False_))).endswith("false}")
 
 
 def test_numbers_that_are_not_finite_become_null():

@@ -79,6 +79,7 @@ def load(kind: type[T], path: str | Path) -> T:
 def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True)
     converter.register_unstructure_hook(float, _finite_or_none)
+    converter.register_unstructure_hook(bool, bool)  # of numpy, which JSON does not take
     converter.register_structure_hook(float, _float)
     for kind, what in ((int, "a whole number"), (bool, "true or false"), (str, "a text")):
         converter.register_structure_hook(kind, partial(_exact, what))
