@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,3 +119,36 @@ def fit(
     )
     count = orders.parameters + len(levels)
     return Fit(model, count, residuals, orders.first_residual, levels)
+
+
+class ArxFit(NamedTuple):
+    """An ARX model by least squares, with na = n and nb = n + 1."""
+
+    bic: float  # not divided by the samples
+    model: PolynomialModel  # without the levels of the recordings
+    residuals: Array
+
+
+def least_squares(
+    stretches: Sequence[Segment], order: int, first: int, levels: bool = True
+) -> ArxFit | None:
+    """The ARX model of residuals from sample ``first`` on; None where they are too few."""
+    rows, targets = [], []
+    recordings = sorted({each.recording for each in stretches}) if levels else []
+    for each in (long for long in stretches if long.samples > first):
+        u, y, n = each.input, each.output, each.samples
+        columns = [-y[first - i : n - i] for i in range(1, order + 1)]
+        columns += [u[first - i : n - i] for i in range(order + 1)]
+        columns += [np.full(n - first, float(each.recording == r)) for r in recordings]
+        rows.append(np.column_stack(columns))
+        targets.append(y[first:])
+    count = sum(map(len, targets))
+    if not rows or count <= 2 * rows[0].shape[1]:
+        return None
+    regressors, target = np.concatenate(rows), np.concatenate(targets)
+    point: Array = np.linalg.lstsq(regressors, target, rcond=None)[0].astype(float)
+    e = target - regressors @ point
+    mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
+    bic = count * float(np.log(mean_square)) + len(point) * float(np.log(count))
+    a, one = np.concatenate([[1.0], point[:order]]), np.ones(1)
+    return ArxFit(bic, PolynomialModel(a, point[order : 2 * order + 1], one, one, one, 0), e)

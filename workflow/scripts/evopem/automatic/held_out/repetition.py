@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.fit import least_squares
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
@@ -125,19 +126,10 @@ def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
 
 def arx_residuals(stretch: Segment) -> Array:
     """Residuals of the ARX model of the lowest BIC, (M,), of the last M samples."""
-    u, y, n = stretch.input, stretch.output, stretch.samples
-    first = max(ORDERS)
-    best, residuals = np.inf, y[first:] - y[first:].mean()
-    for order in ORDERS:
-        if n < max(order * SAMPLES_PER_ORDER, 3 * first):
-            break
-        columns = [y[first - i : n - i] for i in range(1, order + 1)]
-        columns += [u[first - i : n - i] for i in range(order + 1)]
-        regressors = np.column_stack([*columns, np.ones(n - first)])
-        e = y[first:] - regressors @ np.linalg.lstsq(regressors, y[first:], rcond=None)[0]
-        count = len(e)
-        mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
-        bic = np.log(mean_square) + regressors.shape[1] * np.log(count) / count
-        if bic < best:
-            best, residuals = bic, e
-    return residuals
+    first, n = max(ORDERS), stretch.samples
+    orders = [order for order in ORDERS if n >= max(order * SAMPLES_PER_ORDER, 3 * first)]
+    found = [least_squares([stretch], order, first) for order in orders]
+    known = [each for each in found if each is not None]
+    if not known:
+        return np.asarray(stretch.output[first:] - stretch.output[first:].mean())
+    return min(known, key=lambda each: each.bic).residuals

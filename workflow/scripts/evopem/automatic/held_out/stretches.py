@@ -56,36 +56,31 @@ def folds_of(
     first is never held out.
     """
     total, blocks = total_samples(stretches), count * blocks_per_fold
-    held_out = range(count)
+    folds = range(count)
     if edges is None:
         edges = np.linspace(0, total, blocks + 1).round().astype(int).tolist()
     else:
         count = len(edges)
-        held_out = range(1, count - 1)
-    return tuple(_fold(stretches, edges, fold, count, shortest) for fold in held_out)
-
-
-def _fold(
-    stretches: Sequence[Segment], edges: Sequence[int], fold: int, count: int, shortest: int
-) -> Fold:
-    """One fold holds out the blocks whose number is its own modulo the count."""
-    training: list[Segment] = []
-    held_out: list[Segment] = []
-    before: list[Segment] = []
-    first = 0
-    for stretch in stretches:
-        owner = np.searchsorted(edges, np.arange(first, first + stretch.samples), "right") - 1
-        held = owner % count == fold
-        cuts = np.flatnonzero(np.diff(held.astype(int))) + 1
-        for begin, end in zip([0, *cuts], [*cuts, stretch.samples], strict=True):
-            part = stretch.between(begin, end)
-            if held[begin]:
-                held_out.append(part)
-                before.append(stretch.between(max(2 * begin - end, 0), begin))
-            elif part.samples >= shortest:
-                training.append(part)
-        first += stretch.samples
-    return Fold(tuple(training), tuple(held_out), tuple(before))
+        folds = range(1, count - 1)
+    starts = np.cumsum([0, *(each.samples for each in stretches)])
+    owners = np.split(np.searchsorted(edges, np.arange(total), "right") - 1, starts[1:-1])
+    found = []
+    for fold in folds:
+        training: list[Segment] = []
+        held_out: list[Segment] = []
+        before: list[Segment] = []
+        for stretch, owner in zip(stretches, owners, strict=True):
+            held = owner % count == fold
+            cuts = np.flatnonzero(np.diff(held.astype(int))) + 1
+            for begin, end in zip([0, *cuts], [*cuts, stretch.samples], strict=True):
+                part = stretch.between(begin, end)
+                if held[begin]:
+                    held_out.append(part)
+                    before.append(stretch.between(max(2 * begin - end, 0), begin))
+                elif part.samples >= shortest:
+                    training.append(part)
+        found.append(Fold(tuple(training), tuple(held_out), tuple(before)))
+    return tuple(found)
 
 
 Array = NDArray[np.float64]

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import FitSettings, fit, log_loss
+from evopem.automatic.fit import ArxFit, FitSettings, fit, least_squares, log_loss
 from evopem.automatic.held_out.simulation import errors_simulated_on
 from evopem.errors import NoModelError
 from evopem.models.polynomial import PolynomialModel
@@ -29,13 +28,6 @@ OBJECTIVE_ORDERS, LEAST_EVIDENCE = (2, 4, 8, 12, 16), 3.0
 # A difference of BIC, not divided by the samples, that is very strong evidence (Kass & Raftery
 # 1995), and the share of the output's mean square that the response to the input must leave over.
 VERY_STRONG, HIDDEN = 10.0, 0.5
-
-
-class _LeastSquares(NamedTuple):
-    """An ARX model of differenced signals, and its BIC, not divided by the samples."""
-
-    bic: float
-    model: PolynomialModel
 
 
 def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
@@ -92,45 +84,15 @@ def differenced(stretch: Segment, times: int) -> Segment:
     return Segment(inputs, outputs, stretch.recording)
 
 
-def _likeliest(stretches: Sequence[Segment], times: int) -> _LeastSquares | None:
+def _likeliest(stretches: Sequence[Segment], times: int) -> ArxFit | None:
     """The ARX model of the lowest BIC of signals that were differenced some times."""
     samples = total_samples(stretches)
     orders = [n for n in ORDERS if n * SAMPLES_PER_ORDER <= samples]
     first = max(orders, default=0) + MOST_DIFFERENCES
-    models = [_least_squares(stretches, times, n, first) for n in orders]
+    lower = [differenced(each, times) for each in stretches]
+    models = [least_squares(lower, n, first - times, levels=times == 0) for n in orders]
     known = [each for each in models if each is not None]
     return min(known, key=lambda each: each.bic, default=None)
-
-
-def _least_squares(
-    stretches: Sequence[Segment], times: int, order: int, first: int
-) -> _LeastSquares | None:
-    """ARX by least squares on residuals from sample ``first`` of the signals themselves on."""
-    rows, targets = [], []
-    recordings = sorted({each.recording for each in stretches}) if times == 0 else []
-    for each in stretches:
-        lower = differenced(each, times)
-        u, y, n, begin = lower.input, lower.output, lower.samples, first - times
-        if n <= begin:
-            continue
-        columns = [-y[begin - i : n - i] for i in range(1, order + 1)]
-        columns += [u[begin - i : n - i] for i in range(order + 1)]
-        columns += [np.full(n - begin, float(each.recording == r)) for r in recordings]
-        rows.append(np.column_stack(columns))
-        targets.append(y[begin:])
-    if not rows:
-        return None
-    regressors, target = np.concatenate(rows), np.concatenate(targets)
-    if len(target) <= 2 * regressors.shape[1]:
-        return None
-    point: Array = np.linalg.lstsq(regressors, target, rcond=None)[0].astype(float)
-    e = target - regressors @ point
-    count = len(e)
-    mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
-    a, one = np.ones(order + 1), np.ones(1)
-    a[1:] = point[:order]
-    model = PolynomialModel(a, point[order : 2 * order + 1], one, one, one, 0)
-    return _LeastSquares(count * float(np.log(mean_square)) + len(point) * np.log(count), model)
 
 
 def _left_over(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
