@@ -35,10 +35,6 @@ from covered_intervals import CoveredIntervals  # noqa: E402
 from evopem.config.settings import SearchSettings  # noqa: E402
 from evopem.estimation.delays import estimate_delays  # noqa: E402
 from evopem.estimation.state_space.estimate import estimate_state_space, estimates_of_orders  # noqa: E402
-from evopem.estimation.state_space.local_estimates import (  # noqa: E402
-    StateSpaceTask,
-    two_fold_simulation_errors,
-)
 from evopem.models.state_space import StateSpaceModel  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 
@@ -361,10 +357,8 @@ def recordings(folder: Path) -> None:
             asked = (Recording(u, y, 1.0), range(1, top + 1))
             options = {"structure": form, "delays": delays, "weighting": weighting}
             estimates = list(estimates_of_orders(*asked, **options))
-            by_halves = two_fold_simulation_errors(*asked, StateSpaceTask(**options))
-            bic = [each.bic for each in estimates]
-            for by, scores in (("bic", bic), ("simulation", by_halves)):
-                model = estimates[int(np.argmin(scores))].model
+            for by in ("bic", "coloured_bic"):
+                model = min(estimates, key=lambda each, by=by: getattr(each, by)).model
                 spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0) / 100.0
                 left = measured - model.simulate_from_fitted_state(later, measured)
                 state = model.prediction_state(later, measured)

@@ -269,36 +269,3 @@ def criteria_of(
         "parameters": parameters,
         "residuals": tuple(residuals),
     }
-
-
-def two_fold_simulation_errors(
-    recording: Recording, orders: Sequence[int], task: StateSpaceTask, width: int = FINAL_WIDTH
-) -> Array:
-    """Errors of simulation of models of each half on the other half, percent, (orders,).
-
-    From the initial state that fits, mean over outputs; infinite where there is no model.
-    """
-    span, segments = span_of(orders), recording.segments
-    middle = len(segments) // 2
-    if middle:
-        halves = [recording.with_segments(part) for part in (segments[:middle], segments[middle:])]
-    else:
-        edges = (0, recording.samples // 2, recording.samples)
-        halves = [recording.between(*edge) for edge in pairwise(edges)]
-    squares = np.zeros((len(span), recording.outputs.shape[1]))
-    reference = np.zeros(recording.outputs.shape[1])
-    seen = np.zeros(len(span), dtype=int)
-    for fold, (train, test) in enumerate((halves, halves[::-1])):
-        for y in (each.outputs for each in test.segments):
-            reference += np.sum((y - y.mean(axis=0)) ** 2, axis=0)
-        with one_blas_thread():
-            errors = task.errors(train, span[-1])
-            for problem, result in swept(errors, span, task.settings, width, None, 1 + fold):
-                model = model_of(problem.plain, problem.projection(result.point))
-                at = span.index(model.order)
-                seen[at] += 1
-                for each in test.segments:
-                    simulated = model.simulate_from_fitted_state(each.inputs, each.outputs)
-                    squares[at] += np.sum((each.outputs - simulated) ** 2, axis=0)
-    relative = 100.0 * np.sqrt(squares / reference).mean(axis=1)
-    return np.where(seen == 2, relative, np.inf)
