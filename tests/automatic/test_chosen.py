@@ -102,3 +102,11 @@ def test_a_slow_state_of_the_predictor_gains_nothing_by_what_it_is_fitted_to():
     assert size(before) > 1.3 * size(None)
     assert len(prediction_errors(truth, held_out, before)) == 200
     assert len(prediction_errors(truth, held_out, held_out.between(0, 0))) == 180
+
+
+def test_models_go_to_the_units_of_a_recording_and_back(candidate):
+    _, record, _, choice = candidate
+    back = replace(record, scales=tuple(1.0 / each for each in record.scales))
+    once = record.in_its_units(choice.candidate.model)
+    assert not np.allclose(once.b, choice.candidate.model.b)
+    np.testing.assert_array_equal(back.in_its_units(once).b, choice.candidate.model.b)

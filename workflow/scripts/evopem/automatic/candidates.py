@@ -210,10 +210,6 @@ class Scorer:
         self._known: dict[tuple[str, Orders | int], Candidate] = {}
         self._checked: dict[Candidate, CandidateChecks] = {}
 
-    def of_recording(self, recording: Recording) -> Scorer:
-        """The same scores of the samples of a recording."""
-        return Scorer(recording.segments, self.plan, self.settings, self.limits, self.delays)
-
     @property
     def most_parameters(self) -> int:
         """Most parameters of an output that the record carries."""

@@ -206,9 +206,11 @@ def estimate_choice(
     value, known = (each.estimate.search.value for each in (found, compared))
     if not value < known - LOWER * abs(known):
         return found, _about_search(choice, found, compared)
-    judged = scorer.of_recording(estimation).scored(
-        with_model(candidate, found.polynomials or found.estimate.model)
-    )
+    # Scores are those of scaled samples.
+    rate, scales = choice.candidate.model.sampling_rate, [1.0 / each for each in record.scales]
+    scaled = replace(record, sampling_rate=rate, scales=(scales[0], scales[1]))
+    searched = scaled.in_its_units(found.polynomials or found.estimate.model)
+    judged = scorer.scored(with_model(choice.candidate, searched))
     about = _about_search(choice, found, compared, judged)
     return (compared if about.choice == COMPARED else found), about
 

@@ -27,28 +27,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """What automatic identification found.
+    """What automatic identification found."""
 
-    Attributes
-    ----------
-    model : PolynomialModel
-        For the purpose, in recorded units less their offsets, at the prepared rate.
-    choice : Choice
-        The model as it was chosen, with its scores.
-    prepared : PreparedRecord
-    decisions : tuple of Decision
-    trials : tuple of Trial
-        Remedies of failed checks.
-    failed : tuple of str
-        Checks that stay failed.
-    """
-
-    model: PolynomialModel
-    choice: Choice
+    model: PolynomialModel  # in recorded units less their offsets, at the prepared rate
+    choice: Choice  # the model as it was chosen, with its scores
     prepared: PreparedRecord
     decisions: tuple[Decision, ...]
-    trials: tuple[Trial, ...]
-    failed: tuple[str, ...]
+    trials: tuple[Trial, ...]  # remedies of failed checks
+    failed: tuple[str, ...]  # checks that stay failed
 
     def simulate(self, recording: Recording) -> Array:
         """Simulation of a recording from the initial state that fits it, in recorded units.
@@ -78,27 +64,15 @@ def identify(
     purpose: Purpose = "auto",
     log: Callable[[str], None] | None = None,
 ) -> Identification:
-    """Identify a system of one input and output: all is decided by evidence.
+    """Identify a system of one input and output, (N,) each: all is decided by evidence.
 
     On the numerics alone, without validation samples, checks and report, which
-    :func:`evopem.identify` adds.
+    :func:`evopem.identify` adds.  Sequences of arrays are several recordings of one system, each
+    with its own initial state and level.  NaN marks missing samples.  ``sampling_rate``: Hz.
+    ``purpose``: ``auto`` is simulation.  ``log`` receives the sentence of each decision.
 
-    Parameters
-    ----------
-    input, output : (N,) array_like, or sequences of them
-        One recording, or several of one system, each with its own initial state and level.  NaN
-        marks missing samples.
-    sampling_rate : float
-        Hz.
-    purpose : {"auto", "simulation", "prediction", "modes"}
-        What the model is for; ``auto`` is simulation.
-    log : callable, optional
-        Receives the sentence of each decision.
-
-    Raises
-    ------
-    InputError
-        When the recordings do not fit together or are too short, or the purpose is not known.
+    Raises InputError when the recordings do not fit together or are too short, or the purpose is
+    not known.
 
     Examples
     --------
