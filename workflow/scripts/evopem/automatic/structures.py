@@ -14,6 +14,7 @@ from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.orders import refine_orders
 from evopem.automatic.subspace_comparison import with_subspace_estimate
+from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
@@ -220,10 +221,10 @@ def _by_likelihood(
         )
     if not (ratio < largest and INDEPENDENT_OF_INPUT not in checks.failed):
         return None
-    near = _without_evidence(scorer, candidates, BIC, SIMULATION_BIC)
+    near = _without_evidence(scorer, candidates, *_criteria(likeliest))
     best = min(near, key=score)
     equal = [each for each in near if as_good(each, best, kind)]
-    chosen = _smallest(scorer, equal, BIC, SIMULATION_BIC)
+    chosen = _smallest(scorer, equal, *_criteria(likeliest))
     sentence = (
         f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
         "input."
@@ -243,6 +244,15 @@ def _passes_through_plant(candidate: Candidate) -> bool:
     return candidate.orders.na > 0
 
 
+def _criteria(likeliest: Candidate) -> tuple[Score, ...]:
+    """What may speak against the models that are compared with the likeliest, for simulation.
+
+    One-step errors of output-error models rest on states that are fitted to all samples, which lets
+    undamped poles draw slow drifts: there the BIC of simulation errors is heard as well.
+    """
+    return (BIC, SIMULATION_BIC) if likeliest.structure in OF_SIMULATION else (BIC,)
+
+
 def _without_evidence(
     scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score
 ) -> list[Candidate]:
@@ -255,11 +265,7 @@ def _without_evidence(
 
 
 def _smallest(scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score) -> Candidate:
-    """The fewest failed checks, then parameters, of those without strong evidence against them.
-
-    One-step errors of output-error models rest on states that are fitted to all samples, which lets
-    undamped poles draw slow drifts: where simulations count their BIC speaks as well.
-    """
+    """The fewest failed checks, then parameters, of those without strong evidence against them."""
     return min(
         _without_evidence(scorer, candidates, *criteria),
         key=lambda each: (len(scorer.checks(each).failed), each.parameters, criteria[0](each)),
@@ -278,7 +284,7 @@ def _smallest_as_good(
     if kind == "prediction":
         chosen = _smallest(scorer, equal, BIC)
     else:
-        chosen = _smallest(scorer, equal, BIC, SIMULATION_BIC)
+        chosen = _smallest(scorer, equal, *_criteria(min(equal, key=BIC)))
         if scorer.checks(chosen).whiteness < BY_CHANCE:
             # No model of these describes the noise: one-step errors say little of the plant.
             errors, chosen = "simulation", _smallest(scorer, equal, SIMULATION_BIC)
