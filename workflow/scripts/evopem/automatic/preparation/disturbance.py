@@ -50,10 +50,8 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
         known = [each for each in found if each is not None]
         best = min(known, key=lambda each: each.bic)
         times, evidence = found.index(best), level.bic - best.bic
-        # Any model tells of a stationary response, though roots at 1 may describe it best; a state
-        # of another model than the best would draw a part of the drift.
-        of_best = _left_over(best.model, stretches, from_rest=False)
-        left = min([of_best, *(_left_over(each.model, stretches, True) for each in known)])
+        # Any model tells of a stationary response, though roots at 1 may describe it best.
+        left = min(_left_over(each.model, stretches) for each in known) if times else 0.0
         walk = f"a random walk (the BIC falls by {evidence:.3g})"
         if times == 0 or evidence < VERY_STRONG:
             times, sentence = 0, "Nothing speaks for a disturbance that is a random walk."
@@ -63,7 +61,7 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
                 f"The disturbance is likely to be {walk}, but the response to the input leaves"
                 f" only {100 * left:.0f} % of the output's mean square: nothing is differenced."
             )
-        elif not np.isfinite(of_best):
+        elif not np.isfinite(_left_over(best.model, stretches)):
             times = 0
             sentence = "The model of differenced signals is unstable: nothing is differenced."
         else:
@@ -97,19 +95,13 @@ def _likeliest(stretches: Sequence[Segment], times: int) -> ArxFit | None:
     return min(known, key=lambda each: each.bic, default=None)
 
 
-def _left_over(model: PolynomialModel, stretches: Sequence[Segment], from_rest: bool) -> float:
+def _left_over(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
     """Share of the output's mean square that the simulation of a model leaves over."""
     with np.errstate(all="ignore"):
-        errors = [
-            each.output - model.simulate(each.input)
-            if from_rest
-            else errors_simulated_on(model, None, each, True)[:, 0]
-            for each in stretches
-        ]
-        left = np.concatenate([each - each.mean() for each in errors])
-        output = np.concatenate([each.output - each.output.mean() for each in stretches])
-        share = float(np.mean(left**2) / np.mean(output**2))
-    return share if np.isfinite(share) else np.inf
+        errors = np.concatenate([errors_simulated_on(model, None, s, True) for s in stretches])
+        output = np.concatenate([s.output - s.output.mean() for s in stretches])
+        left = float(np.mean(errors**2) / np.mean(output**2))
+    return left if np.isfinite(left) else np.inf
 
 
 def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
