@@ -85,11 +85,8 @@ def _horizon(focus: Focus, orders: Orders) -> int | None:
             f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
         )
     if focus == "simulation" and orders.inputs == 0:
-        raise InputError(
-            "focus",
-            "a model without input has nothing to simulate",
-            "use prediction, or a number of samples",
-        )
+        problem = "a model without input has nothing to simulate"
+        raise InputError("focus", problem, "use prediction, or a number of samples")
     if orders.na == 0 and orders.nc == 0 and orders.nd == 0:
         # The noise is white: predictions are simulations, whatever the horizon.
         return 1
@@ -391,12 +388,12 @@ def _of_mean(
         lowest = -1.0 if constraints.stability == "free" else 0.0
         problem = f"{mean} is no damping ratio of a mode of a stable plant"
         yield not lowest <= mean < 1.0, key, problem, "give one from 0 to below 1"
-        least = constraints.min_damping_ratio or lowest
-        yield mean < least, key, f"{mean} is below min_damping_ratio, {least}", CHANGE
+        if (least := constraints.min_damping_ratio or lowest) > mean:
+            yield True, key, f"{mean} is below min_damping_ratio, {least}", CHANGE
         return
     problem = f"{mean} Hz does not lie between 0 and half the sampling rate"
     yield not 0.0 < mean < sampling_rate / 2.0, key, problem, "give a frequency in Hz"
-    outside = band is not None and not band[0] <= mean <= band[1]
-    yield outside, key, f"{mean} Hz lies outside frequency_band", CHANGE
-    forbidden = any(lower < mean < upper for lower, upper in constraints.forbidden_bands)
-    yield forbidden, key, f"{mean} Hz lies in a forbidden band", CHANGE
+    if band is not None:
+        yield not band[0] <= mean <= band[1], key, f"{mean} Hz lies outside frequency_band", CHANGE
+    for lower, upper in constraints.forbidden_bands:
+        yield lower < mean < upper, key, f"{mean} Hz lies in a forbidden band", CHANGE
