@@ -83,9 +83,9 @@ def delays_by_criterion(
 
     The models of a delay have orders na of :data:`ORDERS` and nb <= na; the lowest BIC among them
     counts.  The best of many delays of an input that explains nothing lowers the criterion by up to
-    twice the logarithm of their number, so that much is added to all but short delays.  An input
-    without which BIC is as low has the smallest delay, and so have too few samples for models of
-    order 1, whose criterion is NaN.
+    twice the logarithm of their number, so that much is added to all but short delays, and as much
+    for the number of those to the best.  An input without which BIC is lower has the smallest
+    delay, and so have too few samples for models of order 1, whose criterion is NaN.
 
     ``limits``: delays tried of each input, in samples.  Returns list of (int, (M,) array): delay of
     each input, and the lowest BIC of a sample at each of its M delays.
@@ -108,7 +108,8 @@ def delays_by_criterion(
                 chance = 2.0 * np.log(last - low + 1) / problem.count
                 scores = criteria[j] + chance * beyond
                 does_as_well = scores <= scores.min() + AS_WELL / problem.count
-                explains = scores.min() + chance < without
+                short = 2.0 * np.log(max(np.sum(~beyond), 1)) / problem.count
+                explains = scores.min() + short < without
                 delays[j] = low + (int(np.argmax(does_as_well)) if explains else 0)
             if delays == before or len(limits) == 1:
                 break
