@@ -108,7 +108,7 @@ def delays_by_criterion(
                 chance = 2.0 * np.log(last - low + 1) / problem.count
                 scores = criteria[j] + chance * beyond
                 does_as_well = scores <= scores.min() + AS_WELL / problem.count
-                short = 2.0 * np.log(max(np.sum(~beyond), 1)) / problem.count
+                short = 2.0 * math.log(max(int(np.sum(~beyond)), 1)) / problem.count
                 explains = scores.min() + short < without
                 delays[j] = low + (int(np.argmax(does_as_well)) if explains else 0)
             if delays == before or len(limits) == 1:
