@@ -79,18 +79,25 @@ def constraint_rows(fit: FitRecord | None) -> Iterator[tuple[str, str, str]]:
         for name, each in parts.items():
             held = {name, key} & set(fit.active)
             effect = "weighted" if key == "priors" else "active" if held else "not active"
-            yield name, _shown(each), effect
+            unit = " Hz" if key.endswith(("_band", "_bands")) else ""
+            yield name, _shown(each, unit), effect
 
 
-def _shown(value: Any) -> str:
-    """A value of the configuration: numbers, two bounds, several of them, or named numbers."""
-    if isinstance(value, dict):
-        return ", ".join(
-            f"{key}: {_shown(each)}" for key, each in value.items() if each is not None
-        )
+def _shown(value: Any, unit: str = "") -> str:
+    """A value of the configuration: numbers, two bounds, several of them, a pole or a prior."""
+    match value:
+        case {"quantity": quantity, "mean": mean, "standard_deviation": deviation}:
+            unit = " Hz" if quantity == "frequency" else ""
+            mode = "" if value["mode_hz"] is None else f" of the mode near {value['mode_hz']:g} Hz"
+            return f"{quantity}{mode}: {number(mean)} ± {number(deviation)}{unit}"
+        case {"real": None, "frequency_hz": frequency, "damping_ratio": damping_ratio}:
+            return f"{number(frequency)} Hz, damping ratio {number(damping_ratio)}"
+        case {"real": real}:
+            return f"z = {number(real)}"
     if isinstance(value, tuple):
-        bounds = all(each is None or is_number(each) for each in value)
-        return (" to " if bounds else "; ").join(map(_shown, value))
+        if all(each is None or is_number(each) for each in value):
+            return " to ".join(map(_shown, value)) + unit
+        return "; ".join(_shown(each, unit) for each in value)
     return number(value) if is_number(value) else str(value or "none")
 
 
