@@ -66,7 +66,7 @@ REFUSED = {
     "beyond Unicode": ('a: "\\UFFFFFFFF"\n', "", "is no character", "correct it"),
     "null byte": ("a: \0\n", "", "this is not YAML", "check"),
     "5000 digits": ("a: " + "7" * 5000 + "\n", "line 1", "a number of 5000 digits", "quotes"),
-    "many zeros": ("a: 1" + "0" * 400 + "\n", "line 1", "... as 1000", "quotes"),
+    "many zeros": ("a: 1" + "0" * 400 + "\n", "line 1", "... as a number of 401 digits", "quotes"),
     "many brackets": ("a: " + "[" * 3000 + "\n", "", "nested too deeply", "brackets"),
     "closed brackets": ("a: " + "[" * 3000 + "]" * 3000, "", "nested too deeply", "brackets"),
     "30 levels": ("a: " + "[" * 30 + "]" * 30, "line 1", "more than 20 levels", "brackets"),

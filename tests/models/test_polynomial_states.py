@@ -82,3 +82,15 @@ def test_states_of_clustered_poles_are_no_worse_than_rest():
     fitted = np.sum(model.residuals(u, y, *states)[first:] ** 2)
     assert fitted <= np.sum(model.residuals(u, y)[first:] ** 2)
     assert np.abs(states[0]).max() < 1e6
+
+
+def test_close_poles_are_simulated_over_long_records():
+    """Powers of a companion matrix of eight poles rise to 1e7; their squares leave the floats."""
+    radii, angles = [0.975, 0.997, 0.978, 0.993], [0.61, 0.19, 0.20, 0.02]
+    poles = np.array(radii) * np.exp(1j * np.array(angles))
+    a = np.poly([*poles, *poles.conj()]).real
+    model = PolynomialModel(a, 1e-4 * np.array([1.0, -0.9]), ONE, nk=1)
+    u = np.random.default_rng(1).standard_normal(40_000)
+    y = model.simulate(u)
+    simulated = simulate_from_first(model, u, y, 4_000)
+    np.testing.assert_allclose(simulated, y, atol=0.01 * y.std())

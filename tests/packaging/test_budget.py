@@ -21,8 +21,8 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 51_000,
-    "files": 331,
+    "lines": 44_400,
+    "files": 250,
     "files above 400 lines": 0,
     "folders above 20 files": 0,
     "words of guides": 20_000,

@@ -38,7 +38,7 @@ def refusal(folder, config=CONFIG, prefix=(), **environment):
 HOSTILE = [
     ("datasets: {a: {file: 2024-13-45}}\n", "config.yaml, line 1: YAML reads 2024-13-45"),
     ("datasets: &a {b: *a}\n", "leads back"),
-    ("datasets: {a: {file: x, sampling_rate: 0100}}\n", "begins with a zero"),
+    ("datasets: {a: {file: x, sampling_rate: 0100}}\n", "YAML reads 0100 as 64"),
     (f"datasets: {'[' * 3000}\n", "nested too deeply"),
     (f"datasets: {{a: {{file: x, sampling_rate: 1{'0' * 400}}}}}\n", "401 digits"),
     ('datasets: {a: {file: x, input_unit: "\\ud800"}}\n', "U+D800"),

@@ -189,7 +189,8 @@ def test_every_decision_is_a_file(run):
     subjects = [each["subject"] for each in decisions]
     assert subjects[:5] == ["start", "decimation", "folds", "independent samples", "delay"]
     assert "orders of ss_oe" in subjects
-    assert subjects[-4:] == ["level", *(f"structure for {p}" for p in PURPOSES)]
+    about = ["level", *(f"structure for {p}" for p in PURPOSES), "global search of the chosen model"]
+    assert subjects[-5:] == about
     assert json.loads(Path(files.decision("delay")).read_text())["delays"] == [1, 2]
 
 

@@ -190,7 +190,10 @@ def _reading(node: yaml.Node) -> str:
         return _READINGS[kind]
     if kind == "bool":
         return "true" if node.value.lower() in ("yes", "true", "on") else "false"
+    if kind == "str":
+        return "text"
     try:
-        return "text" if kind == "str" else str(yaml.safe_load(node.value))[:60]
+        read = "" if len(node.value) > 30 else str(yaml.safe_load(node.value))
     except (yaml.YAMLError, ValueError, OverflowError):
-        return f"a number of {len(node.value)} digits"
+        read = ""
+    return read or f"a number of {len(node.value)} digits"

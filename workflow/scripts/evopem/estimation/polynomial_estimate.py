@@ -33,6 +33,9 @@ WITHOUT_NOISE_MODEL = ("fir", "oe", "general")
 
 # Objective, percent, that rounding alone makes of records without errors.
 ROUNDING = 1e-8
+# Excess over the search's objective from which a model is taken for broken.  That of models with
+# several poles next to 1 is rounded to 1e-3.
+LOST = 1e-2
 
 
 @dataclass(frozen=True)
@@ -151,7 +154,7 @@ def describe(
     levels = tuple(point[parts["level"]].tolist())
     counts = errors.residual_counts()
     criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
-    if shortest and not criteria.objective <= result.value * (1.0 + SAME_OPTIMUM) + ROUNDING:
+    if shortest and not criteria.objective <= result.value * (1.0 + LOST) + ROUNDING:
         raise InputError(
             "search",
             f"the errors of the best {errors.orders} are lost in rounding: its objective is "

@@ -70,6 +70,18 @@ class PolynomialModel(Polynomials):
     array([0.6+0.663j, 0.6-0.663j])
     >>> model.zeros(), model.noise_zeros()
     (array([-0.2+0.j]), array([-0.4+0.j]))
+    >>> (mode,) = model.modes()
+    >>> round(mode.frequency_hz, 2), round(mode.damping_ratio, 3)
+    (6.71, 0.132)
+    >>> model.frequency_response([0.0])[0, 0].real, model.noise_response([0.0])[0, 0].real.round(3)
+    (array([1.]), array([2.333]))
+    >>> u, y = [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.6, 0.7]
+    >>> model.simulate(u)
+    array([0. , 0. , 0.5, 0.7])
+    >>> model.predict(u, y).round(3), model.residuals(u, y).round(3)  # from the fourth sample on
+    (array([ nan,  nan,  nan, 0.82]), array([  nan,   nan,   nan, -0.12]))
+    >>> model.to_scipy().den
+    array([ 1. , -1.2,  0.8,  0. ])
 
     An output-error model with two inputs:
 

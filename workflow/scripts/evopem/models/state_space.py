@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -350,10 +351,17 @@ class StateSpaceModel:
         responses = np.zeros((samples, self.outputs, self.order + self.outputs * free_level))
         responses[:, :, self.order :] = np.eye(self.outputs)[:, : self.outputs * free_level]
         of_states = responses[:, :, : self.order]
-        of_states[:1], known, power = self.C, 1, dynamics
-        while known < samples:
-            of_states[known : 2 * known] = of_states[: min(known, samples - known)] @ power
-            known, power = 2 * known, power @ power
+        # In parts of equal length: of a companion matrix, whose powers rise to 1e7 before they
+        # fall, repeated squares leave the range of floats by rounding.
+        length = max(math.isqrt(samples), 1)
+        of_states[:1], power = self.C, dynamics
+        for k in range(1, length):
+            of_states[k] = of_states[k - 1] @ dynamics
+            power = power @ dynamics
+        for first in range(length, samples, length):
+            of_states[first : first + length] = (
+                of_states[first - length : first][: samples - first] @ power
+            )
         return responses
 
     def _resolvent(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:

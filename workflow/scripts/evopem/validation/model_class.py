@@ -29,6 +29,8 @@ DEGREE = 3
 LAGS = 4
 # Later samples of an input that residuals may act on.
 LATER = 20
+# Correlation of a signal with itself a period later, from which it is taken for periodic.
+PERIODIC = 0.5
 # Samples for each regressor below which there is no test.
 FEWEST_PER_REGRESSOR = 10
 
@@ -149,7 +151,10 @@ def _of_outputs(
 
 
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
-    """Test of the correlations of residuals with later inputs, each whitened (Haugh 1976)."""
+    """Test of the correlations of residuals with later inputs, each whitened (Haugh 1976).
+
+    Later samples of a periodic input are earlier ones too, which what the model lacks depends on.
+    """
     first, tests = stretches[0], []
     pairs = first.residuals.shape[1] * first.inputs.shape[1]
     for output in range(first.residuals.shape[1]):
@@ -160,6 +165,8 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                 if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
                     continue
                 e, u = _whitened(e), _whitened(u)
+                if _repeats(u):
+                    continue
                 n = min(len(e), len(u))
                 values = cross_correlation(e[-n:], u[-n:], LATER).values[:LATER]
                 lags = np.arange(LATER, 0, -1)
@@ -176,3 +183,14 @@ def _whitened(signal: Array) -> Array:
     """A signal without its mean and what its own past predicts, of the last samples."""
     centred = signal - signal.mean()
     return np.convolve(centred, autoregression(centred, MOST_WHITENING), mode="valid")
+
+
+def _repeats(whitened: Array) -> bool:
+    """Whether a signal of at least two periods is periodic, by its autocorrelation."""
+    n = len(whitened)
+    spectrum = np.fft.rfft(whitened, 2 * n)
+    products = np.fft.irfft(np.abs(spectrum) ** 2)[:n]
+    energy = np.concatenate([[0.0], np.cumsum(whitened**2)])
+    lags = np.arange(LATER, n // 2 + 1)
+    sizes = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
+    return bool(np.any(products[lags] > PERIODIC * sizes))
