@@ -189,7 +189,11 @@ def test_every_decision_is_a_file(run):
     subjects = [each["subject"] for each in decisions]
     assert subjects[:5] == ["start", "decimation", "folds", "independent samples", "delay"]
     assert "orders of ss_oe" in subjects
-    about = ["level", *(f"structure for {p}" for p in PURPOSES), "global search of the chosen model"]
+    about = [
+        "level",
+        *(f"structure for {p}" for p in PURPOSES),
+        "global search of the chosen model",
+    ]
     assert subjects[-5:] == about
     assert json.loads(Path(files.decision("delay")).read_text())["delays"] == [1, 2]
 
