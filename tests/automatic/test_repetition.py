@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic.held_out.repetition import decide_repetition, repetition_lag
+from evopem.automatic.held_out.repetition import decide_repetition
+from evopem.signals.correlation import repetition_lag
 from evopem.signals.recording import Segment
 
 A, B = [1.0, -1.5, 0.8], [0.0, 1.0, 0.5]

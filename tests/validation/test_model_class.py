@@ -114,6 +114,21 @@ def test_the_input_of_a_controller_is_found():
     assert np.mean([each.p_value < 0.01 and each.share >= 0.01 for each in found]) >= 0.9
 
 
+def test_no_wrong_class_is_taken_for_feedback():
+    """What a model lacks depends on earlier inputs; of a periodic input later ones are the same."""
+    wrong = [system for system in SYSTEMS if system != "right"]
+    found = {
+        kind: [
+            judged(system, kind, k, 100 + k).without_feedback for system in wrong for k in (0, 1)
+        ]
+        for kind in INPUTS
+    }
+    assert all(np.isnan(each.p_value) for each in found.pop("lines"))
+    p_values = [each.p_value for tests in found.values() for each in tests]
+    assert np.isfinite(p_values).all()
+    assert np.sum(np.array(p_values) < 0.01) <= 3  # of 40; more by chance in 7 of 10,000
+
+
 def test_a_short_or_constant_record_is_not_judged():
     u = np.zeros(60)
     (record,) = divided(PolynomialModel([1.0], [1.0], nk=1), Recording(u, u, 1.0), 0)

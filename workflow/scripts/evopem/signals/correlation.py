@@ -1,4 +1,4 @@
-"""Sample autocorrelation and cross-correlation functions."""
+"""Sample autocorrelation and cross-correlation functions, and the period of a signal."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
+
+# A signal repeats at a lag where its correlation is as large as this, once it has fallen below the
+# other; with the opposite sign for odd harmonics alone.
+REPEATS, HAS_CHANGED = 0.95, 0.5
+# Longest lag as a share of the samples: what overlaps must tell something of the whole.
+LONGEST_LAG = 2.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -44,3 +50,29 @@ def cross_correlation(
     products = irfft(rfft(x, length) * np.conj(rfft(y, length)), length)
     values = np.concatenate((products[length - lags :], products[: lags + 1])) / energy
     return Correlation(np.arange(-lags, lags + 1), values)
+
+
+def repetition_lag(signal: NDArray[np.float64]) -> int:
+    """Samples after which a signal repeats, as it is or with the opposite sign; 0 for none."""
+    n = len(signal)
+    longest = int(LONGEST_LAG * n)
+    x = signal - signal.mean()
+    if longest < 2 or not np.ptp(x) > 0.0:
+        return 0
+    spectrum = np.fft.rfft(x, 2 * n)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, 2 * n)[: longest + 1]
+    power = np.concatenate([[0.0], np.cumsum(x**2)])
+    lags = np.arange(longest + 1)
+    scale = np.sqrt(power[n - lags] * (power[n] - power[lags]))
+    correlation = np.divide(products, scale, out=np.zeros(longest + 1), where=scale > 0.0)
+    changed = np.flatnonzero(np.abs(correlation) < HAS_CHANGED)
+    if not len(changed):
+        return 0
+    repeats = np.abs(correlation) >= REPEATS
+    repeats[: changed[0]] = False
+    if not repeats.any():
+        return 0
+    first = int(np.argmax(repeats))
+    # The largest correlation of the first lags in sequence that repeat.
+    last = first + int(np.argmin(np.append(repeats[first:], False)))
+    return first + int(np.argmax(np.abs(correlation[first:last])))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from evopem.estimation.pem.least_squares import autoregression
-from evopem.signals.correlation import cross_correlation
+from evopem.signals.correlation import cross_correlation, repetition_lag
 from evopem.validation.held_out_tests import MOST_WHITENING, left_by
 from evopem.validation.responses import HeldOut, unscored_samples
 
@@ -29,8 +29,6 @@ DEGREE = 3
 LAGS = 4
 # Later samples of an input that residuals may act on.
 LATER = 20
-# Correlation of a signal with itself a period later, from which it is taken for periodic.
-PERIODIC = 0.5
 # Samples for each regressor below which there is no test.
 FEWEST_PER_REGRESSOR = 10
 
@@ -164,9 +162,9 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                 e, u = stretch.residuals[:, output], stretch.inputs[:, place]
                 if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
                     continue
-                e, u = _whitened(e), _whitened(u)
-                if _repeats(u):
+                if repetition_lag(u):
                     continue
+                e, u = _whitened(e), _whitened(u)
                 n = min(len(e), len(u))
                 values = cross_correlation(e[-n:], u[-n:], LATER).values[:LATER]
                 lags = np.arange(LATER, 0, -1)
@@ -183,14 +181,3 @@ def _whitened(signal: Array) -> Array:
     """A signal without its mean and what its own past predicts, of the last samples."""
     centred = signal - signal.mean()
     return np.convolve(centred, autoregression(centred, MOST_WHITENING), mode="valid")
-
-
-def _repeats(whitened: Array) -> bool:
-    """Whether a signal of at least two periods is periodic, by its autocorrelation."""
-    n = len(whitened)
-    spectrum = np.fft.rfft(whitened, 2 * n)
-    products = np.fft.irfft(np.abs(spectrum) ** 2)[:n]
-    energy = np.concatenate([[0.0], np.cumsum(whitened**2)])
-    lags = np.arange(LATER, n // 2 + 1)
-    sizes = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
-    return bool(np.any(products[lags] > PERIODIC * sizes))

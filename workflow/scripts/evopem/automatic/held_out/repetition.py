@@ -15,15 +15,11 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import least_squares
+from evopem.signals.correlation import LONGEST_LAG, repetition_lag
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
 
-# The input repeats at a lag where its correlation is as large as this, once it has fallen below
-# the other; with the opposite sign for an input of odd harmonics alone.
-REPEATS, HAS_CHANGED = 0.95, 0.5
-# Longest lag as a share of the stretch: what overlaps must tell something of the whole.
-LONGEST_LAG = 2.0 / 3.0
 # Orders of the ARX models whose residuals are judged, as far as there are SAMPLES_PER_ORDER samples
 # for each.
 ORDERS, SAMPLES_PER_ORDER = (2, 4, 8, 12, 16), 25
@@ -78,32 +74,6 @@ def _of(lag: int, correlation: float, independent: float, sentence: str) -> Repe
         *("correlation of residuals where the input repeats", sentence),
     )
     return Repetition(lag, correlation, independent, decision)
-
-
-def repetition_lag(signal: Array) -> int:
-    """Samples after which a signal repeats, as it is or with the opposite sign; 0 for none."""
-    n = len(signal)
-    longest = int(LONGEST_LAG * n)
-    x = signal - signal.mean()
-    if longest < 2 or not np.ptp(x) > 0.0:
-        return 0
-    spectrum = np.fft.rfft(x, 2 * n)
-    products = np.fft.irfft(np.abs(spectrum) ** 2, 2 * n)[: longest + 1]
-    power = np.concatenate([[0.0], np.cumsum(x**2)])
-    lags = np.arange(longest + 1)
-    scale = np.sqrt(power[n - lags] * (power[n] - power[lags]))
-    correlation = np.divide(products, scale, out=np.zeros(longest + 1), where=scale > 0.0)
-    changed = np.flatnonzero(np.abs(correlation) < HAS_CHANGED)
-    if not len(changed):
-        return 0
-    repeats = np.abs(correlation) >= REPEATS
-    repeats[: changed[0]] = False
-    if not repeats.any():
-        return 0
-    first = int(np.argmax(repeats))
-    # The largest correlation of the first lags in sequence that repeat.
-    last = first + int(np.argmin(np.append(repeats[first:], False)))
-    return first + int(np.argmax(np.abs(correlation[first:last])))
 
 
 def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
