@@ -75,11 +75,12 @@ def of_estimation(
     errors = PolynomialErrors(
         *(estimation.segments, model.orders, objective, 1.0, 1.0, with_level, window)
     )
-    point = errors.completed_by_states(model)
+    parameters, own_levels = model.orders.parameters, estimation.is_joined and with_level
+    point = np.zeros(errors.dimension)
+    point[:parameters] = model.parameters
+    completed = errors.completed_by_states(model) if own_levels else point
     for stretch, (_, at) in zip(errors.stretches, errors.places(), strict=True):
-        parameters, level = model.orders.parameters, model.level
-        if estimation.is_joined and with_level:
-            level = point[at[parameters]]
+        level = completed[at[parameters]] if own_levels else model.level
         states = estimate_prediction_states(
             replace(model, level=level), stretch.inputs, stretch.output
         )
