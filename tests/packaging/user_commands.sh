@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # What a user runs, as the README prints it: in a fresh copy of the checkout and in the environment
-# that `make report` makes from requirements.lock, which has nothing of the development.
+# that `make report` makes from requirements.lock, which has nothing of the development; at last
+# in an environment without any extra.
 set -euo pipefail
 trap 'echo "user_commands.sh: line $LINENO failed" >&2' ERR
 cd "$(dirname "$0")/../.."
@@ -94,4 +95,25 @@ cd ../recorded
 say "evopem init FOLDER"
 evopem init .
 grep --quiet "file: data.csv" config.yaml
+say "pip install PATH (without any extra)"
+deactivate
+python3 -m venv "$work/bare"
+"$work/bare/bin/python" -m pip install --quiet "$checkout"
+cd "$work"
+"$work/bare/bin/evopem" --version
+mkdir bare_work
+cp recorded/data.csv bare_work
+cd bare_work
+! "$work/bare/bin/evopem" data.csv --input u --output y --rate 100 2>message.txt
+grep --quiet 'are not installed; run pip install "evopem\[report\]".$' message.txt
+"$work/bare/bin/evopem" init .
+"$work/bare/bin/python" - <<'PYTHON'
+import sys
+
+import evopem
+
+model = evopem.load("../own/results/truth/model.json")
+model.to_scipy(), model.modes()
+assert not {"pandas", "matplotlib", "jinja2", "snakemake", "h5py"} & set(sys.modules)
+PYTHON
 say "Every command succeeded."
