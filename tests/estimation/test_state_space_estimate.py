@@ -107,11 +107,10 @@ def problem(structure, order, weighting="determinant", samples=200):
     record = scaled_recording(record_of([u[:half], u[half:]], [y[:half], y[half:]]), [0, 1], True)
     errors = StateSpaceErrors(record, order, structure, weighting)
     point = poles_only(errors.layout, random_poles(order, np.random.default_rng(order)))
-    rows = errors.layout.pair_rows(point)
+    rows = errors.layout.rows(point)
     generator = np.random.default_rng(9)
     rows[:, 2:] = generator.standard_normal(rows[:, 2:].shape)
-    if errors.layout.single:
-        errors.layout.single_row(point)[1:] = generator.standard_normal(errors.layout.drives)
+    rows[~errors.layout.free()] = 0.0
     return errors, normalised(errors.layout, inside(errors.layout, point, 0.9))
 
 

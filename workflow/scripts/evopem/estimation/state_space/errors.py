@@ -186,7 +186,7 @@ class Projection:
 
     point: Array
     sections: Sections
-    states: Array  # (N, n)
+    states: Array  # (N, 2 sections)
     regressors: Array  # (N, q): states, inputs with feedthrough, constants of levels, and drift
     basis: Array  # (N, rank): orthonormal, of the regressors
     linear: Array  # (q, ny): least-squares C, D, constants and drift, transposed
@@ -306,7 +306,7 @@ class StateSpaceErrors:
         """Sections of a point, the states, and all regressors."""
         sections = sections_of(self.layout, point)
         states = self.signals.states(sections)
-        return sections, states, np.column_stack([states, *self.direct])
+        return sections, states, np.column_stack([states[:, : self.order], *self.direct])
 
     def criterion(self, covariance: Array) -> float:
         """Criterion of the errors' covariance, (ny, ny); its unit is one for each output."""

@@ -41,48 +41,44 @@ def _advance(p, r, sigma, coupling, back, z):
 
 
 @cached_njit
-def section_states(sigma, coupling, back, ratio, pulses, drives, bounds, order):
-    """States, (N, order), of S sections that are driven at their first and second state.
+def section_states(sigma, coupling, back, ratio, pulses, drives, bounds):
+    """States, (N, 2 S), of S sections that are driven at their first and second state.
 
     ``pulses``, (segments, 2 S), drive both before the first sample of a segment, ``drives``, (N, 2
     S), at each sample.
     """
-    count, pairs = len(sigma), order // 2
-    out = np.empty((len(drives), order))
+    count = len(sigma)
+    out = np.empty((len(drives), 2 * count))
     p, r = np.empty((2, count)), np.empty((2, count))
     for segment in range(len(bounds) - 1):
         p[0], p[1] = pulses[segment, :count], pulses[segment, count:]
         r[:] = 0.0
         for t in range(bounds[segment], bounds[segment + 1]):
             now = out[t]
-            for m in range(pairs):
+            for m in range(count):
                 now[2 * m] = p[0, m] + r[1, m]
                 now[2 * m + 1] = ratio[m] * r[0, m] + p[1, m]
-            if count > pairs:
-                now[order - 1] = p[0, pairs] + r[1, pairs]
             _advance(p[0], r[0], sigma, coupling, back, drives[t, :count])
             _advance(p[1], r[1], sigma, coupling, back, drives[t, count:])
     return out
 
 
 @cached_njit
-def derivative_signals(
-    sigma, coupling, back, driven_by, pulses, signals, of_state, ratio, states, bounds
-):
-    """The signals of which derivatives of the n states of sections consist.
+def derivative_signals(sigma, coupling, back, driven_by, pulses, signals, ratio, states, bounds):
+    """The signals of which derivatives of the states of sections, (N, 2 S), consist.
 
-    The first three, (S,), hold an entry for each section and signal that drives it, the column
-    ``driven_by`` of ``signals``; ``pulses``, (segments, S), are p at the first sample of each
-    segment.  ``of_state``, (n,), is the entry of the section of each of the ``states``, (N, n).
+    The first three hold an entry for each section and signal that drives it, the column
+    ``driven_by`` of ``signals``; ``pulses``, (segments, entries), are p at the first sample of each
+    segment.
 
-    (N, 2 S + 4 (n // 2) + n % 2): the responses p, then r, of the sections; the derivatives of both
-    states of each pair by sigma and by delta; that of the single pole's state.
+    (N, 2 entries + 4 S): the responses p, then r, of the entries; the derivatives of both states of
+    each section by sigma, and s times those by delta.
     """
-    order = len(of_state)
-    pairs, extra = order // 2, 2 * len(sigma)
+    pairs, extra = len(ratio), 2 * len(sigma)
+    of_state = np.repeat(np.arange(pairs) * (len(sigma) // max(pairs, 1)), 2)
     own_sigma, own_coupling, own_back = sigma[of_state], coupling[of_state], back[of_state]
-    out = np.empty((len(signals), extra + 4 * pairs + order % 2))
-    p, r = np.empty(order), np.empty(order)
+    out = np.empty((len(signals), extra + 4 * pairs))
+    p, r = np.empty(2 * pairs), np.empty(2 * pairs)
     for segment in range(len(bounds) - 1):
         first, stop = bounds[segment], bounds[segment + 1]
         _respond(out, first, stop, sigma, coupling, back, driven_by, pulses[segment], signals)
@@ -91,13 +87,11 @@ def derivative_signals(
         for t in range(first, stop):
             now = out[t]
             for m in range(pairs):
-                one, two, c = 2 * m, 2 * m + 1, of_state[2 * m]
+                one, two = 2 * m, 2 * m + 1
                 now[extra + m] = p[one] + r[two]
-                now[extra + pairs + m] = ratio[c] * r[one] + p[two]
-                now[extra + 2 * pairs + m] = r[one] / coupling[c]
-                now[extra + 3 * pairs + m] = p[one] / coupling[c]
-            if order % 2:
-                now[extra + 4 * pairs] = p[order - 1]
+                now[extra + pairs + m] = ratio[m] * r[one] + p[two]
+                now[extra + 2 * pairs + m] = r[one]
+                now[extra + 3 * pairs + m] = p[one]
             _advance(p, r, own_sigma, own_coupling, own_back, states[t])
     return out
 

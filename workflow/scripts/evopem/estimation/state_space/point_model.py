@@ -102,7 +102,7 @@ class PointModel:
         """Predictor, columns of the drives, K, C, D and constants (levels, l), scaled signals."""
         errors, data, n = self._errors, self._errors.data, self._errors.order
         m, outputs = data.inputs.shape[1], data.outputs.shape[1]
-        sections = sections_of(errors.layout, point, self._projection.sections.coupling)
+        sections = sections_of(errors.layout, point, self._projection.sections.scale)
         drives = self._basis @ input_matrix(sections, errors.layout)
         K = drives[:, m : errors.driving] if errors.innovations else np.zeros((n, outputs))
         D = np.zeros((outputs, m), dtype=linear.dtype)
@@ -183,9 +183,10 @@ def parameter_covariance(
 
 def sandwich(hessian: Array, score: Array, mapping: Array, redundant: int) -> ParameterCovariance:
     """``M H^-1 S H^-1 M'`` in factored form; ``redundant`` directions of H change no model."""
+    seen = np.diag(hessian) > 0.0
+    unseen, mapping = mapping[:, ~seen], mapping[:, seen]
+    hessian, score = hessian[np.ix_(seen, seen)], score[np.ix_(seen, seen)]
     scale = np.sqrt(np.diag(hessian))
-    unseen = scale == 0.0
-    scale[unseen] = 1.0
     values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
     kept = np.arange(len(values)) >= redundant
     least = UNDETERMINED * values[-1]
@@ -198,7 +199,7 @@ def sandwich(hessian: Array, score: Array, mapping: Array, redundant: int) -> Pa
     # Rounding hides how far along these the data allow to go, but not what they hardly change.
     farthest = vectors[:, kept & ~determined] / np.sqrt(least)
     factor = mapping @ np.hstack([vectors[:, determined] @ root, farthest])
-    return ParameterCovariance(factor, mapping[:, unseen])
+    return ParameterCovariance(factor, unseen[:, unseen.any(axis=0)])
 
 
 def _summed_by_lags(

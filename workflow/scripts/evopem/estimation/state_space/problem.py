@@ -19,7 +19,7 @@ from evopem.estimation.state_space.sections import (
     inside,
     largest_radius,
     normalised,
-    scale_of,
+    rescaled,
 )
 from evopem.estimation.state_space.starting_points import from_poles, random_poles
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -120,11 +120,7 @@ class StateSpaceProblem:
         from_first = generator.random((count, layout.sections)) < 0.5
         offspring = parents[pairs[1]].copy()
         for child, first, chosen in zip(offspring, parents[pairs[0]], from_first, strict=True):
-            rows, other = layout.pair_rows(child), layout.pair_rows(first)
-            taken = chosen[: layout.pairs]
-            rows[taken] = other[taken]
-            if layout.single and chosen[-1]:
-                layout.single_row(child)[:] = layout.single_row(first)
+            layout.rows(child)[chosen] = layout.rows(first)[chosen]
         return np.array([normalised(layout, child) for child in offspring]), 0
 
     def descents(self, points: Array, steps: int, tolerance: float) -> Descent:
@@ -185,11 +181,8 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         layout, count = self.plain.layout, self.plain.dimension
         after = point + step
         after[:count] = self.plain.moved(point[:count], step[:count])
-        if layout.pairs:
-            deltas = [layout.pair_rows(each[:count])[:, 1] for each in (point, after)]
-            ratio = scale_of(deltas[1]) / scale_of(deltas[0])
-            of_outputs = after[count:].reshape(len(self.sizes), self._regressors)
-            of_outputs[:, 1 : 2 * layout.pairs : 2] *= ratio
+        of_outputs = after[count:].reshape(len(self.sizes), self._regressors)
+        of_outputs[:, 1 : layout.order : 2] *= rescaled(layout, point, after)[: layout.pairs]
         return after
 
     def stable(self, projection: Projection) -> bool:

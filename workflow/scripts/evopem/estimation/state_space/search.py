@@ -140,10 +140,8 @@ def extensions(
 
 def reductions(larger: StateSpaceErrors, point: Array) -> list[Array]:
     """The point of an order without one of its pairs of poles, for each of them."""
-    rows, single = larger.layout.pair_rows(point), larger.layout.single_row(point)
-    return [
-        np.concatenate([np.delete(rows, pair, axis=0).ravel(), single]) for pair in range(len(rows))
-    ]
+    rows = larger.layout.rows(point)
+    return [np.delete(rows, pair, axis=0).ravel() for pair in range(larger.layout.pairs)]
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,12 @@
 """Coordinates of state-space models: sections of two poles each, and how strongly they are driven.
 
 A section has the poles ``sigma +- sqrt(delta)`` and the state matrix ``[[sigma, s], [delta / s,
-sigma]]``, which depends smoothly on both where complex poles become real ones; an odd order has one
-real pole more.  Sections are local coordinates of A up to two directions each, along which errors
-do not change and Levenberg-Marquardt steps never go.  Output matrices are no coordinates: they
-follow by linear least squares.  With a signal z sections follow ``p+ = sigma p + back r + z, r+ =
-coupling p + sigma r``; a derivative moves at most two states, each by one of a few signals times a
-factor.
+sigma]]``, which depends smoothly on both where complex poles become real ones; the last section of
+an odd order has one pole, and its second state is zero.  Sections are local coordinates of A up to
+two directions each, along which errors do not change and Levenberg-Marquardt steps never go.
+Output matrices are no coordinates: they follow by linear least squares.  With a signal z sections
+follow ``p+ = sigma p + back r + z, r+ = coupling p + sigma r``; a derivative moves at most two
+states, each by one of a few signals times a factor.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ SMALLEST_DELTA = 1e-6
 class Layout:
     """Where the coordinates of a model of some order stand in a point.
 
-    ``[sigma, delta, b1 (drives), b2 (drives)]`` for each pair, then ``[sigma, b (drives)]`` of the
-    real pole of an odd order.  Drives are inputs, for innovations form outputs, and a pulse for the
-    initial state of each segment.
+    ``[sigma, delta, b1 (drives), b2 (drives)]`` for each section; of the single pole of an odd
+    order delta and b2 are zero, and nothing depends on them.  Drives are inputs, for innovations
+    form outputs, and a pulse for the initial state of each segment.
     """
 
     order: int
@@ -53,34 +53,37 @@ class Layout:
         return self.pairs + int(self.single)
 
     @property
-    def pair_length(self) -> int:
-        """Coordinates of a pair."""
-        return 2 + 2 * self.drives
-
-    @property
     def dimension(self) -> int:
         """Length of a point."""
-        return self.pairs * self.pair_length + int(self.single) * (1 + self.drives)
+        return self.sections * (2 + 2 * self.drives)
 
-    def pair_rows(self, point: Array) -> Array:
-        """View of the coordinates of the pairs, (pairs, pair_length)."""
-        return point[: self.pairs * self.pair_length].reshape(self.pairs, self.pair_length)
+    def rows(self, point: NDArray) -> NDArray:
+        """View of the coordinates, (sections, 2 + 2 drives)."""
+        return point[: self.dimension].reshape(self.sections, -1)
 
-    def single_row(self, point: Array) -> Array:
-        """View of the coordinates of the single pole, (1 + drives,), or empty."""
-        return point[self.pairs * self.pair_length :]
+    def free(self) -> NDArray[np.bool_]:
+        """Whether anything depends on each coordinate, (sections, 2 + 2 drives)."""
+        free = np.ones((self.sections, 2 + 2 * self.drives), dtype=bool)
+        if self.single:
+            free[-1, 1] = free[-1, 2 + self.drives :] = False
+        return free
 
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """The sections of a point as arrays, (sections,); the single pole is one without coupling."""
+    """The sections of a point as arrays, (sections,)."""
 
     sigma: Array
-    coupling: Array  # s
+    scale: Array  # s
+    coupling: Array  # s, or 0 of the single pole
     back: Array  # delta / s
-    ratio: Array  # delta / s**2, between -1 and 1
     b1: Array  # (sections, drives): input matrix of the first states
     b2: Array
+
+    @property
+    def ratio(self) -> Array:
+        """``delta / s**2``, between -1 and 1."""
+        return self.back / self.scale
 
 
 def scale_of(delta: Array) -> Array:
@@ -88,62 +91,49 @@ def scale_of(delta: Array) -> Array:
     return np.sqrt(np.maximum(np.abs(delta), SMALLEST_DELTA))
 
 
-def sections_of(layout: Layout, point: Array, coupling: Array | None = None) -> Sections:
+def sections_of(layout: Layout, point: Array, scale: Array | None = None) -> Sections:
     """Read the sections of a point; their s may be given."""
-    pairs, drives = layout.pair_rows(point), layout.drives
-    sigma, delta = pairs[:, 0], pairs[:, 1]
-    coupling = scale_of(delta) if coupling is None else coupling[: layout.pairs]
-    b1, b2 = pairs[:, 2 : 2 + drives], pairs[:, 2 + drives :]
-    back = delta / coupling
-    ratio = back / coupling
-    if layout.single:
-        row = layout.single_row(point)
-        sigma = np.append(sigma, row[0])
-        coupling, back = np.append(coupling, 0.0), np.append(back, 0.0)
-        ratio = np.append(ratio, 0.0)
-        b1 = np.vstack([b1, row[1:]])
-        b2 = np.vstack([b2, np.zeros(drives)])
-    return Sections(sigma, coupling, back, ratio, b1, b2)
+    rows = layout.rows(point)
+    sigma, delta = rows[:, 0], rows[:, 1]
+    scale = scale_of(delta) if scale is None else scale
+    coupling = scale.copy()
+    coupling[layout.pairs :] = 0.0
+    b1, b2 = np.split(rows[:, 2:], 2, axis=1)
+    return Sections(sigma, scale, coupling, delta / scale, b1, b2)
+
+
+def rescaled(layout: Layout, before: Array, after: Array) -> Array:
+    """How s of each section changes between two points, (sections,): its second state divides."""
+    return scale_of(layout.rows(after)[:, 1]) / scale_of(layout.rows(before)[:, 1])
 
 
 def moved(layout: Layout, point: Array, step: Array) -> Array:
     """A point after a step with the scale s of each section held; its second state is rescaled."""
     after = point + step
-    if layout.pairs:
-        old = scale_of(layout.pair_rows(point)[:, 1])
-        rows = layout.pair_rows(after)
-        rows[:, 2 + layout.drives :] *= (old / scale_of(rows[:, 1]))[:, None]
+    layout.rows(after)[:, 2 + layout.drives :] /= rescaled(layout, point, after)[:, None]
     return after
 
 
 def normalised(layout: Layout, point: Array) -> Array:
     """The point with inputs of unit size for each section, and sections by angle of their poles."""
     point = point.copy()
-    rows = layout.pair_rows(point)
+    rows = layout.rows(point)
     sizes = np.linalg.norm(rows[:, 2:], axis=1)
     rows[:, 2:] /= np.where(sizes > 0.0, sizes, 1.0)[:, None]
     angles = np.where(
         rows[:, 1] < 0.0, np.arctan2(np.sqrt(np.abs(rows[:, 1])), rows[:, 0]), -rows[:, 0] - 10.0
     )
+    angles[layout.pairs :] = np.inf
     rows[:] = rows[np.argsort(angles, kind="stable")]
-    if layout.single:
-        row = layout.single_row(point)
-        size = np.linalg.norm(row[1:])
-        row[1:] /= size if size > 0.0 else 1.0
     return point
 
 
 def largest_radius(layout: Layout, point: Array) -> float:
     """Largest radius of the poles of a point."""
-    rows = layout.pair_rows(point)
-    radii = np.where(
-        rows[:, 1] < 0.0,
-        np.sqrt(np.maximum(rows[:, 0] ** 2 - rows[:, 1], 0.0)),
-        np.abs(rows[:, 0]) + np.sqrt(np.maximum(rows[:, 1], 0.0)),
-    )
-    if layout.single:
-        radii = np.append(radii, abs(layout.single_row(point)[0]))
-    return float(np.max(radii))
+    sigma, delta = layout.rows(point)[:, :2].T
+    complex_ones = np.sqrt(np.maximum(sigma**2 - delta, 0.0))
+    real_ones = np.abs(sigma) + np.sqrt(np.maximum(delta, 0.0))
+    return float(np.max(np.where(delta < 0.0, complex_ones, real_ones)))
 
 
 def drawn_in(sigma: Array, delta: Array, radius: float) -> tuple[Array, Array]:
@@ -162,48 +152,35 @@ def inside(layout: Layout, point: Array, radius: float) -> Array:
     """The point with poles beyond a radius moved to it along their rays."""
     if largest_radius(layout, point) <= radius:
         return point
-    point = point.copy()
-    rows = layout.pair_rows(point)
-    old = scale_of(rows[:, 1])
+    after = point.copy()
+    rows = layout.rows(after)
     rows[:, 0], rows[:, 1] = drawn_in(rows[:, 0], rows[:, 1], radius)
-    rows[:, 2 + layout.drives :] *= (old / scale_of(rows[:, 1]))[:, None]
-    if layout.single:
-        row = layout.single_row(point)
-        row[0] = np.clip(row[0], -radius, radius)
-    return point
+    rows[:, 2 + layout.drives :] /= rescaled(layout, point, after)[:, None]
+    return after
 
 
 def state_matrix(sections: Sections, layout: Layout) -> Array:
     """Block-diagonal state matrix of a point, (n, n)."""
-    A = np.zeros((layout.order, layout.order), dtype=sections.sigma.dtype)
-    for m in range(layout.pairs):
-        i = 2 * m
-        A[i, i] = A[i + 1, i + 1] = sections.sigma[m]
-        A[i, i + 1] = sections.coupling[m]
-        A[i + 1, i] = sections.back[m]
-    if layout.single:
-        A[-1, -1] = sections.sigma[-1]
-    return A
+    first = np.arange(0, 2 * layout.sections, 2)
+    A = np.zeros((2 * len(first), 2 * len(first)), dtype=sections.sigma.dtype)
+    A[first, first] = A[first + 1, first + 1] = sections.sigma
+    A[first, first + 1], A[first + 1, first] = sections.coupling, sections.back
+    return A[: layout.order, : layout.order]
 
 
 def input_matrix(sections: Sections, layout: Layout) -> Array:
     """Columns by which the drives enter the states, (n, drives)."""
-    B = np.zeros((layout.order, layout.drives), dtype=sections.b1.dtype)
-    B[0 : 2 * layout.pairs : 2] = sections.b1[: layout.pairs]
-    B[1 : 2 * layout.pairs : 2] = sections.b2[: layout.pairs]
-    if layout.single:
-        B[-1] = sections.b1[-1]
-    return B
+    B = np.hstack([sections.b1, sections.b2]).reshape(-1, layout.drives)
+    return B[: layout.order]
 
 
 def with_drives(layout: Layout, point: Array, drives: slice, B: Array) -> Array:
     """The point with other columns, (n, drives), by which some drives enter the states."""
-    point, pairs = point.copy(), 2 * layout.pairs
-    rows = layout.pair_rows(point)
-    rows[:, 2 : 2 + layout.drives][:, drives] = B[0:pairs:2]
-    rows[:, 2 + layout.drives :][:, drives] = B[1:pairs:2]
-    if layout.single:
-        layout.single_row(point)[1:][drives] = B[-1]
+    point, padded = point.copy(), np.zeros((2 * layout.sections, B.shape[1]))
+    padded[: layout.order] = B
+    rows = layout.rows(point)
+    rows[:, 2 : 2 + layout.drives][:, drives] = padded[0::2]
+    rows[:, 2 + layout.drives :][:, drives] = padded[1::2]
     return point
 
 
@@ -221,7 +198,7 @@ class SectionSignals:
         self._signals = np.column_stack([driving, np.zeros(len(driving))])
 
     def states(self, sections: Sections) -> Array:
-        """States driven by all signals, (N, n): one response for each instead of each drive."""
+        """Both states of each section, (N, 2 sections): one response each instead of each drive."""
         inputs = np.vstack([sections.b1, sections.b2])
         states: Array = section_states(
             sections.sigma,
@@ -231,82 +208,62 @@ class SectionSignals:
             np.ascontiguousarray(inputs[:, self.driving :].T),
             self._signals[:, : self.driving] @ inputs[:, : self.driving].T,
             self.bounds,
-            self.layout.order,
         )
         return states
 
     def responses(self, sections: Sections) -> Array:
-        """Responses of each section to each drive, (N, 2 sections drives)."""
-        none = np.empty(0, dtype=np.intp), np.empty(0), np.empty((len(self._signals), 0))
-        responses: Array = derivative_signals(*self._driven(sections), *none, self.bounds)
-        return responses
+        """Responses p, then r, of each section to each drive, (N, 2 sections drives)."""
+        return self._derivatives(sections, np.empty((len(self._signals), 0)), np.empty(0))
 
     def derivatives(self, sections: Sections, states: Array) -> Array:
-        """Signals that derivatives of :meth:`states`, (N, n), by the coordinates consist of."""
-        layout = self.layout
-        section = np.minimum(np.arange(layout.order) // 2, layout.sections - 1)
-        ratio = np.repeat(sections.ratio, layout.drives)
-        signals: Array = derivative_signals(
-            *(*self._driven(sections), section * layout.drives, ratio, states, self.bounds)
-        )
-        return signals
+        """Signals that derivatives of :meth:`states` by the coordinates consist of."""
+        return self._derivatives(sections, states, sections.ratio)
 
-    def _driven(self, sections: Sections) -> tuple[NDArray, ...]:
-        """Of each section and drive: its sigma, coupling and back, its signal, and its pulses."""
+    def _derivatives(self, sections: Sections, states: Array, ratio: Array) -> Array:
+        """The responses, and signals of the sections whose states are given."""
         layout, segments = self.layout, len(self.bounds) - 1
         drives = layout.drives
-        driven_by = np.minimum(np.arange(drives), self.driving)
         pulses = np.zeros((segments, layout.sections, drives))
-        for k in range(segments):
-            pulses[k, :, self.driving + k] = 1.0
-        return (
-            np.repeat(sections.sigma, drives),
-            np.repeat(sections.coupling, drives),
+        k = np.arange(segments)
+        pulses[k, :, self.driving + k] = 1.0
+        signals: Array = derivative_signals(
+            *(np.repeat(each, drives) for each in (sections.sigma, sections.coupling)),
             np.repeat(sections.back, drives),
-            np.tile(driven_by, layout.sections),
-            pulses.reshape(segments, -1),
-            self._signals,
+            np.tile(np.minimum(np.arange(drives), self.driving), layout.sections),
+            *(pulses.reshape(segments, -1), self._signals, ratio, states, self.bounds),
         )
+        return signals
 
 
 class StateDerivatives:
     """Sums and products of derivatives: each two signals that move a state, times factors."""
 
     def __init__(self, layout: Layout) -> None:
-        self.dimension = layout.dimension
-        pairs, drives = layout.pairs, layout.drives
-        count = layout.sections * drives
-        extra = 2 * count
-        # Of each term and coordinate.
-        signals = np.zeros((2, self.dimension), dtype=np.intp)
-        states = np.zeros((2, self.dimension), dtype=np.intp)
-        # The section whose ratio is the factor of the second term, or -1 for 1.
-        self._ratio_of = np.full(self.dimension, -1, dtype=np.intp)
-        for m in range(pairs):
-            at = m * layout.pair_length
-            p = np.arange(m * drives, (m + 1) * drives)
-            b1, b2 = slice(at + 2, at + 2 + drives), slice(at + 2 + drives, at + 2 + 2 * drives)
-            signals[:, at] = extra + m, extra + pairs + m
-            signals[:, at + 1] = extra + 2 * pairs + m, extra + 3 * pairs + m
-            signals[:, b1] = p, count + p
-            signals[:, b2] = count + p, p
-            self._ratio_of[b1] = m
-            states[:, at : at + layout.pair_length] = [[2 * m], [2 * m + 1]]
-        self._single = slice(pairs * layout.pair_length, self.dimension)
-        if layout.single:
-            at = self._single.start
-            signals[0, at] = extra + 4 * pairs
-            signals[0, at + 1 :] = np.arange(pairs * drives, (pairs + 1) * drives)
-            states[:, at:] = layout.order - 1
-        self._signals, self._states = signals.ravel(), states.ravel()
+        self._shape = 2, layout.sections, 2 + 2 * layout.drives
+        self._layout, self.dimension = layout, layout.dimension
+        count = layout.sections * layout.drives
+        m = np.arange(layout.sections)[:, None]
+        p = m * layout.drives + np.arange(layout.drives)
+        # Of each term and coordinate; those by sigma and delta of a section stand behind responses.
+        by_sigma = 2 * count + m, 2 * count + len(m) + m
+        by_delta = tuple(2 * len(m) + each for each in by_sigma)
+        self._signals = np.array(
+            [
+                np.hstack([by_sigma[0], by_delta[0], p, count + p]),
+                np.hstack([by_sigma[1], by_delta[1], count + p, p]),
+            ]
+        ).ravel()
+        states = np.broadcast_to(np.stack([2 * m, 2 * m + 1]), self._shape)
+        # The single pole moves one state.
+        self._free = layout.free() & (states < layout.order)
+        self._states = np.minimum(states, layout.order - 1).ravel()
 
     def _terms(self, sections: Sections) -> tuple[NDArray, NDArray, Array]:
         """Signals, states and factors of the first terms, then of the second ones, (2 n,)."""
-        factors = np.ones((2, self.dimension))
-        factors[1] = np.where(self._ratio_of < 0, 1.0, sections.ratio[self._ratio_of])
-        # The single pole moves one state.
-        factors[1, self._single] = 0.0
-        return self._signals, self._states, factors.ravel()
+        factors = np.ones(self._shape)
+        factors[:, :, 1] = 1.0 / sections.scale
+        factors[1, :, 2 : 2 + self._layout.drives] = sections.ratio[:, None]
+        return self._signals, self._states, (factors * self._free).ravel()
 
     def summed(self, sections: Sections, products: Array) -> Array:
         """Vector over coordinates, (n,), of products of signals and states, (signals, order)."""

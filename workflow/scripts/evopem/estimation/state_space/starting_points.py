@@ -71,16 +71,16 @@ def poles_only(layout: Layout, poles: Complex) -> Array:
     """A point with some poles, (order,), complex ones in conjugate pairs, and no inputs."""
     upper, real = grouped_poles(separated(poles))
     point = np.zeros(layout.dimension)
+    rows = layout.rows(point)
     if layout.single:
         # The real pole farthest from the origin stays alone; neighbours share a section.
         alone = int(np.argmax(np.abs(real)))
-        layout.single_row(point)[0] = real[alone]
+        rows[-1, 0] = real[alone]
         real = np.delete(real, alone)
-    rows = layout.pair_rows(point)
     rows[: len(upper), 0], rows[: len(upper), 1] = upper.real, -(upper.imag**2)
     low, high = real[0::2], real[1::2]
-    rows[len(upper) :, 0] = 0.5 * (low + high)
-    rows[len(upper) :, 1] = 0.25 * (high - low) ** 2
+    rows[len(upper) : layout.pairs, 0] = 0.5 * (low + high)
+    rows[len(upper) : layout.pairs, 1] = 0.25 * (high - low) ** 2
     return point
 
 
@@ -93,7 +93,7 @@ def point_of(layout: Layout, A: Array, B: Array) -> Array:
     real = real[np.argsort(poles[real].real, kind="stable")]
     apart = separated(poles)
     point = poles_only(layout, apart)
-    rows, drives = layout.pair_rows(point), layout.drives
+    rows, drives = layout.rows(point), layout.drives
     for row, k in zip(rows, upper, strict=False):
         # x = 2 Re(v q): the states (Re q, -Im q) turn by [[Re, Im], [-Im, Re]].
         row[2 : 2 + drives] = driven[k].real
@@ -101,9 +101,9 @@ def point_of(layout: Layout, A: Array, B: Array) -> Array:
     values = apart[2 * len(upper) :].real
     if layout.single:
         alone = int(np.argmax(np.abs(values)))
-        layout.single_row(point)[1:] = driven[real[alone]].real
+        rows[-1, 2 : 2 + drives] = driven[real[alone]].real
         real = np.delete(real, alone)
-    for row, low, high in zip(rows[len(upper) :], real[0::2], real[1::2], strict=True):
+    for row, low, high in zip(rows[len(upper) :], real[0::2], real[1::2], strict=False):
         # q_low = p - r, q_high = p + r up to a factor of 2.
         row[2 : 2 + drives] = (driven[high] + driven[low]).real
         row[2 + drives :] = (driven[high] - driven[low]).real
@@ -148,15 +148,11 @@ def _with_inputs(errors: StateSpaceErrors, point: Array, outputs: Array) -> Arra
     layout = errors.layout
     alpha, beta = _residues(errors, point, outputs)
     point = point.copy()
-    rows, drives = layout.pair_rows(point), layout.drives
+    drives = layout.drives
     # A pulse has the energy of one sample, a scaled signal that of all.
     weight = np.full(drives, np.sqrt(errors.data.samples))
     weight[errors.driving :] = 1.0
-    for m in range(layout.sections):
-        if m >= layout.pairs:
-            layout.single_row(point)[1:] = _leading(alpha[m], weight).real
-            continue
-        row = rows[m]
+    for m, row in enumerate(layout.rows(point)):
         if row[1] < 0.0:
             leading = _leading(alpha[m] + 1j * beta[m], weight)
             row[2 : 2 + drives], row[2 + drives :] = leading.real, leading.imag
@@ -222,15 +218,15 @@ def extended(
     added = replace(larger, order=len(poles))
     bare = poles_only(added.layout, poles)
     extra = _with_inputs(added, bare, remainder)
-    into, from_, more = larger.layout, smaller.layout, added.layout
-    result = np.zeros(into.dimension)
-    result_rows = into.pair_rows(result)
-    result_rows[: from_.pairs] = from_.pair_rows(point)
-    result_rows[from_.pairs : from_.pairs + more.pairs] = more.pair_rows(extra)
-    single = from_.single_row(point) if from_.single else more.single_row(extra)
-    if into.single:
-        into.single_row(result)[:] = single
-    return normalised(into, result)
+    (pairs, single), (more, another) = (
+        np.split(each.layout.rows(of), [each.layout.pairs])
+        for each, of in ((smaller, point), (added, extra))
+    )
+    last = np.vstack([single, another])
+    if len(last) == 2:
+        drives = last[:, 2 : 2 + larger.layout.drives]
+        last = point_of(Layout(2, drives.shape[1]), np.diag(last[:, 0]), drives)[None, :]
+    return normalised(larger.layout, np.vstack([pairs, more, last]).ravel())
 
 
 def _distances(count: int, generator: np.random.Generator) -> Array:
