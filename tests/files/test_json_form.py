@@ -92,7 +92,7 @@ def polynomial_models(draw: Any) -> PolynomialModel:
         sampling_rate=draw(FINITE),
         covariance=draw(instances(ParameterCovariance | None)),
         input_names=draw(st.lists(st.text(), max_size=2)),
-        output_name=draw(st.text()),
+        output_names=draw(st.lists(st.text(), max_size=1)),
     )
 
 

@@ -41,7 +41,7 @@ def model_of(structure, **changes):
         level=2.0,
         noise_variance=0.04,
         input_names=("u1", "u2"),
-        output_name="y",
+        output_names=("y",),
     )
     return replace(model, **changes)
 

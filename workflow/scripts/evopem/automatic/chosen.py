@@ -151,7 +151,7 @@ def _polynomials(
     named = replace(
         estimate.model,
         input_names=estimation.input_names,
-        output_name=estimation.output_names[0],
+        output_names=estimation.output_names,
     )
     at_ends = ends.at_upper_ends(orders, estimation.input_names)
     estimate = replace(estimate, model=named)

@@ -314,7 +314,7 @@ def estimate_polynomial(
                 else prediction_estimate(task, horizon)[0]
             )
     effect = found.constraints if constraints is not None else None
-    model = replace(found.model, input_names=names, output_name=data.output_names[0])
+    model = replace(found.model, input_names=names, output_names=data.output_names)
     return replace(found, model=model, focus=focus, constraints=effect)
 
 

@@ -48,8 +48,8 @@ class PolynomialModel(Polynomials):
     structure : str
         A key of :data:`evopem.config.structures.STRUCTURES`; by default the smallest one that has
         the model's orders.
-    input_names : tuple of str
-    output_name : str
+    input_names, output_names : tuple of str
+        Empty where the channels have no names.
 
     Examples
     --------
@@ -96,8 +96,19 @@ class PolynomialModel(Polynomials):
     def with_parameters(self, parameters: Array, **changes: Any) -> PolynomialModel:
         """The model with other coefficients, and other attributes."""
         names = ("sampling_rate", "level", "noise_variance", "covariance")
-        beside = {name: getattr(self, name) for name in (*names, "input_names", "output_name")}
+        beside = {name: getattr(self, name) for name in (*names, "input_names", "output_names")}
         return model_of(self.orders, parameters, **(beside | changes))
+
+    def scaled(self, of_inputs: Array, of_outputs: Array) -> PolynomialModel:
+        """The model of signals so many times as large, (m,) and (1,); without covariance."""
+        scale = float(of_outputs[0])
+        return replace(
+            self,
+            B=tuple(b * scale / each for b, each in zip(self.B, of_inputs, strict=False)),
+            level=self.level * scale,
+            noise_variance=self.noise_variance * scale**2,
+            covariance=None,
+        )
 
     def modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the plant's oscillating poles, by frequency.
@@ -158,7 +169,7 @@ class PolynomialModel(Polynomials):
             sampling_rate=self.sampling_rate,
             noise_covariance=np.array([[self.noise_variance]]),
             input_names=self.input_names,
-            output_names=(self.output_name,) if self.output_name else (),
+            output_names=self.output_names,
         )
 
     @property

@@ -33,7 +33,7 @@ class Polynomials:
     covariance: ParameterCovariance | None
     structure: str
     input_names: tuple[str, ...]
-    output_name: str
+    output_names: tuple[str, ...]
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Polynomials:
         covariance: ParameterCovariance | None = None,
         structure: str = "",
         input_names: Sequence[str] = (),
-        output_name: str = "",
+        output_names: Sequence[str] = (),
     ) -> None:
         of_inputs = _arrays(B) or ()
         monic = _arrays(F)
@@ -67,7 +67,7 @@ class Polynomials:
             "covariance": covariance,
             "structure": structure,
             "input_names": tuple(input_names),
-            "output_name": output_name,
+            "output_names": tuple(output_names),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)

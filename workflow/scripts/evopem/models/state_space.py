@@ -118,6 +118,19 @@ class StateSpaceModel:
         )
         return replace(self, A=A, B=B, C=C, D=D, K=K, level=level)
 
+    def scaled(self, of_inputs: Array, of_outputs: Array) -> StateSpaceModel:
+        """The model of signals so many times as large, (nu,) and (ny,); without covariance."""
+        return replace(
+            self,
+            B=self.B / of_inputs,
+            C=self.C * of_outputs[:, None],
+            D=self.D * of_outputs[:, None] / of_inputs,
+            K=self.K / of_outputs,
+            level=self.level * of_outputs,
+            noise_covariance=self.noise_covariance * np.outer(of_outputs, of_outputs),
+            covariance=None,
+        )
+
     def poles(self) -> NDArray[np.complex128]:
         """Eigenvalues of A in the z plane, (n,)."""
         return np.asarray(np.linalg.eigvals(self.A), dtype=complex)

@@ -30,8 +30,7 @@ from evopem.automatic.preparation.disturbance import (
 )
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.state_space import StateSpaceModel
+from evopem.models.polynomial import Model
 from evopem.signals.prepared_data import PreparedData, Rows, StretchOrigin
 from evopem.signals.recording import Recording, Segment
 from evopem.signals.transforms import difference, invert_difference
@@ -134,30 +133,9 @@ class PreparedRecord:
         """What all fits have in common."""
         return FitSettings(self.plan.objective)
 
-    def in_its_units(self, model: PolynomialModel | StateSpaceModel) -> Any:
+    def in_its_units(self, model: Model) -> Any:
         """A model of the scaled stretches in the units of the recording, less the offsets."""
-        of_input, of_output = self.scales
-        if isinstance(model, StateSpaceModel):
-            return replace(
-                model,
-                B=model.B / of_input,
-                C=model.C * of_output[:, None],
-                D=model.D * of_output[:, None] / of_input,
-                K=model.K / of_output,
-                level=model.level * of_output,
-                noise_covariance=model.noise_covariance * np.outer(of_output, of_output),
-                covariance=None,
-                sampling_rate=self.sampling_rate,
-            )
-        scale = float(of_output[0])
-        return replace(
-            model,
-            B=tuple(b * scale / each for b, each in zip(model.B, of_input, strict=False)),
-            level=model.level * scale,
-            noise_variance=model.noise_variance * scale**2,
-            covariance=None,
-            sampling_rate=self.sampling_rate,
-        )
+        return replace(model.scaled(*self.scales), sampling_rate=self.sampling_rate)
 
 
 def means_of(stretches: Sequence[Segment]) -> tuple[Array, Array]:
