@@ -1,0 +1,395 @@
+"""How often each statement of a report is true, on random recordings; writes docs/evidence.
+
+    python benchmarks/calibration.py [--cases 500] [--first 0] [--processes 2]
+
+Every case goes through the whole automatic recipe with nothing given but the signals and the
+sampling rate. What the report then says is compared with the system that made the recording. One
+line for each case is kept in results/calibration.jsonl, and a case that stands there is not run
+again, so that a night can be interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from evidence import write_section
+from random_systems import Array, Case, draw_case
+from threadpoolctl import threadpool_limits
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+
+import evopem  # noqa: E402
+from evopem.errors import InputError  # noqa: E402
+from evopem.report.verdict import verdict  # noqa: E402
+
+COMMAND = "benchmarks/calibration.py"
+KEPT = ROOT / "results" / "calibration.jsonl"
+RATE = 100.0  # Hz
+NORMAL_95 = 1.959963984540054
+# A mode of the model is that of the system within these shares of frequency and damping.
+SAME_FREQUENCY, SAME_DAMPING = 0.05, 0.5
+# Share of the energy, and signal to noise, from which on a mode should have been found.
+VISIBLE_SHARE, VISIBLE_RATIO = 0.02, 2.0
+# Structures of polynomials whose true orders an oracle may be given.
+ORACLES = {"fir", "arx", "armax", "oe", "bj"}
+
+Line = dict[str, Any]
+
+
+def run(number: int) -> Line:
+    """One case: what it is, what the report says, and what is true."""
+    case = draw_case(number)
+    line: Line = {"case": number, **case.labels}
+    started = time.process_time()
+    try:
+        with threadpool_limits(1), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = evopem.identify(
+                case.inputs if case.inputs.shape[1] else None,
+                case.outputs,
+                RATE,
+                show_progress=False,
+            )
+            line |= judged(case, found)
+            line["seconds"] = round(time.process_time() - started, 1)
+            if not case.outside and case.system.structure in ORACLES and _is_single(case):
+                line["oracle"] = oracle(case)
+    except InputError as error:
+        line["refused"] = str(error)
+    except Exception as error:
+        # A fault of the package is a row of the table.
+        line["fault"] = f"{type(error).__name__}: {error}"
+    return line
+
+
+def _is_single(case: Case) -> bool:
+    return case.inputs.shape[1] == 1 == case.outputs.shape[1]
+
+
+def judged(case: Case, found: Any) -> Line:
+    """What a report says, and what is true of it."""
+    uses = {use.name: use.answer for use in verdict(found.results).uses}
+    named = {
+        "simulation": next((uses[key] for key in uses if key.startswith("simulation")), ""),
+        "response": uses.get("the frequency response", ""),
+        "errors": uses.get("standard errors", ""),
+    }
+    line: Line = {
+        "chosen": str(found.summary.orders),
+        "verdict": named,
+        "checks": {check.name: check.passed for check in found.checks},
+        "simulation_error": found.simulation_error_percent,
+    }
+    if not case.outside:
+        line["modes"] = modes_of(case, found)
+        if case.inputs.shape[1]:
+            line |= response_of(case, found)
+            line["delays"] = [int(nk) for nk in np.atleast_1d(delays_of(found.model))]
+    return line
+
+
+def delays_of(model: Any) -> Sequence[int]:
+    """Delay of each input in samples of the model."""
+    if hasattr(model, "input_delays"):
+        # A matrix D of zeros is one sample of delay more.
+        return [int(nk) + (not np.any(model.D)) for nk in model.input_delays]
+    return [int(each) for each in np.atleast_1d(model.nk)]
+
+
+def response_of(case: Case, found: Any) -> Line:
+    """Error of the frequency response in the excited band, and what its intervals cover."""
+    table = found.results.frequency_response
+    errors, gains, phases = [], [], []
+    rate = found.model.sampling_rate
+    for j, output in enumerate(found.results.model.output_names):
+        for i, name in enumerate(found.results.model.input_names):
+            rows = table[(table["output"] == output) & (table["input"] == name)]
+            angles = 2.0 * np.pi * rows["frequency_hz"].to_numpy() / RATE
+            inside = (angles > case.band[0]) & (angles < min(case.band[1], np.pi * rate / RATE))
+            rows, angles = rows[inside], angles[inside]
+            if not len(rows):
+                continue
+            scale = case.output_scales[j] / case.input_scale
+            true = scale * case.system.frequency_response(angles)[:, j, i]
+            gain, phase = rows["gain"].to_numpy(), np.radians(rows["phase_deg"].to_numpy())
+            errors.append(_relative(gain * np.exp(1j * phase), true))
+            lower, upper = rows["gain_lower"].to_numpy(), rows["gain_upper"].to_numpy()
+            gains.append(float(np.mean((lower <= abs(true)) & (abs(true) <= upper))))
+            off = np.angle(true * np.exp(-1j * phase), deg=True)
+            width = NORMAL_95 * rows["phase_se_deg"].to_numpy()
+            phases.append(float(np.mean(abs(off) <= width)))
+    if not errors:
+        return {}
+    return {"response_error": _mean(errors), "gain": _mean(gains), "phase": _mean(phases)}
+
+
+def _relative(estimate: Array, true: Array) -> float:
+    return float(np.linalg.norm(estimate - true) / np.linalg.norm(true))
+
+
+def _mean(values: Iterable[float]) -> float:
+    return float(np.mean(list(values)))
+
+
+def modes_of(case: Case, found: Any) -> Line:
+    """Which modes that can be trusted are true, and which true ones are trusted."""
+    true = [(mode.angle * RATE / (2.0 * np.pi), mode.damping, mode.share) for mode in case.modes]
+    trusted = found.modes[found.modes["trusted"]]
+    names = ("frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent")
+    rows = [tuple(map(float, row)) for row in trusted[list(names)].to_numpy()]
+    near = [_nearest(frequency, damping / 100.0, true) for frequency, _, damping, _ in rows]
+    covered = [
+        (
+            abs(frequency - true[at][0]) <= NORMAL_95 * frequency_se,
+            abs(damping / 100.0 - true[at][1]) <= NORMAL_95 * damping_se / 100.0,
+        )
+        for (frequency, frequency_se, damping, damping_se), at in zip(rows, near, strict=True)
+        if at is not None and np.isfinite(frequency_se)
+    ]
+    visible = [k for k, mode in enumerate(true) if mode[2] >= VISIBLE_SHARE]
+    return {
+        "trusted": len(rows),
+        "false": sum(at is None for at in near),
+        "visible": len(visible) if case.signal_to_noise >= VISIBLE_RATIO else 0,
+        "missed": len([k for k in visible if k not in near])
+        if case.signal_to_noise >= VISIBLE_RATIO
+        else 0,
+        "frequency": [sum(bool(each[0]) for each in covered), len(covered)],
+        "damping": [sum(bool(each[1]) for each in covered), len(covered)],
+    }
+
+
+def _nearest(
+    frequency: float, damping: float, true: Sequence[tuple[float, float, float]]
+) -> int | None:
+    """The mode of the system that a mode of the model is, if there is one."""
+    near = [
+        (abs(np.log(frequency / each[0])), k)
+        for k, each in enumerate(true)
+        if abs(frequency / each[0] - 1.0) < max(SAME_FREQUENCY, each[1])
+        and abs(damping - each[1]) < max(SAME_DAMPING * each[1], 0.01)
+    ]
+    return min(near)[1] if near else None
+
+
+def oracle(case: Case) -> float:
+    """Error of the frequency response of the true structure and orders, without the faults."""
+    b, f = case.system.polynomials
+    lags, n = int(np.flatnonzero(b)[-1]) + 1, len(f) - 1
+    c, d = len(case.system.c) - 1, len(case.system.d) - 1
+    nk = case.system.nk
+    structure = case.system.structure
+    orders = {
+        "fir": (lags, nk),
+        "arx": (n, lags, nk),
+        "armax": (n, lags, c, nk),
+        "oe": (lags, n, nk),
+        "bj": (lags, c, d, n, nk),
+    }[structure]
+    u, y = case.clean
+    count = round(0.8 * len(y))
+    model = evopem.estimate(
+        u[:count, 0], y[:count, 0], orders, structure=structure, sampling_rate=RATE
+    ).model
+    angles = np.geomspace(*case.band, 200)
+    response = model.frequency_response(angles * RATE / (2.0 * np.pi))[:, 0, 0]
+    return _relative(response, case.system.frequency_response(angles)[:, 0, 0])
+
+
+def rate(hits: Iterable[bool]) -> str:
+    """A rate in percent, with Wilson's 95 % interval and the number of trials."""
+    outcomes = list(hits)
+    return of_counts(sum(outcomes), len(outcomes))
+
+
+def of_counts(hits: int, trials: int) -> str:
+    """The same, of counts."""
+    if not trials:
+        return "–"
+    p, z = hits / trials, NORMAL_95**2
+    middle = (p + z / (2 * trials)) / (1 + z / trials)
+    half = NORMAL_95 * np.sqrt(p * (1 - p) / trials + z / (4 * trials**2)) / (1 + z / trials)
+    low, high = 100 * (middle - half), 100 * (middle + half)
+    return f"{100 * p:.1f} ({low:.1f} to {high:.1f}) of {trials}"
+
+
+def shares(lines: Iterable[Line], key: str) -> str:
+    """Mean share of covered frequencies in percent, with the number of recordings."""
+    values = [100.0 * line[key] for line in lines if key in line]
+    if not values:
+        return "–"
+    half = NORMAL_95 * np.std(values) / np.sqrt(len(values))
+    return f"{np.mean(values):.1f} ± {half:.1f} of {len(values)}"
+
+
+def pooled(lines: Iterable[Line], key: str) -> str:
+    """Rate over all modes of all recordings."""
+    counts = np.array([line["modes"][key] for line in lines if "modes" in line]).reshape(-1, 2)
+    return of_counts(*map(int, counts.sum(axis=0)))
+
+
+def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
+    """A row for each statement: how often it is true."""
+    done = [line for line in lines if "checks" in line]
+    inside = [line for line in done if not line["outside"]]
+    outside = [line for line in done if line["outside"]]
+    good = [line for line in inside if line["verdict"]["errors"] == "good"]
+    driven = [line for line in inside if "response_error" in line]
+    said = [line for line in driven if line["verdict"]["response"] == "good"]
+    with_oracle = [line for line in driven if "oracle" in line]
+    unfaulted = [line for line in driven if line["delays"]]
+    trusted = [line["modes"] for line in inside]
+    unrelated = [line for line in outside if line["outside"] == "unrelated"]
+    return [
+        ("recordings refused", rate("refused" in line for line in lines)),
+        ("recordings that ended in a fault", rate("fault" in line for line in lines)),
+        *(
+            (f"{what} covers, {where}", measure(group, key))
+            for where, group in (("all", inside), ("standard errors “good”", good))
+            for what, key, measure in (
+                ("interval of the gain", "gain", shares),
+                ("interval of the phase", "phase", shares),
+                ("interval of the frequency of a trusted mode", "frequency", pooled),
+                ("interval of the damping of a trusted mode", "damping", pooled),
+            )
+        ),
+        *(
+            (f"response within {factor:g} times the oracle’s error", _within(with_oracle, factor))
+            for factor in (1.5, 2.0)
+        ),
+        (
+            "response “good”, but worse than twice the oracle’s error and 10 %",
+            rate(
+                line["response_error"] > max(2.0 * line["oracle"], 0.1)
+                for line in with_oracle
+                if line["verdict"]["response"] == "good"
+            ),
+        ),
+        (
+            "response “good”, but off by more than 30 %",
+            rate(line["response_error"] > 0.3 for line in said),
+        ),
+        (
+            "delay off by more than 2 samples",
+            rate(
+                max(abs(delay - line["delay"]) for delay in line["delays"]) > 2
+                for line in unfaulted
+            ),
+        ),
+        (
+            "trusted mode is none",
+            of_counts(sum(m["false"] for m in trusted), sum(m["trusted"] for m in trusted)),
+        ),
+        (
+            "visible mode not trusted",
+            of_counts(sum(m["missed"] for m in trusted), sum(m["visible"] for m in trusted)),
+        ),
+        *(
+            (
+                f"standard errors “good”, {kind}",
+                rate(
+                    line["verdict"]["errors"] == "good"
+                    for line in outside
+                    if line["outside"] == kind
+                ),
+            )
+            for kind in ("drifting", "switching", "nonlinear")
+        ),
+        (
+            "unrelated input passes “Response to the input significant”",
+            rate(line["checks"]["Response to the input significant"] is True for line in unrelated),
+        ),
+    ]
+
+
+def _within(lines: Iterable[Line], factor: float) -> str:
+    return rate(line["response_error"] <= factor * line["oracle"] for line in lines)
+
+
+def failures(lines: Sequence[Line]) -> list[tuple[str, ...]]:
+    """For each check, how often it fails on systems of the class and on those outside."""
+    done = [line for line in lines if "checks" in line]
+    names = dict.fromkeys(name for line in done for name in line["checks"])
+    groups: tuple[Callable[[Mapping[str, Any]], bool], ...] = (
+        lambda line: not line["outside"] and line["input"] != "feedback",
+        lambda line: line["input"] == "feedback",
+        lambda line: line["outside"] in ("drifting", "switching"),
+        lambda line: line["outside"] == "nonlinear",
+    )
+    return [
+        (
+            name,
+            *(
+                rate(
+                    line["checks"][name] is False
+                    for line in done
+                    if group(line) and line["checks"].get(name) is not None
+                )
+                for group in groups
+            ),
+        )
+        for name in names
+    ]
+
+
+def read(file: Path) -> list[Line]:
+    """The cases that were run."""
+    if not file.exists():
+        return []
+    return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=500)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--file", type=Path, default=KEPT)
+    parser.add_argument("--no-evidence", action="store_true", help="print the table alone")
+    arguments = parser.parse_args()
+    arguments.file.parent.mkdir(parents=True, exist_ok=True)
+    finished = {line["case"] for line in read(arguments.file)}
+    wanted = range(arguments.first, arguments.first + arguments.cases)
+    waiting = [number for number in wanted if number not in finished]
+    with ProcessPoolExecutor(arguments.processes) as pool, arguments.file.open("a") as kept:
+        for line in pool.map(run, waiting):
+            kept.write(json.dumps(line, default=float) + "\n")
+            kept.flush()
+            print(line["case"], line.get("seconds"), line.get("refused") or line.get("fault", ""))
+    lines = [line for line in read(arguments.file) if line["case"] in wanted]
+    rows = table(lines)
+    for row in rows:
+        print(*row, sep=": ")
+    if arguments.no_evidence:
+        return
+    write_section(
+        "calibration",
+        "Statements",
+        f"{len(lines)} random recordings through the whole automatic recipe. Rates in percent with "
+        "95 % intervals.",
+        COMMAND,
+        ("statement", "rate, %"),
+        rows,
+    )
+    write_section(
+        "calibration",
+        "Checks that fail",
+        "The same recordings: percent of those in which the check was judged.",
+        COMMAND,
+        ("check", "linear", "feedback", "changing", "nonlinear"),
+        failures(lines),
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,383 @@
+"""Random linear systems and recordings of them, with everything that goes wrong when measuring.
+
+A case is drawn from its number alone. It is wide on purpose: more structures, orders, delays,
+lengths, inputs and faults than any rule of the package was made with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import chirp, lfilter
+
+Array = NDArray[np.float64]
+Random = np.random.Generator
+
+STRUCTURES = ("fir", "arx", "armax", "ararx", "oe", "bj", "state space")
+INPUTS = ("white", "coloured", "PRBS", "multisine", "swept", "steps", "feedback")
+OUTSIDE = ("drifting", "switching", "nonlinear", "unrelated")
+WARM_UP = 2000
+
+
+def product(polynomials: Sequence[Array]) -> Array:
+    """Their product, 1 of none."""
+    whole = np.ones(1)
+    for each in polynomials:
+        whole = np.asarray(np.polymul(whole, each), dtype=float)
+    return whole
+
+
+class Mode(NamedTuple):
+    """A pair of poles; ``share`` is its part of the energy of the response, of all channels."""
+
+    angle: float  # rad per sample, undamped
+    damping: float
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """A response as a sum of sections, beside each other, and filters of the noise.
+
+    ``y_j = sum_ik gains[j, i, k] (q) / sections[k] (q) u_i(t - nk) + c / d (q) e_j``.
+    """
+
+    structure: str
+    # Denominators of first and second order; of a finite impulse response [1.0]
+    sections: tuple[Array, ...]
+    gains: Array  # (l, m, k, 2): numerators of one sample less delay
+    taps: Array  # (l, m, taps) of a finite impulse response, else without taps
+    nk: int
+    c: Array
+    d: Array
+
+    def respond(self, u: Array) -> Array:
+        """Noise-free outputs (N, l), from rest."""
+        late = np.vstack([np.zeros((self.nk, u.shape[1])), u])[: len(u)]
+        parts = [part @ np.ones(len(late.T)) for part in self.parts(late)]
+        return np.sum(parts, axis=0).T
+
+    def parts(self, late: Array) -> list[Array]:
+        """The responses of each section (l, N, m) to inputs that the delay has passed."""
+        if self.taps.size:
+            return [
+                np.array([[lfilter(b, [1.0], v) for b, v in zip(row, late.T, strict=True)]
+                          for row in self.taps]).transpose(0, 2, 1)
+            ]  # fmt: skip
+        return [
+            np.array(
+                [
+                    [lfilter(b, a, v) for b, v in zip(row, late.T, strict=True)]
+                    for row in self.gains[:, :, k]
+                ]
+            ).transpose(0, 2, 1)
+            for k, a in enumerate(self.sections)
+        ]
+
+    def disturb(self, e: Array) -> Array:
+        """Filtered noise (N, l); of driven states the first column passes every section."""
+        if self.structure != "state space":
+            return lfilter(self.c, self.d, e, axis=0)
+        driven = np.sum(
+            [
+                lfilter(1.0 + self.gains[:, 0, k, :1].sum(axis=0), a, e[:, 0])
+                for k, a in enumerate(self.sections)
+            ],
+            axis=0,
+        )
+        own = e[:, :1] if e.shape[1] == 1 else e[:, 1:]
+        return driven[:, None] / driven.std() + 0.3 * np.resize(own.T, (e.shape[1], len(e))).T
+
+    def frequency_response(self, angles: Array) -> Array:
+        """Response (F, l, m) at angles in rad per sample."""
+        z = np.exp(-1j * angles)
+        delay = z**self.nk
+        if self.taps.size:
+            lags = z[:, None] ** np.arange(self.taps.shape[2])
+            return np.einsum("f,ft,lmt->flm", delay, lags, self.taps)
+        total = np.zeros((len(z), *self.gains.shape[:2]), complex)
+        for k, a in enumerate(self.sections):
+            numerators = self.gains[:, :, k, 0] + self.gains[:, :, k, 1] * z[:, None, None]
+            total += numerators / np.polyval(a[::-1], z)[:, None, None]
+        return total * delay[:, None, None]
+
+    @property
+    def polynomials(self) -> tuple[Array, Array]:
+        """Numerator, from lag nk, and denominator from the first input to the first output."""
+        if self.taps.size:
+            return self.taps[0, 0], np.ones(1)
+        whole = product(self.sections)
+        numerator = np.zeros(len(whole))
+        for k in range(len(self.sections)):
+            others = [a for other, a in enumerate(self.sections) if other != k]
+            rest = np.polymul(product(others), self.gains[0, 0, k])
+            numerator[: len(rest)] += rest
+        return numerator, whole
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A recording and what is true of it."""
+
+    number: int
+    system: System
+    outside: str  # "" or how the recording leaves the class of linear systems
+    input_kind: str
+    faults: tuple[str, ...]
+    inputs: Array  # (N, m), as recorded; without columns for an output-only record
+    outputs: Array  # (N, l), as recorded
+    clean: tuple[Array, Array]  # the recording before its faults
+    input_scale: float
+    output_scales: Array  # (l,)
+    signal_to_noise: float  # standard deviations
+    modes: tuple[Mode, ...]
+    band: tuple[float, float]  # rad per sample, that the input excites and the modes lie in
+
+    @property
+    def labels(self) -> dict[str, object]:
+        """What the case is, in words and numbers."""
+        return {
+            "structure": self.system.structure,
+            "order": sum(len(a) - 1 for a in self.system.sections),
+            "delay": self.system.nk,
+            "samples": len(self.outputs),
+            "inputs": self.inputs.shape[1],
+            "outputs": self.outputs.shape[1],
+            "input": self.input_kind,
+            "outside": self.outside,
+            "faults": list(self.faults),
+            "signal_to_noise": self.signal_to_noise,
+        }
+
+
+def log_uniform(g: Random, low: float, high: float) -> float:
+    """A number whose logarithm is uniform."""
+    return float(np.exp(g.uniform(np.log(low), np.log(high))))
+
+
+def draw_sections(g: Random, order: int, samples: int) -> tuple[Array, ...]:
+    """Denominators whose fastest mode is sampled 4 to 200 times a period, the others slower."""
+    angle = 2.0 * np.pi / log_uniform(g, 4.0, min(200.0, samples / 10.0))
+    slowest = 2.0 * np.pi / min(1000.0, samples / 5.0)
+    sections = []
+    while order > 0:
+        if order == 1 or g.random() < 0.15:
+            sections.append(np.array([1.0, -np.exp(-max(angle * g.uniform(0.3, 1.0), slowest))]))
+            order -= 1
+            continue
+        damping = log_uniform(g, 0.003, 0.5)
+        pole = np.exp((-damping + 1j * np.sqrt(1.0 - damping**2)) * angle)
+        sections.append(np.array([1.0, -2.0 * pole.real, abs(pole) ** 2]))
+        order -= 2
+        angle = max(angle / g.uniform(1.3, 3.0), slowest)
+    return tuple(sections)
+
+
+def draw_system(g: Random, structure: str, inputs: int, outputs: int, samples: int) -> System:
+    """A random system of a structure."""
+    order = int(g.integers(1, 11 if samples > 1000 else 7))
+    nk = int(
+        g.choice([0, 1, int(g.integers(2, 11)), int(g.integers(11, 61))], p=[0.1, 0.5, 0.2, 0.2])
+    )
+    taps = np.zeros((outputs, inputs, 0))
+    sections: tuple[Array, ...] = (np.ones(1),)
+    gains = np.zeros((outputs, inputs, 1, 2))
+    if structure == "fir":
+        count = int(g.integers(2, 20))
+        taps = g.standard_normal((outputs, inputs, count)) * np.exp(-np.arange(count) / count * 2)
+    else:
+        sections = draw_sections(g, order, samples)
+        gains = g.standard_normal((outputs, inputs, len(sections), 2))
+        for k, a in enumerate(sections):
+            if len(a) == 2:
+                gains[:, :, k, 1] = 0.0
+            # Sections of like energy: impulse responses of one norm.
+            impulse = lfilter([1.0], a, np.r_[1.0, np.zeros(4000)])
+            gains[:, :, k] *= g.uniform(0.3, 1.0) / np.linalg.norm(impulse)
+    whole = product(sections)
+    roots = g.uniform(-0.9, 0.9, 2)
+    own = np.poly(roots[:1]) if g.random() < 0.5 else np.poly(roots)
+    slow = np.array([1.0, -g.uniform(0.5, 0.95)])
+    c, d = {
+        "fir": (own, np.ones(1)) if g.random() < 0.5 else (np.ones(1), np.ones(1)),
+        "arx": (np.ones(1), whole),
+        "armax": (np.poly(g.uniform(-0.9, 0.9, max(len(whole) - 1, 1))), whole),
+        "ararx": (np.ones(1), np.polymul(whole, slow)),
+        "oe": (np.ones(1), np.ones(1)),
+        "bj": (own, slow),
+        "state space": (np.ones(1), whole),
+    }[structure]
+    return System(structure, sections, gains, taps, nk, np.asarray(c, float), d)
+
+
+def draw_input(
+    g: Random, kind: str, samples: int, channels: int, fastest: float
+) -> tuple[Array, float]:
+    """Inputs (samples, channels), and the angle up to which they excite the system."""
+    top = min(np.pi, 2.0 * fastest)
+    hold = int(g.integers(1, max(2, int(np.pi / top) + 1)))
+    t = np.arange(samples)
+    columns = []
+    for _ in range(channels):
+        if kind == "coloured":
+            pole = np.exp(-top)
+            columns.append(lfilter([1.0], [1.0, -pole], g.standard_normal(samples)))
+        elif kind == "PRBS":
+            columns.append(np.repeat(g.choice([-1.0, 1.0], samples // hold + 1), hold)[:samples])
+        elif kind == "multisine":
+            lines = np.unique(np.linspace(1, max(8, top / np.pi * samples / 2), 200).astype(int))
+            phases = g.uniform(0, 2 * np.pi, len(lines))
+            columns.append(
+                sum(
+                    np.cos(2 * np.pi * k * t / samples + p)
+                    for k, p in zip(lines, phases, strict=True)
+                )
+            )
+        elif kind == "swept":
+            columns.append(
+                chirp(t, 0.002 * g.random(), samples, 0.5 * top / np.pi, phi=360 * g.random())
+            )
+        elif kind == "steps":
+            length = max(2, samples // int(g.integers(12, 60)))
+            columns.append(np.repeat(g.standard_normal(samples // length + 1), length)[:samples])
+        else:
+            columns.append(g.standard_normal(samples))
+    u = np.column_stack(columns)
+    return u / u.std(axis=0), np.pi / hold if kind == "PRBS" else top
+
+
+def closed_loop(
+    g: Random, system: System, reference: Array, v: Array
+) -> tuple[Array, Array] | None:
+    """Input and output of one channel each under proportional feedback, where one is stable."""
+    b, f = system.polynomials
+    delayed = np.concatenate([np.zeros(system.nk), b])
+    long = max(len(delayed), len(f))
+    forward, own = np.zeros((2, long))
+    forward[: len(delayed)], own[: len(f)] = delayed, f
+    gain = g.choice([-1.0, 1.0]) * log_uniform(g, 0.1, 2.0) / max(abs(b).max(), 1e-12)
+    for _ in range(12):
+        loop = own + gain * forward
+        if abs(np.roots(loop)).max(initial=0.0) < 0.999:
+            y = lfilter(delayed, loop, reference[:, 0]) + lfilter(f, loop, v[:, 0])
+            return (reference[:, 0] - gain * y)[:, None], y[:, None]
+        gain /= 2.0
+    return None
+
+
+def outside_of_class(g: Random, kind: str, system: System, u: Array) -> Array:
+    """The response of a system that is not linear, or not constant, or that there is none of."""
+    if kind == "unrelated":
+        return lfilter(
+            [1.0], [1.0, -0.98], g.standard_normal((len(u), system.gains.shape[0])), axis=0
+        )
+    if kind == "nonlinear":
+        return system.respond(np.tanh(g.uniform(1.0, 2.0) * u) + 0.3 * g.random() * u**2)
+    factor = 1.0 + g.choice([-1.0, 1.0]) * g.uniform(0.1, 0.3)
+    changed = replace(
+        system,
+        sections=tuple(_faster(a, factor) for a in system.sections),
+        gains=system.gains * g.uniform(0.5, 1.0),
+        taps=system.taps * g.uniform(0.3, 0.6),
+    )
+    share = np.linspace(0.0, 1.0, len(u) - WARM_UP)
+    if kind == "switching":
+        share = (share > g.uniform(0.3, 0.7)).astype(float)
+    weight = np.concatenate([np.zeros(WARM_UP), share])[:, None]
+    return (1.0 - weight) * system.respond(u) + weight * changed.respond(u)
+
+
+def _faster(a: Array, factor: float) -> Array:
+    roots = np.roots(a)
+    return np.real(np.poly(abs(roots) * np.exp(1j * np.angle(roots) * factor)))
+
+
+def draw_case(number: int) -> Case:
+    """The case of a number."""
+    g = np.random.default_rng(np.random.SeedSequence(20, spawn_key=(number,)))
+    outside = str(g.choice(OUTSIDE)) if g.random() < 0.2 else ""
+    structure, kind = str(g.choice(STRUCTURES)), str(g.choice(INPUTS))
+    outputs = int(g.choice([1, 2, 3], p=[0.8, 0.1, 0.1]))
+    inputs = int(g.choice([0, 1, 2, 3], p=[0.08, 0.76, 0.1, 0.06]))
+    if kind == "feedback":
+        inputs, outputs, outside = 1, 1, ""
+    if inputs == 0:
+        structure, kind, outside = "armax", "white", ""
+    samples = round(log_uniform(g, 200.0, 10_000.0))
+    system = draw_system(g, structure, max(inputs, 1), outputs, samples)
+    if kind == "feedback" and system.nk == 0:
+        system = replace(system, nk=1)
+    angles = [abs(np.log(np.roots(a)[0] + 0j)) for a in system.sections if len(a) > 1] or [1.0]
+    u, top = draw_input(g, kind, samples + WARM_UP, max(inputs, 1), max(angles))
+    ratio = log_uniform(g, 0.5, 100.0)
+    e = g.standard_normal((samples + WARM_UP, outputs))
+    y = outside_of_class(g, outside, system, u) if outside else system.respond(u)
+    v = system.disturb(e)
+    v *= y[WARM_UP:].std(axis=0) / ratio / v[WARM_UP:].std(axis=0)
+    looped = closed_loop(g, system, u, v) if kind == "feedback" else None
+    if inputs == 0:
+        # The forces are not measured, and the noise is that of the sensor.
+        y = y + y.std(axis=0) / ratio * e
+    elif looped is None:
+        y, kind = y + v, "white" if kind == "feedback" else kind
+    else:
+        u, y = looped
+    u, y = u[WARM_UP:, :inputs], y[WARM_UP:]
+    late = np.vstack([np.zeros((system.nk, max(inputs, 1))), u if inputs else e[WARM_UP:, :1]])
+    energies = [float(np.sum(np.var(part, axis=1))) for part in system.parts(late)]
+    modes = tuple(
+        _mode(a, energy / sum(energies))
+        for a, energy in zip(system.sections, energies, strict=True)
+        if len(a) == 3
+    )
+    band = float(min(angles) / 3.0), float(min(top, 2.0 * max(angles), 0.9 * np.pi))
+    clean, ones = (u.copy(), y.copy()), np.ones(outputs)
+    case = Case(number, system, outside, kind, (), u, y, clean, 1.0, ones, ratio, modes, band)
+    return _measured(g, case)
+
+
+def _mode(denominator: Array, share: float) -> Mode:
+    rate = np.log(np.roots(denominator)[0])
+    return Mode(float(abs(rate)), float(-rate.real / abs(rate)), share)
+
+
+def _measured(g: Random, case: Case) -> Case:
+    """The recording of a case with units, offsets, drift, outliers and missing samples."""
+    u, y = case.inputs.copy(), case.outputs.copy()
+    faults, count = [], len(y)
+    spread = y.std(axis=0)
+    if g.random() < 0.15:
+        faults.append("drift")
+        t = np.linspace(0.0, 1.0, count)[:, None]
+        walk = np.cumsum(g.standard_normal((count, 1)), axis=0)
+        shape = (t, np.sin(2 * np.pi * g.uniform(0.5, 2.0) * t), walk)[int(g.integers(3))]
+        y += g.uniform(0.2, 1.0) * spread * (shape - shape.mean()) / shape.std()
+    if g.random() < 0.1:
+        faults.append("outliers")
+        hit = g.random(y.shape) < 0.005
+        y += hit * 10.0 * spread * g.standard_normal(y.shape)
+    input_scale, output_scales = 1.0, np.ones(y.shape[1])
+    if g.random() < 0.5:
+        faults.append("offsets")
+        u += 5.0 * g.standard_normal(u.shape[1])
+        y += 5.0 * spread * g.standard_normal(y.shape[1])
+    if g.random() < 0.3:
+        faults.append("units")
+        input_scale = log_uniform(g, 1e-5, 1e5)
+        output_scales = np.array([log_uniform(g, 1e-5, 1e5) for _ in y.T])
+    u, y = u * input_scale, y * output_scales
+    if g.random() < 0.1:
+        faults.append("missing samples")
+        y[g.random(count) < 0.01] = np.nan
+    return replace(
+        case,
+        faults=tuple(faults),
+        inputs=u,
+        outputs=y,
+        input_scale=input_scale,
+        output_scales=output_scales,
+    )
