@@ -94,11 +94,13 @@ def judged(case: Case, found: Any) -> Line:
         line["modes"] = modes_of(case, found)
         if case.inputs.shape[1]:
             line |= response_of(case, found)
-            line["delays"] = [int(nk) for nk in np.atleast_1d(delays_of(found.model))]
+            # Samples of the recording, which may be decimated for the model.
+            factor = RATE / found.model.sampling_rate
+            line["delays"] = [round(nk * factor, 1) for nk in delays_of(found.model)]
     return line
 
 
-def delays_of(model: Any) -> Sequence[int]:
+def delays_of(model: Any) -> list[int]:
     """Delay of each input in samples of the model."""
     if hasattr(model, "input_delays"):
         # A matrix D of zeros is one sample of delay more.
