@@ -23,7 +23,6 @@ from evopem.files.atomic import files_below
 from evopem.files.checksums import write_checksums
 from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
-from evopem.pipeline.decisions import summarize_dataset
 from evopem.pipeline.identification import jobs, remove_parts
 from evopem.results.dataset import DatasetResults, read_results
 from evopem.results.layout import DatasetFiles
@@ -44,12 +43,12 @@ WRITTEN = {
     "search": {"evaluations": 4000},
 }
 SETTINGS = complete({"datasets": {"bench": WRITTEN}}).datasets["bench"]
-LEFT = ("summarize", "draw_figures", "write_report")
+LEFT = ("report",)
 """Stages that are left to the tests."""
 
 
 def identify(folder: Path, settings: DatasetSettings = SETTINGS) -> DatasetFiles:
-    """Take a synthetic recording through the stages up to the validation of its model."""
+    """Take a synthetic recording through the stages up to its summary."""
     files = DatasetFiles(str(folder))
     listed = [job for job in jobs(settings, files) if job.stage.name not in LEFT]
     for job in listed:
@@ -59,8 +58,7 @@ def identify(folder: Path, settings: DatasetSettings = SETTINGS) -> DatasetFiles
 
 
 def finish(files: DatasetFiles) -> None:
-    """Write the summary and the checksums, as a run does at its end."""
-    summarize_dataset(files, PHASES, False)
+    """Write the checksums, as a run does at its end."""
     made = [file for file in files_below(files.folder, "") if "/logs/" not in file.as_posix()]
     write_checksums(made, files.folder, "identification")
 

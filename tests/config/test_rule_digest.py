@@ -111,10 +111,10 @@ def test_stages_reach_their_part_of_the_package_and_no_more():
         (
             "signals/peaks.py",
             {"estimate_spectrum"},
-            {"prepare_samples", "estimate_candidates"},
+            {"read_recording", "estimate_candidates"},
         ),
-        ("figures/style.py", {"draw_figures"}, {"estimate_spectrum", "validate_model"}),
-        ("validation/scores.py", {"validate_model"}, {"estimate_candidates", "complete_model"}),
+        ("figures/style.py", {"write_report"}, {"estimate_spectrum", "complete_results"}),
+        ("validation/scores.py", {"complete_results"}, {"estimate_candidates", "complete_model"}),
         (
             "estimation/pem/kernels/gradient.py",
             # Preparation is decided by models as well.
@@ -122,7 +122,7 @@ def test_stages_reach_their_part_of_the_package_and_no_more():
             {"read_recording", "estimate_spectrum"},
         ),
         ("config/order_grid.py", {"estimate_candidates"}, {"estimate_spectrum", "read_recording"}),
-        ("signals/readers/matlab.py", {"read_recording"}, {"prepare_samples", "validate_model"}),
+        ("signals/readers/matlab.py", {"read_recording"}, {"prepare_samples", "complete_model"}),
     ],
 )
 def test_changed_code_changes_the_digests_of_the_stages_that_use_it(

@@ -114,7 +114,7 @@ def test_it_makes_its_tables_figures_and_page_and_nothing_else(compared):
 
 def test_a_plain_run_has_no_part_of_it(compared):
     planned = compared.planned()
-    assert "write_report" in planned
+    assert "report" in planned
     assert not [rule for rule in planned if "fletcher_powell" in rule]
 
 

@@ -14,10 +14,8 @@ from evopem.pipeline.identification import identify_dataset, jobs
 from evopem.results.layout import DatasetFiles
 
 STAGES = (
-    *("write_settings", "read_recording", "prepare", "estimate_spectrum"),
-    *("decide_folds", "decide_delay", "search_structure/arx", "choose", "revise", "estimate"),
-    *("complete_model", "complete_other/prediction", "tabulate", "validate", "collect_decisions"),
-    *("summarize", "draw_figures", "write_report"),
+    *("read_recording", "prepare", "estimate_spectrum", "search_structure/arx", "choose"),
+    *("complete_model", "validate", "report"),
 )
 POLES = [1.0, -1.5, 0.7]
 

@@ -26,9 +26,8 @@ ANALYSIS = {
 WRITTEN = {"datasets": {"arm": {"synthesis": "armax", "samples": 700}}, "defaults": ANALYSIS}
 SETTINGS = complete(WRITTEN).datasets["arm"]
 STAGES = (
-    *("write_settings", "synthesize", "prepare", "estimate_spectrum"),
-    *("estimate_candidates", "select_candidate", "complete_model", "tabulate", "validate"),
-    *("summarize", "draw_figures", "write_report"),
+    *("synthesize", "prepare", "estimate_spectrum"),
+    *("estimate_candidates", "select_candidate", "complete_model", "validate", "report"),
 )
 SEARCHES = tuple(
     name
@@ -57,7 +56,7 @@ def test_it_makes_every_result_and_leaves_no_parts(arm):
 
 def test_the_stages_are_listed_in_their_order(arm):
     names = tuple(job.name for job in jobs(SETTINGS, arm))
-    assert names == STAGES[:4] + SEARCHES + STAGES[6:]
+    assert names == STAGES[:3] + SEARCHES + STAGES[5:]
 
 
 @pytest.fixture(scope="module")

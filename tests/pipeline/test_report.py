@@ -8,7 +8,7 @@ import pytest
 
 from evopem.config.structures import AUTOMATIC_PHASES, PHASES
 from evopem.pipeline.planning.stages import STAGES
-from evopem.pipeline.report import commit_of, draw_figures, write_report
+from evopem.pipeline.report import commit_of, write_report
 from evopem.report.provenance import BEFORE, PHASE_STAGES
 from evopem.results.layout import FIGURES, DatasetFiles
 
@@ -66,7 +66,6 @@ def test_the_times_shown_are_those_of_the_stages():
 
 def test_figures_and_times_are_read_from_the_folder_of_the_data_set(identified, tmp_path):
     files = DatasetFiles(str(shutil.copytree(identified.files.folder, tmp_path / "bench")))
-    draw_figures(files)
     benchmark = Path(files.benchmark("estimate_spectrum"))
     benchmark.parent.mkdir()
     benchmark.write_text("s\n98.76\n")

@@ -16,7 +16,6 @@ from evopem.files.atomic import write_parquet, write_table
 from evopem.files.job import job
 from evopem.files.json_form import load, save
 from evopem.pipeline.fleet import collect_fleet, collect_unfinished
-from evopem.pipeline.decisions import summarize_dataset
 from evopem.results.fleet import (
     DatasetSummary,
     fleet_table,
@@ -34,7 +33,6 @@ SENTENCE = "x.csv, line 51: is not a number; correct it."
 @pytest.fixture(scope="module")
 def summary(identified):
     """The summary of an identified data set."""
-    summarize_dataset(identified.files, phases_of("armax"), False)
     return load(DatasetSummary, identified.files.summary)
 
 

@@ -10,7 +10,7 @@ from evopem.config.channels import ChannelSettings
 from evopem.config.defaults import complete, yaml_text
 from evopem.errors import InputError
 from evopem.files.json_form import load
-from evopem.pipeline.acquisition import read_recording, read_validation_recording
+from evopem.pipeline.acquisition import read_recording
 from evopem.results.layout import DatasetFiles
 from evopem.signals.inspection import causality_test, roles_of
 from evopem.signals.recording import load_recording
@@ -93,11 +93,10 @@ def test_the_channels_of_the_first_file_are_those_of_all(tmp_path):
         for name, each in (("1.csv", first), ("2.csv", second))
     )
     made, channels = DatasetFiles(str(tmp_path / "x")), ChannelSettings((1,), (2,))
-    read_recording(made, files, channels, told=True)
+    validation = str(write(tmp_path / "v.csv", "time,b,a", times(), second[1], second[0]))
+    read_recording(made, files, channels, told=True, validation=(validation,))
     recording = load_recording(made.recording)
     assert (recording.input_names[0], recording.sampling_rate) == ("a", pytest.approx(50.0))
-    validation = str(write(tmp_path / "v.csv", "time,b,a", times(), second[1], second[0]))
-    read_validation_recording(made, (validation,), channels, told=True)
     assert load_recording(made.validation_recording).input == pytest.approx(second[0])
     infos = made.recording_info, made.validation_recording_info
     assert load(RecordingInfo, infos[0]).roles == load(RecordingInfo, infos[1]).roles

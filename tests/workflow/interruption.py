@@ -17,7 +17,7 @@ from .conftest import Folder
 
 def final_files(folder: Folder) -> dict[str, bytes]:
     """Every result by its name, without logs, times and the report, which shows them."""
-    left_out = {"logs", "benchmarks", "report.html", "write_report.sha256"}
+    left_out = {"logs", "benchmarks", "report.html", "report.sha256"}
     return {
         path.relative_to(folder.results).as_posix(): path.read_bytes()
         for path in sorted(folder.results.rglob("*"))

@@ -5,8 +5,8 @@ from pathlib import Path
 
 
 def test_a_run_ends_with_its_results(copy):
-    printed = copy.finish("--forcerun", "write_report")
-    assert "write_report truth" in printed
+    printed = copy.finish("--forcerun", "report")
+    assert "report truth" in printed
     assert "input: results/" not in printed
     end = printed.partition("steps (100%) done\n")[2]
     assert end.lstrip().startswith("truth: ")
@@ -15,11 +15,11 @@ def test_a_run_ends_with_its_results(copy):
     # Every detail is in the log file of the run, and on the terminal where it is asked for.
     (log,) = sorted((copy.path / ".snakemake" / "log").glob("*"))[-1:]
     assert "input: results/truth/config.yaml" in log.read_text()
-    assert "input: results/" in copy.finish("--forcerun", "write_report", "--verbose")
+    assert "input: results/" in copy.finish("--forcerun", "report", "--verbose")
 
 
 def test_a_dry_run_is_that_of_snakemake(copy):
-    printed = copy.finish("--dry-run", "--forcerun", "write_report")
+    printed = copy.finish("--dry-run", "--forcerun", "report")
     assert "input: results/truth/config.yaml" in printed
     assert "errors  one step ahead" not in printed
 

@@ -114,7 +114,7 @@ def test_other_constraints_repeat_the_model_and_not_the_search(run):
     run.configure(configuration(integrator={"constraints": other}))
     planned = run.planned()
     run.configure(configuration())
-    assert planned["complete_model"] == planned["write_report"] == 1
+    assert planned["complete_model"] == planned["report"] == 1
     assert not {"prepare", "estimate_candidates", "select_candidate"} & set(planned)
 
 

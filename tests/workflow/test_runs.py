@@ -82,9 +82,7 @@ def test_a_second_run_repeats_nothing(copy, tmp_path):
 
 def test_the_kept_configuration_is_the_same_run(copy):
     shutil.copy(copy.files_of("truth").config, copy.path)
-    # Its keys are written in full, which the report shows.
-    shown = {"write_settings", "draw_figures", "write_report"}
-    assert set(copy.planned("--config", "candidates_per_job=2")) <= shown
+    assert copy.planned("--config", "candidates_per_job=2") == {}
 
 
 def test_changed_code_repeats_what_uses_it(copy, tmp_path):
@@ -95,26 +93,14 @@ def test_changed_code_repeats_what_uses_it(copy, tmp_path):
     template = clone / "workflow" / "templates" / "report.html.j2"
     template.write_text(template.read_text() + "<!-- changed -->\n")
     planned = set(Folder(copy.path, clone / "Snakefile").planned())
-    assert {"validate", "summarize", "draw_figures", "write_report"} <= planned
+    assert {"validate", "report"} <= planned
     untouched = {"prepare", "estimate_spectrum", "estimate_candidates", "complete_model"}
     assert not untouched & planned
 
 
-FROM_SPECTRUM = {
-    "estimate_spectrum",
-    "validate",
-    "summarize",
-    "draw_figures",
-    "write_report",
-}
-FROM_MODEL = {
-    "complete_model",
-    "validate",
-    "summarize",
-    "draw_figures",
-    "write_report",
-}
-FROM_SELECTION = {"select_candidate", "tabulate", *FROM_MODEL}
+FROM_SPECTRUM = {"estimate_spectrum", "validate", "report"}
+FROM_MODEL = {"complete_model", "validate", "report"}
+FROM_SELECTION = {"select_candidate", *FROM_MODEL}
 FROM_CANDIDATES = {"estimate_candidates", *FROM_SELECTION}
 
 
@@ -139,8 +125,7 @@ FROM_CANDIDATES = {"estimate_candidates", *FROM_SELECTION}
 def test_a_changed_value_repeats_what_depends_on_it(copy, key, value, rules):
     copy.configure(changed(key, value))
     planned = copy.planned()
-    # The complete configuration is an input of the figures.
-    assert set(planned) == rules | {"write_settings", "draw_figures", "write_report"}
+    assert set(planned) == rules
     if key == "defaults.orders.nb":  # of the last phase: the earlier ones stay
         assert planned["estimate_candidates"] == planned["select_candidate"] == 1
 

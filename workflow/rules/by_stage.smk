@@ -21,7 +21,6 @@ for own in provider.rules:
         wildcard_constraints:
             dataset=own.datasets,
         priority: own.priority
-        localrule: own.is_small
         conda:
             "../envs/evopem.yaml"
         threads: estimation_cores if own.is_parallel else 1

@@ -209,7 +209,7 @@ def reading_time(settings: DatasetSettings, attempt: int) -> int:
 
 def estimates_again(settings: DatasetSettings) -> bool:
     """Whether the completed model is searched, or estimated anew for its focus or constraints."""
-    return not settings.is_single_channel or settings.fit.changes_model
+    return settings.automatic is not None or settings.fit.changes_model
 
 
 def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> int:

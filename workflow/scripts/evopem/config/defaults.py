@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -70,6 +71,7 @@ Read = TypeVar("Read")
 
 # Poles this close to the unit circle act as integrators in any record.
 MAX_ROOT_RADIUS = 1.0 - 1e-7
+_ORDER = tuple(SOURCE | SYNTHESIS | ANALYSIS)
 _ONE_FILE = mapping("Dataset", SOURCE | SYNTHESIS | ANALYSIS)
 
 
@@ -219,7 +221,7 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         search = best | search
     resample = keys.get("resample", NONE)
     constraints = Constraints(**groups["constraints"]) if "constraints" in keys else None
-    return DatasetSettings(
+    settings = DatasetSettings(
         name=name,
         keys=keys,
         is_single_channel=not kind.several,
@@ -236,6 +238,11 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
         fit=FitSettings(keys.get("focus", "prediction"), constraints),
         geometry=keys.get("geometry"),
     )
+    # However they were written: results that depend on them are those of their values.
+    plain = keys_of(settings)
+    alone = {key for key in COLUMNS if isinstance(plain.get(key), list) and len(plain[key]) == 1}
+    plain |= {key: plain[key][0] for key in alone}
+    return replace(settings, keys={key: plain[key] for key in _ORDER if key in plain})
 
 
 def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:

@@ -271,7 +271,7 @@ class DatasetSettings:
     """All settings of one data set, of any number of channels."""
 
     name: str
-    keys: Keys = field(compare=False)  # those that are given, from which all else follows
+    keys: Keys = field(compare=False)  # all of them, from which all else follows
     is_single_channel: bool  # polynomial models of at most one input, and one output
     source: RecordedSource | SyntheticSource
     preparation: PreparationSettings

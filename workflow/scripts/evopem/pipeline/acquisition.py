@@ -8,7 +8,7 @@ from pathlib import Path
 
 from evopem.config.channels import ChannelSettings, Geometry, SyntheticSource
 from evopem.config.settings import TransformSettings
-from evopem.files.json_form import load, save
+from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.inspection import ChannelRoles, roles_of
 from evopem.signals.reading import read_measured, with_time_told
@@ -38,34 +38,26 @@ def read_recording(
     recorded: tuple[str, ...],
     channels: ChannelSettings,
     told: bool = False,
+    validation: tuple[str, ...] = (),
     geometry: Geometry | None = None,
     folder: str | Path = "",
 ) -> None:
     """Read the input and output channels of a recorded file, or of several that are one data set.
 
-    With ``told`` input, output and time are told from the first file, where it has a time. The
-    channels of a geometry must be outputs. Relative paths are relative to ``folder``, by default
-    the working directory.
+    With ``told`` input, output and time are told from the first file, where it has a time.
+    ``validation``: files of recordings for validation, with the same channels.  The channels of a
+    geometry must be outputs. Relative paths are relative to ``folder``, by default the working
+    directory.
     """
     roles = roles_of(Path(folder) / recorded[0]) if told else None
     recording, info = _read(recorded, channels, roles, folder)
     check_measured_places(geometry, recording.output_names, f"datasets.{files.name}.geometry")
     save_recording(recording, files.recording)
     save(info, files.recording_info)
-
-
-def read_validation_recording(
-    files: DatasetFiles,
-    recorded: tuple[str, ...],
-    channels: ChannelSettings,
-    told: bool = False,
-    folder: str | Path = "",
-) -> None:
-    """Read the recordings for validation, whose channels are those of the other recordings."""
-    roles = load(RecordingInfo, files.recording_info).roles if told else None
-    recording, info = _read(recorded, channels, roles, folder)
-    save_recording(recording, files.validation_recording)
-    save(info, files.validation_recording_info)
+    if validation:
+        recording, info = _read(validation, channels, roles, folder)
+        save_recording(recording, files.validation_recording)
+        save(info, files.validation_recording_info)
 
 
 def _read(

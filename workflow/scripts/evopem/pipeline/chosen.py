@@ -6,15 +6,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
+from evopem.automatic.candidates import Scorer
 from evopem.automatic.chosen import estimate_choice, select_structure, window_of
 from evopem.automatic.chosen import estimate_chosen as search_chosen
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FitSettings as CommonSettings
-from evopem.automatic.preparation.plan import PreparationPlan
+from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.state_space import weighting_of
-from evopem.automatic.structures import Choice, Comparison
+from evopem.automatic.structures import Choice, Comparison, Purpose
 from evopem.blas_threads import one_blas_thread
+from evopem.config.constraints import Constraints
 from evopem.config.settings import (
     AutomaticSettings,
     FitSettings,
@@ -35,7 +37,7 @@ from evopem.models.response_tables import (
 )
 from evopem.pipeline.structures import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import load_prepared
+from evopem.signals.prepared_data import PreparedData, load_prepared
 
 Log = Callable[[str], None]
 
@@ -131,13 +133,17 @@ def complete_model(
     fit: FitSettings,
     settings: AutomaticSettings,
     fits: CommonSettings,
+    others: tuple[Purpose, ...] = (),
     log: Log | None = None,
 ) -> None:
     """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets.
 
-    With a focus or constraints, the model of its orders is estimated for these.  That of several
-    channels, which have no phases, is searched globally.
+    With a focus or constraints, the model of its orders is estimated for these.  That of an
+    automatic recipe is searched globally; several channels have no phases.  Models for ``others``
+    of its purposes are kept beside it.
     """
+    if phases and window is None:
+        estimate_chosen(files, search, settings, fits, log)
     if phases:
         record = _selected(files, search, window, phases[-1], fit)
     else:
@@ -149,6 +155,8 @@ def complete_model(
         write_table(files.time_response, time_response_table(model, *names, record.plant))
     save(record, files.model)
     save_model_mat(record.model, files.model_mat)
+    for purpose in others:
+        complete_other(files, purpose, search, settings, fits, fit.constraints)
 
 
 def _selected(
@@ -179,3 +187,46 @@ def _selected(
         focus=fit.focus,
         constraints=fit.constraints,
     )
+
+
+def complete_other(
+    files: DatasetFiles,
+    purpose: Purpose,
+    search: SearchSettings,
+    settings: AutomaticSettings,
+    fits: CommonSettings,
+    constraints: Constraints | None,
+) -> None:
+    """Keep the model for another purpose.
+
+    It is the one of the comparison of structures, without acting on its checks and without a global
+    search.  Constraints hold for models of several channels.
+    """
+    prepared = load_prepared(files.prepared, files.transforms)
+    choice = load(Comparison, files.decision("comparison")).choice(purpose)
+    polynomials = choice.candidate.polynomials
+    with errors_name_dataset(files), one_blas_thread():
+        if polynomials is not None and polynomials.inputs == 1:
+            scorer = load_scorer(files, settings, fits)
+            record = _of_one_channel(scorer, load_record(files), prepared, choice, search)
+        else:
+            quick, none = replace(search, evaluations=0), replace(settings, evaluations=0)
+            fit = FitSettings(constraints=constraints)
+            record, _ = record_of_channels(files, choice, quick, none, fits, fit)
+    save(record, files.other_model(purpose))
+
+
+def _of_one_channel(
+    scorer: Scorer,
+    record: PreparedRecord,
+    prepared: PreparedData,
+    choice: Choice,
+    search: SearchSettings,
+) -> ModelRecord:
+    """The model of one channel, at the optimum that the comparison found."""
+    data, objective = prepared.estimation, cast("Objective", record.plan.objective)
+    own = replace(search, objective=objective, evaluations=0)
+    selection, _ = search_chosen(choice, scorer, record, data, own)
+    window = window_of(selection.orders)
+    estimate = complete_estimate(selection.selected, data, own, window)
+    return ModelRecord.of(estimate, data, own, prepared.transforms, choice.level)

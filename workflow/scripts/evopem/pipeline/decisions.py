@@ -129,7 +129,7 @@ def _remedy(trial: Trial, choice: Choice) -> Row:
 
 
 def collect_decisions(
-    files: DatasetFiles, structures: tuple[str, ...], others: tuple[str, ...]
+    files: DatasetFiles, structures: tuple[str, ...], other: OtherModel | None
 ) -> None:
     """Put all decisions of a data set into one file, in their order."""
     folds = load(FoldPlan, files.decision("folds"))
@@ -147,7 +147,6 @@ def collect_decisions(
     )
     choice = remedied.choice
     remarks = *_remarks(files, choice.level), *_worse_than_estimate(comparison)
-    other = load(OtherModel, files.other_errors(others[0])) if others else None
     record = DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
         *((*remarks, *remedied.statements), other),

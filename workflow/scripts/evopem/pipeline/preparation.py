@@ -10,6 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from evopem.automatic.held_out.folds import decide_folds
+from evopem.automatic.orders import decide_delays
 from evopem.automatic.preparation.plan import (
     GivenPreparation,
     PreparationPlan,
@@ -20,10 +22,17 @@ from evopem.automatic.preparation.plan import (
 from evopem.automatic.preparation.transforms import TransformPlan, decide_transforms
 from evopem.blas_threads import one_blas_thread
 from evopem.config.order_grid import check_samples
-from evopem.config.settings import FitSettings, OrderGrid, PreparationSettings, SampleRequirements
+from evopem.config.settings import (
+    FitSettings,
+    InputRanges,
+    OrderGrid,
+    PreparationSettings,
+    SampleRequirements,
+)
 from evopem.errors import InputError
 from evopem.files.json_form import save
 from evopem.pipeline.planning.constraint_plan import check_fit, selectable_orders
+from evopem.pipeline.structures import errors_name_dataset, load_record
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import PreparedData, save_prepared
@@ -38,12 +47,15 @@ def prepare_samples(
     given: GivenPreparation | None = None,
     requirements: SampleRequirements | None = None,
     fit: tuple[FitSettings, OrderGrid] | None = None,
+    delays: InputRanges | None = None,
+    of_polynomials: bool = True,
 ) -> None:
     """Make all channels stationary, and divide the samples for estimation and validation.
 
     ``given`` is what the automatic recipe does not decide; None where all is given. Then the
     samples meet the ``requirements`` of the order grid, and the constraints of ``fit`` the sampling
-    rate.
+    rate. The automatic recipe also decides how held-out samples are divided, and the delay of each
+    input within ``delays``.
     """
     place = f"datasets.{files.name}"
     recording = load_recording(files.recording)
@@ -67,6 +79,11 @@ def prepare_samples(
         rate = prepared.estimation.sampling_rate
         check_fit(own, selectable_orders(grid), rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)
+    if delays is not None and given is not None:
+        stretches, names = load_record(files).stretches, prepared.estimation.input_names
+        with errors_name_dataset(files), one_blas_thread():
+            save(decide_folds(stretches, of_polynomials), files.decision("folds"))
+            save(decide_delays(stretches, names, delays), files.decision("delay"))
 
 
 def _decided(

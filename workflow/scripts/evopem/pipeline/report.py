@@ -16,13 +16,7 @@ from evopem.report.comparison import build_comparison
 from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import template_folder
 from evopem.results.dataset import read_results, read_whole_results
-from evopem.results.layout import FIGURES, DatasetFiles
-
-
-def draw_figures(files: DatasetFiles) -> None:
-    """Draw every figure of one data set from its results."""
-    for name, text in svg_texts(read_results(files)).items():
-        write_text(files.figure(name), text)
+from evopem.results.layout import DatasetFiles
 
 
 def commit_of(workflow: Path) -> str:
@@ -51,12 +45,12 @@ def commit_of(workflow: Path) -> str:
 
 
 def write_report(files: DatasetFiles) -> None:
-    """Set the results and figures of one data set into one HTML file."""
-    write_text(files.report, report_page(files, read_results(files), _figures(files)))
-
-
-def _figures(files: DatasetFiles) -> dict[str, str]:
-    return {name: Path(files.figure(name)).read_text(encoding="utf-8") for name in FIGURES}
+    """Draw every figure of one data set, and set them and the results into one HTML file."""
+    results = read_results(files)
+    figures = svg_texts(results)
+    for name, text in figures.items():
+        write_text(files.figure(name), text)
+    write_text(files.report, report_page(files, results, figures))
 
 
 def report_page(

@@ -1,4 +1,4 @@
-"""Delays, orders, structure and acting on failed checks: one file for each decision."""
+"""Orders, structure and acting on failed checks: one file for each decision."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ from evopem.automatic.candidates import (
 )
 from evopem.automatic.fit import FitSettings
 from evopem.automatic.held_out.folds import FoldPlan
-from evopem.automatic.held_out.folds import decide_folds as decide_common_folds
-from evopem.automatic.orders import DelayChoice, decide_delays
+from evopem.automatic.orders import DelayChoice
 from evopem.automatic.orders import search_structure as search
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
-from evopem.automatic.remedies import act_on_checks as act
-from evopem.automatic.structures import Comparison, compare_structures
+from evopem.automatic.remedies import act_on_checks
+from evopem.automatic.structures import compare_structures
 from evopem.blas_threads import one_blas_thread
-from evopem.config.settings import AutomaticSettings, InputRanges
+from evopem.config.settings import AutomaticSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
@@ -73,21 +72,6 @@ def errors_name_dataset(files: DatasetFiles) -> Iterator[None]:
 Log = Callable[[str], None]
 
 
-def decide_folds(files: DatasetFiles, of_polynomials: bool) -> None:
-    """Decide how held-out samples are divided."""
-    with one_blas_thread():
-        folds = decide_common_folds(load_record(files).stretches, of_polynomials)
-    save(folds, files.decision("folds"))
-
-
-def decide_delay(files: DatasetFiles, ranges: InputRanges) -> None:
-    """Decide the delay of each input, within the limits of the configuration."""
-    names = load_prepared(files.prepared, files.transforms).estimation.input_names
-    with errors_name_dataset(files):
-        choice = decide_delays(load_record(files).stretches, names, ranges)
-    save(choice, files.decision("delay"))
-
-
 def search_structure(
     files: DatasetFiles,
     structure: str,
@@ -113,17 +97,15 @@ def choose(
     settings: AutomaticSettings,
     fits: FitSettings,
 ) -> None:
-    """Choose a model for each purpose among the candidates of all structures."""
+    """Choose a model for each purpose among the candidates of all structures.
+
+    Remedies are applied to the one for the purpose until its checks hold or nothing helps.
+    """
     searches = [load(StructureSearch, files.search(each)) for each in structures]
     with errors_name_dataset(files), one_blas_thread():
         scorer = load_scorer(files, settings, fits, of_choice=True)
-        save(compare_structures(scorer, searches), files.decision("comparison"))
-
-
-def act_on_checks(files: DatasetFiles, settings: AutomaticSettings, fits: FitSettings) -> None:
-    """Apply remedies to the model for the purpose until its checks hold or nothing helps."""
-    comparison = load(Comparison, files.decision("comparison"))
-    with errors_name_dataset(files), one_blas_thread():
-        scorer = load_scorer(files, settings, fits, of_choice=True)
+        comparison = compare_structures(scorer, searches)
         choice = comparison.choice(settings.purpose)
-        save(act(scorer, choice, comparison.candidates), files.decision("remedies"))
+        remedied = act_on_checks(scorer, choice, comparison.candidates)
+    save(comparison, files.decision("comparison"))
+    save(remedied, files.decision("remedies"))

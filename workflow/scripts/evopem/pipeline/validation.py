@@ -1,36 +1,61 @@
-"""Validation: residual tests, errors, evidence for each mode; the other model."""
+"""Validation: residual tests, errors, evidence for each mode; tables, decisions and summary."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import cast
 
-from evopem.automatic.candidates import Scorer
-from evopem.automatic.chosen import estimate_chosen, window_of
 from evopem.automatic.decision import OtherModel
-from evopem.automatic.fit import FitSettings
-from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.structures import Choice, Comparison, Purpose
 from evopem.blas_threads import one_blas_thread
-from evopem.config.constraints import Constraints
-from evopem.config.settings import AutomaticSettings, Objective, SearchSettings, SpectrumSettings
-from evopem.config.settings import FitSettings as FocusAndConstraints
+from evopem.config.defaults import yaml_text
+from evopem.config.settings import DatasetSettings, SpectrumSettings
 from evopem.config.structures import plant_order
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.order_selection import complete_estimate
-from evopem.files.atomic import write_table
+from evopem.files.atomic import write_table, write_text
+from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.mode_matching import OrderModel, OrderModels
-from evopem.pipeline.chosen import record_of_channels
-from evopem.pipeline.structures import errors_name_dataset, load_record, load_scorer
+from evopem.pipeline.decisions import collect_decisions, summarize_dataset, tabulate_candidates
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import PreparedData, load_prepared
+from evopem.signals.prepared_data import load_prepared
 from evopem.validation.mode_evidence import with_noise_modes
 from evopem.validation.responses import held_out_stretches
 from evopem.validation.validate import validate, validation_errors
+
+
+def complete_results(
+    files: DatasetFiles,
+    settings: DatasetSettings,
+    phases: tuple[str, ...],
+    structures: tuple[str, ...],
+    phase: str | None,
+    others: tuple[str, ...],
+) -> None:
+    """Validate the model, and write what is known of the data set: tables, decisions, summary.
+
+    ``phases`` and ``structures`` that were searched; ``phase`` as for :func:`validate_model`;
+    ``others``: the purpose whose model is kept beside the chosen one, or none.
+    """
+    is_automatic = settings.automatic is not None
+    validate_model(files, phase, settings.spectrum)
+    tabulate_candidates(files, phases, structures)
+    if is_automatic:
+        other = _errors_of_other(files, others[0]) if others else None
+        collect_decisions(files, structures, other)
+    summarize_dataset(files, phases, is_automatic)
+    delete_results(files.folder, {Path(files.details).name})  # its contents are written anew
+    write_text(files.config, yaml_text(settings))
+
+
+def _errors_of_other(files: DatasetFiles, purpose: str) -> OtherModel:
+    """What the model for another purpose reaches on the validation samples."""
+    record = load(ModelRecord, files.other_model(purpose))
+    prepared = load_prepared(files.prepared, files.transforms)
+    fitted_level = record.level_of_simulation == "state"
+    with one_blas_thread():
+        held_out = held_out_stretches(record.model, prepared, fitted_level)
+        return OtherModel(purpose, record.text, *validation_errors(held_out, fitted_level))
 
 
 def validate_model(files: DatasetFiles, phase: str | None, spectrum: SpectrumSettings) -> None:
@@ -82,50 +107,3 @@ def _models_of_orders(
         searched = OrderModels(tuple(best.values()))
     model = record.model if record.orders is not None else record.plant
     return order, searched.with_model(OrderModel.of(order, record.bic, model)).models
-
-
-def complete_other(
-    files: DatasetFiles,
-    purpose: Purpose,
-    search: SearchSettings,
-    settings: AutomaticSettings,
-    fits: FitSettings,
-    constraints: Constraints | None = None,
-) -> None:
-    """Keep the model for another purpose, with its errors on the validation samples.
-
-    It is the one of the comparison of structures, without acting on its checks and without a global
-    search.  Constraints hold for models of several channels.
-    """
-    prepared = load_prepared(files.prepared, files.transforms)
-    choice = load(Comparison, files.decision("comparison")).choice(purpose)
-    polynomials = choice.candidate.polynomials
-    with errors_name_dataset(files), one_blas_thread():
-        if polynomials is not None and polynomials.inputs == 1:
-            scorer = load_scorer(files, settings, fits)
-            record = _of_one_channel(scorer, load_record(files), prepared, choice, search)
-        else:
-            quick, none = replace(search, evaluations=0), replace(settings, evaluations=0)
-            fit = FocusAndConstraints(constraints=constraints)
-            record, _ = record_of_channels(files, choice, quick, none, fits, fit)
-        fitted_level = choice.level == "state"
-        held_out = held_out_stretches(record.model, prepared, fitted_level)
-        errors = validation_errors(held_out, fitted_level)
-    save(record, files.other_model(purpose))
-    save(OtherModel(purpose, record.text, *errors), files.other_errors(purpose))
-
-
-def _of_one_channel(
-    scorer: Scorer,
-    record: PreparedRecord,
-    prepared: PreparedData,
-    choice: Choice,
-    search: SearchSettings,
-) -> ModelRecord:
-    """The model of one channel, at the optimum that the comparison found."""
-    data, objective = prepared.estimation, cast("Objective", record.plan.objective)
-    own = replace(search, objective=objective, evaluations=0)
-    selection, _ = estimate_chosen(choice, scorer, record, data, own)
-    window = window_of(selection.orders)
-    estimate = complete_estimate(selection.selected, data, own, window)
-    return ModelRecord.of(estimate, data, own, prepared.transforms, choice.level)

@@ -21,7 +21,7 @@ PHASE_STAGES = {
     "chosen": "Search of the chosen model",
 }
 # The folder of times of a phase, where it has another name.
-TIMES = {"structures": "search_structure", "chosen": "estimate"}
+TIMES = {"structures": "search_structure", "chosen": "complete_model"}
 # All stages where they ran as one job.
 ONE_JOB = "identification"
 BEFORE = ("read_recording", "prepare", "estimate_spectrum")

@@ -111,10 +111,6 @@ class DatasetFiles:
         """The model of an automatic recipe for another purpose than that of :attr:`model`."""
         return f"{self.folder}/model.{purpose}.json"
 
-    def other_errors(self, purpose: str) -> str:
-        """What the model for another purpose reaches."""
-        return self.decision(f"models/{purpose}")
-
     model_mat = _File("model.mat")  # the model, for MATLAB
     modes = _File("modes.csv")  # natural frequencies and damping ratios of plant and noise filter
     # Frequency responses of plant and noise filter with 95 % intervals

@@ -236,8 +236,6 @@ class Provider:
     def memory(self, demand: Demand, dataset: str, threads: int, attempt: int) -> int:
         """MB of a job."""
         settings = self.config.datasets[dataset]
-        if demand == "small":
-            return 500
         if self._only_reads(demand, dataset):
             return reading_memory(settings, attempt)
         return estimation_memory(settings, threads, attempt)
@@ -247,12 +245,9 @@ class Provider:
     ) -> int:
         """Minutes of a job."""
         settings = self.config.datasets[dataset]
-        if demand == "small":
-            return 5
         if self._only_reads(demand, dataset):
             return reading_time(settings, attempt)
         per_job = self.config.run.candidates_per_job if demand == "estimation" else 1
-        phase = "joint" if demand == "model" else phase
         return estimation_time(settings, phase, per_job, threads, attempt)
 
     def _only_reads(self, demand: Demand, dataset: str) -> bool:
@@ -294,11 +289,6 @@ class StageRule:
         names = [stage.name for stage in (WHOLE, *STAGES)]
         return 1000 if self.stage.name in PREPARING else names.index(self.stage.name)
 
-    @property
-    def is_small(self) -> bool:
-        """Whether its jobs run beside Snakemake, without one of a cluster."""
-        return self.stage.name in ("write_settings", "tabulate", "collect_decisions")
-
     def recorded(self, wildcards: Wildcards) -> list[str]:
         """The recorded files that a job reads.
 
@@ -324,7 +314,7 @@ class StageRule:
     @property
     def writes_report(self) -> bool:
         """Whether its results depend on the templates."""
-        return self.stage.name == "write_report" or self.stage is WHOLE
+        return self.stage.is_page or self.stage is WHOLE
 
     def inputs(self, wildcards: Wildcards) -> list[str]:
         """The results that a job reads."""

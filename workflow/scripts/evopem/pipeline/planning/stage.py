@@ -16,7 +16,7 @@ from evopem.config.settings import DatasetSettings
 from evopem.config.structures import AUTOMATIC_STRUCTURES
 from evopem.pipeline.planning.stage_lists import ARGUMENTS, LISTS, Task, Value
 
-Demand = Literal["small", "reading", "model", "estimation"]
+Demand = Literal["reading", "model", "estimation"]
 
 _WORD = re.compile(r"{(\w+)}")
 

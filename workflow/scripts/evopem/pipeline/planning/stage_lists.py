@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from evopem.config import order_grid
 from evopem.config.configuration import RunSettings
-from evopem.config.settings import AutomaticSettings, DatasetSettings, OrderGrid
+from evopem.config.settings import AutomaticSettings, DatasetSettings, InputRanges, OrderGrid
 from evopem.config.structures import (
     AUTOMATIC_STRUCTURES,
     is_polynomial,
@@ -65,11 +65,6 @@ def is_automatic(settings: DatasetSettings) -> bool:
     return settings.automatic is not None
 
 
-def is_single_automatic(settings: DatasetSettings) -> bool:
-    """Whether they are, for a model of one input and one output."""
-    return is_automatic(settings) and is_single(settings)
-
-
 def is_by_chapter(settings: DatasetSettings) -> bool:
     """Whether orders are searched phase by phase, within given ranges."""
     return settings.automatic is None
@@ -96,7 +91,8 @@ def _nested(task: Task) -> tuple[str, ...]:
 
 def purposes(task: Task) -> tuple[str, ...]:
     """The purpose whose model is kept beside that of the configuration; none without inputs."""
-    return (_automatic(task).other_purpose,) if task.settings.channels.inputs else ()
+    kept = is_automatic(task.settings) and task.settings.channels.inputs
+    return (_automatic(task).other_purpose,) if kept else ()
 
 
 def _phases(task: Task) -> tuple[str, ...]:
@@ -124,18 +120,6 @@ def compared_phase(task: Task) -> str | None:
     return order_grid.phase_of_orders_of(task.settings) if is_single(task.settings) else None
 
 
-def _compared(task: Task) -> list[str]:
-    phase = compared_phase(task)
-    of_several = ["models_of_orders:{structures}", "decision:remedies"]
-    return [f"phase:{phase}"] if phase else of_several
-
-
-def _searched(task: Task) -> list[str]:
-    """What the search over orders has left."""
-    of_several = ["search:{structures}", "decision:remedies"]
-    return ["phase:{phases}"] if is_single(task.settings) else of_several
-
-
 def _previous(task: Task) -> list[str]:
     structure = task.settings.order_grid.structure
     previous = order_grid.previous_phase(task.values["phase"], structure)
@@ -155,8 +139,6 @@ def _of(provide: Callable[[DatasetSettings], T]) -> Callable[[Task], T]:
     return lambda task: provide(task.settings)
 
 
-_DECISIONS = tuple(f"decision:{name}" for name in ("preparation", "remedies", "folds", "delay"))
-
 LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "structures": structures,
     "wanted": wanted,
@@ -164,23 +146,22 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "purposes": purposes,
     "phases": _phases,
     "last": lambda task: _phases(task)[-1:],
-    "compared": _compared,
-    "searched": _searched,
     "parts": lambda task: [str(number + 1) for number in range(_part_count(task))],
     "previous": _previous,
     "resonances": _where(_resonances, "spectrum_summary"),
-    "roles": _where(_is_told, "recording_info"),
     "validation": _where(_of(is_validated), "validation_recording"),
     "validation_info": _where(_of(is_validated), "validation_recording_info"),
-    "plan": _where(_of(is_automatic), "decision:preparation"),
     "truth": _where(_of(is_synthetic), "truth"),
-    "decided": _where(_of(is_automatic), *_DECISIONS),
-    "about_search": _where(_of(has_several), "decision:search"),
+    "decided": _where(
+        *(_of(is_automatic), "decision:preparation", "decision:folds", "decision:delay")
+    ),
+    "chosen": _where(_of(is_automatic), "decision:comparison", "decision:remedies"),
+    "selected": _where(_of(is_by_chapter), "phase:{last}"),
+    "found": _where(_of(is_automatic), "phase:{phases}", "decision:search"),
+    "searched": _where(_of(is_automatic), "search:{structures}", "decision:search"),
     "decisions": _where(_of(is_automatic), "decisions"),
     "models": _where(_of(has_several), "models_of_orders:{structure}"),
-    "tabulated": _where(
-        *(_of(has_several), "search:{structures}", "decision:comparison", "decision:remedies")
-    ),
+    "models_of_orders": _where(_of(has_several), "models_of_orders:{structures}"),
 }
 """What words in the inputs and outputs of stages stand for."""
 
@@ -229,6 +210,11 @@ def orders_of_structure(task: Task) -> AutomaticSettings:
     return AutomaticSettings(orders=orders.of_polynomials if polynomial else orders.of_states)
 
 
+def delays(task: Task) -> InputRanges:
+    """The ranges that the delays of inputs are searched in."""
+    return _automatic(task).orders.nk
+
+
 def _fits(task: Task) -> dict[str, object]:
     """What fits of several channels have in common; those of one channel depend on nothing."""
     common: dict[str, object] = {"objective": "quadratic", "level": True}
@@ -249,7 +235,6 @@ ARGUMENTS: Mapping[str, Value] = {
     "requirements": _requirements,
     "of_polynomials": _of(is_single),
     "with_models": _of(has_several),
-    "is_automatic": _of(is_automatic),
     "nested": _nested,
     "structures": structures,
     "phases": _phases,

@@ -16,31 +16,16 @@ from evopem.pipeline.planning.stage import Stage
 from evopem.pipeline.planning.stage_lists import Task
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 
-PREPARING = ("synthesize", "read_recording", "read_validation", "prepare")
+PREPARING = ("synthesize", "read_recording", "prepare")
 """Stages that are done for all data sets before any is searched."""
 
-_PREPARED, _VALIDATION = of.PREPARED, of.VALIDATION
-_DECIDED = ("decision:preparation", *_PREPARED)
-_SCORED = (*_DECIDED, "decision:folds", "decision:delay")
-
-_SHOWN = (
-    *("{truth}", "{decisions}", "config", "recording", "recording_info", "{validation_info}"),
-    *(*_PREPARED, "spectrum", "spectrum_summary", "{searched}", "candidates", "model"),
-    *("frequency_response", "time_response", *_VALIDATION),
-)
+_PREPARED = of.PREPARED
+_SCORED = (*_PREPARED, "{decided}")
 
 _decided = partial(Stage, applies=of.is_automatic, demand="estimation")
 _searched = partial(Stage, applies=of.is_by_chapter, demand="estimation")
 
 STAGES = (
-    Stage(
-        "write_settings",
-        "configuration:write_configuration",
-        "settings",
-        outputs=("config",),
-        settings={"settings": ""},
-        demand="small",
-    ),
     Stage(
         "synthesize",
         "acquisition:synthesize_recording",
@@ -54,33 +39,23 @@ STAGES = (
         "acquisition:read_recording",
         "reading the recording",
         applies=of.is_recorded,
-        outputs=("recording", "recording_info"),
+        outputs=("recording", "recording_info", "{validation}", "{validation_info}"),
         given=("channels", "told", "geometry"),
-        settings={"recorded": "source.files"},
-        recorded=("files",),
-    ),
-    Stage(
-        "read_validation",
-        "acquisition:read_validation_recording",
-        "reading the validation recording",
-        applies=of.is_validated,
-        inputs=("{roles}",),
-        outputs=("validation_recording", "validation_recording_info"),
-        given=("channels", "told"),
-        settings={"recorded": "source.validation_files"},
-        recorded=("validation_files",),
+        settings={"recorded": "source.files", "validation": "source.validation_files"},
+        recorded=("files", "validation_files"),
     ),
     Stage(
         "prepare",
         "preparation:prepare_samples",
         "preparing the samples",
         inputs=("recording", "{validation}"),
-        outputs=(*_PREPARED, "{plan}"),
-        given=("is_validated", "given", "requirements"),
+        outputs=(*_PREPARED, "{decided}"),
+        given=("is_validated", "given", "requirements", "of_polynomials"),
         settings={
             "settings": "preparation",
             "recorded": "source.all_files",
             "fit": of.fit_to_check,
+            "delays": of.delays,
         },
         demand="estimation",
     ),
@@ -91,24 +66,6 @@ STAGES = (
         inputs=_PREPARED,
         outputs=("spectrum", "spectrum_summary"),
         settings={"settings": "spectrum"},
-    ),
-    Stage(
-        "decide_folds",
-        "structures:decide_folds",
-        "choosing the held-out samples",
-        applies=of.is_automatic,
-        inputs=_DECIDED,
-        outputs=("decision:folds",),
-        given=("of_polynomials",),
-    ),
-    Stage(
-        "decide_delay",
-        "structures:decide_delay",
-        "searching the delay of each input",
-        applies=of.is_automatic,
-        inputs=_DECIDED,
-        outputs=("decision:delay",),
-        settings={"ranges": "automatic.orders.nk"},
     ),
     _decided(
         "search_structure",
@@ -125,29 +82,12 @@ STAGES = (
         "structures:choose",
         "comparing the structures",
         inputs=("search:{wanted}", *_SCORED),
-        outputs=("decision:comparison",),
+        outputs=("{chosen}",),
         given=("fits",),
-        settings={"structures": of.wanted, "settings": of.choices("structure", "orders")},
-    ),
-    _decided(
-        "revise",
-        "structures:act_on_checks",
-        "acting on failed checks",
-        inputs=("decision:comparison", *_SCORED),
-        outputs=("decision:remedies",),
-        given=("fits",),
-        settings={"settings": of.choices("purpose", "structure", "orders")},
-    ),
-    Stage(
-        "estimate",
-        "chosen:estimate_chosen",
-        "searching the chosen model globally",
-        applies=of.is_single_automatic,
-        inputs=("decision:comparison", "decision:remedies", *_SCORED),
-        outputs=("phase:structures", "phase:chosen", "decision:search"),
-        given=("search", "fits"),
-        settings={"settings": of.choices("purpose", "structure", "orders")},
-        demand="estimation",
+        settings={
+            "structures": of.wanted,
+            "settings": of.choices("purpose", "structure", "orders"),
+        },
     ),
     _searched(
         "estimate_candidates",
@@ -174,77 +114,41 @@ STAGES = (
         "complete_model",
         "chosen:complete_model",
         "model and its uncertainty",
-        inputs=("{decided}", "phase:{last}", *_PREPARED),
-        outputs=("model", "model_mat", "frequency_response", "time_response", "{about_search}"),
+        inputs=(*_SCORED, "{chosen}", "{selected}"),
+        outputs=(
+            *("model", "model_mat", "frequency_response", "time_response", "{found}"),
+            "other_model:{purposes}",
+        ),
         given=("search", "window", "phases", "fit", "fits"),
-        settings={"settings": of.choices("orders", "evaluations")},
+        settings={
+            "settings": of.choices("purpose", "orders", "evaluations"),
+            "others": of.purposes,
+        },
         demand="model",
-    ),
-    _decided(
-        "complete_other",
-        "validation:complete_other",
-        "model for the other purpose",
-        inputs=("decision:comparison", *_SCORED),
-        outputs=("other_model:{purpose}", "other_errors:{purpose}"),
-        given=("search", "fits"),
-        settings={"settings": of.choices("orders"), "constraints": "fit.constraints"},
-        wildcards={"purpose": "purposes"},
-    ),
-    Stage(
-        "tabulate",
-        "decisions:tabulate_candidates",
-        "table of candidates",
-        inputs=("phase:{phases}", "{tabulated}"),
-        outputs=("candidates",),
-        given=("phases", "structures"),
-        demand="small",
     ),
     Stage(
         "validate",
-        "validation:validate_model",
+        "validation:complete_results",
         "validation",
-        inputs=("model", *_PREPARED, "{compared}"),
-        outputs=(*_VALIDATION, "modes"),
-        given=("spectrum",),
-        settings={"phase": of.compared_phase},
-    ),
-    Stage(
-        "collect_decisions",
-        "decisions:collect_decisions",
-        "decisions",
-        applies=of.is_automatic,
         inputs=(
-            *("search:{structures}", "recording_info", *_SCORED, "decision:comparison"),
-            *("decision:remedies", "decision:search", "other_errors:{purposes}"),
+            *("recording_info", "model", "other_model:{purposes}", *_SCORED, "{chosen}"),
+            *("phase:{phases}", "{searched}", "{models_of_orders}"),
         ),
-        outputs=("decisions",),
-        given=("structures",),
-        settings={"others": of.purposes},
-        demand="small",
+        outputs=(*of.VALIDATION, "modes", "candidates", "{decisions}", "summary", "config"),
+        given=("phases", "structures"),
+        settings={"settings": "", "phase": of.compared_phase, "others": of.purposes},
     ),
     Stage(
-        "summarize",
-        "decisions:summarize_dataset",
-        "checks",
-        inputs=("recording_info", "{searched}", "model", "validation"),
-        outputs=("summary",),
-        given=("phases", "is_automatic"),
-        demand="small",
-    ),
-    Stage(
-        "draw_figures",
-        "report:draw_figures",
-        "figures",
-        inputs=_SHOWN,
-        outputs=("figures",),
-        is_page=True,
-    ),
-    Stage(
-        "write_report",
-        "report:write_report",
         "report",
-        inputs=(*_SHOWN, "figures"),
-        outputs=("report",),
+        "report:write_report",
+        "figures and report",
+        inputs=(
+            *("{truth}", "{decisions}", "config", "recording", "recording_info"),
+            *("{validation_info}", *_PREPARED, "spectrum", "spectrum_summary", "{chosen}"),
+            *("phase:{phases}", "{searched}", "candidates", "model", "frequency_response"),
+            *("time_response", *of.VALIDATION),
+        ),
+        outputs=("figures", "report"),
         is_page=True,
     ),
 )
