@@ -116,7 +116,7 @@ def identified(recording, settings):
         data = prepared.estimation
         (candidate,) = estimate_candidates(data, [ORDERS], "nb", search, window)
         found = complete_estimate(candidate, data, search, window)
-        validation, _ = validate(found.model, prepared, window.loss_start)
+        validation, _ = validate(found.model, prepared)
         record = ModelRecord.of(found, data, search, prepared.transforms)
         frequency_response_table(found.model, data.input_names, data.output_names)
         validation.modes.rows(data.input_names, data.output_names)

@@ -52,7 +52,7 @@ def judged(u, y, orders=(2, 2, 1, 1), objective="absolute"):
     (candidate,) = estimate_candidates(data, [orders], "nb", settings, WINDOW)
     found = complete_estimate(candidate, data, settings, WINDOW)
     model = ModelRecord.of(found, data, settings, prepared.transforms)
-    validation, _ = validate(found.model, prepared, WINDOW.loss_start, objective)
+    validation, _ = validate(found.model, prepared, objective)
     # Every order is given, so no range was searched.
     phases = {
         phase: PhaseSelection(phase, orders, "Given.", (candidate,))

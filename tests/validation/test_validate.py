@@ -223,4 +223,4 @@ def test_too_few_samples_are_refused():
     model = lightly_damped()
     u, y = response(model, 60, noise=0.1)
     with pytest.raises(ValueError, match="no stretch has"):
-        validate(model, prepared(u, y, 40), loss_start=39)
+        validate(model, prepared(u, y, 8))

@@ -37,7 +37,7 @@ from evopem.validation.excitation import excitation_order
 from evopem.validation.residual_tests import (
     autocorrelation_of,
     correlation_with_input,
-    free_whiteness_test,
+    fit_effects,
     ljung_box_lags,
     whiteness_test,
 )
@@ -87,9 +87,12 @@ def _of_one_input(
     )
     point = errors.completed_by_states(model)
     residuals, inputs = errors.residuals(point), errors.scored_inputs()
+    covariance = covariance_of(
+        *(errors, point, residuals, errors.scored_outputs()), errors.residual_counts()
+    )
     failed, whiteness, correlation = [], 1.0, 0.0
     if len(residuals) > 2 and np.ptp(residuals) > 0.0:
-        whiteness, white = _whiteness(errors, point, residuals)
+        whiteness, white = _whiteness(errors, point, residuals, covariance)
         if not white and structure not in OF_SIMULATION:
             failed.append(WHITE)
         if np.ptp(inputs) > 0.0:
@@ -97,9 +100,6 @@ def _of_one_input(
             correlation = found.largest_ratio
             if not are_independent(correlation, found.share_inside, int(found.lag[-1])):
                 failed.append(INDEPENDENT_OF_INPUT)
-    covariance = covariance_of(
-        *(errors, point, residuals, errors.scored_outputs()), errors.residual_counts()
-    )
     if covariance is None:
         distances = np.abs(np.subtract.outer(model.poles(), model.zeros()))
         cancels = bool(np.any(distances < COINCIDENT_DISTANCE))
@@ -118,13 +118,24 @@ def _of_one_input(
     return CandidateChecks(tuple(failed), whiteness, correlation, later, shorter)
 
 
-def _whiteness(errors: PolynomialErrors, point: Array, residuals: Array) -> tuple[float, bool]:
+def _whiteness(
+    errors: PolynomialErrors,
+    point: Array,
+    residuals: Array,
+    covariance: ParameterCovariance | None,
+) -> tuple[float, bool]:
     orders, correlation = errors.orders, autocorrelation_of(residuals)
     largest = int(correlation.lag[-1])
     lags = ljung_box_lags(len(residuals), orders.na + orders.nc + orders.nd, largest)
     if not 0 < lags < len(residuals):
         return math.nan, True
-    test = whiteness_test(residuals, [errors.jacobian(point)], lags, errors.objective)
+    rest = np.zeros(errors.dimension - orders.parameters)
+    effects = np.zeros((1, 0, lags))
+    if covariance is not None:
+        effects = fit_effects(
+            lambda step: errors.residuals(point + np.append(step, rest))[:, None], covariance, lags
+        )
+    test = whiteness_test(residuals, lags, effects=effects[0], objective=errors.objective)
     share = correlation.where(correlation.lag > 0).share_inside
     return test.p_value, are_white(test.p_value, share, largest) is not False
 
@@ -185,7 +196,7 @@ def _ljung_box(residuals: Array, bounds: Sequence[int], fitted: int) -> float:
     lags = ljung_box_lags(samples, fitted, min(LAGS, samples // 3))
     if lags < 1 or not np.ptp(residuals) > 0.0:
         return 1.0
-    return free_whiteness_test(residuals, lags, bounds, fitted).p_value
+    return whiteness_test(residuals, lags, bounds, fitted).p_value
 
 
 def _earlier_delays(

@@ -93,6 +93,11 @@ class Polynomials:
         return len(self.B)
 
     @property
+    def outputs(self) -> int:
+        """Number of outputs, 1."""
+        return 1
+
+    @property
     def has_input(self) -> bool:
         """Whether the model has an input."""
         return len(self.B) > 0

@@ -71,7 +71,6 @@ def validate_model(files: DatasetFiles, phase: str | None, spectrum: SpectrumSet
         validation, tables = validate(
             record.model,
             prepared,
-            record.window.loss_start if record.window else None,
             record.search.settings.objective,
             models,
             order,

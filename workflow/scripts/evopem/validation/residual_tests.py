@@ -1,14 +1,9 @@
-"""The residuals that tests use, and tests of whiteness and of independence of the inputs.
-
-Those of polynomials are of the estimation samples, where the derivatives of the residuals give the
-distribution of the test after the fit (:func:`whiteness_test`).  Those of a state-space model are
-of the validation samples and need no correction for the fit.
-"""
+"""The residuals that tests use, and tests of whiteness and of independence of the inputs."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -17,17 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import chdtrc
 
-from evopem.config.settings import OBJECTIVES, ScoringWindow
-from evopem.errors import check_choice
-from evopem.estimation.pem.covariance import density_at_zero, pseudo_inverse_factor
-from evopem.estimation.pem.least_squares import triangle_of
-from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.models.polynomial import PolynomialModel
+from evopem.estimation.pem.covariance import density_at_zero
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.response_tables import NORMAL_95
-from evopem.models.states import estimate_prediction_states
 from evopem.signals import correlation as signals
-from evopem.signals.recording import Recording
-from evopem.validation.responses import HeldOut
+from evopem.validation.responses import HeldOut, unscored_samples
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,63 +29,51 @@ CROSS_CORRELATION_LAGS = 200
 
 # A sum of squares that is expected to be smaller than this has no distribution worth testing.
 LEAST_EXPECTED = 0.5
+# Step of a central difference, in standard deviations of the estimates.
+STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class TestedResiduals:
-    """Residuals, (N, l), and the inputs of the same samples, (N, m)."""
+class EstimationResiduals:
+    """One-step prediction errors, (N, l), and the inputs of the same samples, (N, m)."""
 
+    stretches: tuple[HeldOut, ...]
     residuals: Array
     inputs: Array
     bounds: tuple[int, ...]  # first residual of each stretch, and N
-    # Gives the derivatives of the residuals of the one output by everything estimated, in blocks of
-    # rows
-    jacobian: Callable[[], Iterable[Array]] | None = None
+
+    @classmethod
+    def of(cls, stretches: Sequence[HeldOut]) -> EstimationResiduals:
+        """Of all samples of stretches without a past but those that states are fitted to."""
+        parts = [_residuals(each) for each in stretches]
+        inputs = [
+            each.inputs[len(each.inputs) - len(part) :]
+            for each, part in zip(stretches, parts, strict=True)
+        ]
+        bounds = tuple(np.cumsum([0, *map(len, parts)]).tolist())
+        return cls(tuple(stretches), np.concatenate(parts), np.concatenate(inputs), bounds)
+
+    def fit_effects(self, lags: int) -> Array:
+        """What :func:`fit_effects` gives of the estimate; nothing where its spread is not known."""
+        model = self.stretches[0].model
+
+        def residuals_after(step: Array) -> Array:
+            return np.concatenate(
+                [
+                    _residuals(replace(each, model=each.model.with_parameters(moved)))
+                    for each in self.stretches
+                    for moved in [each.model.parameters + step]
+                ]
+            )
+
+        if model.covariance is None:
+            return np.zeros((model.outputs, 0, lags))
+        return fit_effects(residuals_after, model.covariance, lags, self.bounds)
 
 
-def of_validation(held_out: Sequence[HeldOut]) -> TestedResiduals:
-    """The residuals of the validation samples that are scored."""
-    residuals = [(h.recording.outputs - h.predicted())[h.unscored :] for h in held_out]
-    inputs = [h.recording.inputs[h.unscored :] for h in held_out]
-    return TestedResiduals(np.concatenate(residuals), np.concatenate(inputs), _bounds(residuals))
-
-
-def of_estimation(
-    model: PolynomialModel, estimation: Recording, start: int, objective: str
-) -> TestedResiduals:
-    """The residuals of the estimation samples, of each stretch from sample ``start`` on.
-
-    Each stretch begins with the states that fit it best, and each of several recordings has a
-    level of its own.  Raises ValueError when no stretch is long enough.
-    """
-    first = model.orders.first_residual
-    window = ScoringWindow(first, max(start, first))
-    with_level = model.level != 0.0
-    errors = PolynomialErrors(
-        *(estimation.segments, model.orders, objective, 1.0, 1.0, with_level, window)
-    )
-    parameters, own_levels = model.orders.parameters, estimation.is_joined and with_level
-    point = np.zeros(errors.dimension)
-    point[:parameters] = model.parameters
-    completed = errors.completed_by_states(model) if own_levels else point
-    for stretch, (_, at) in zip(errors.stretches, errors.places(), strict=True):
-        level = completed[at[parameters]] if own_levels else model.level
-        states = estimate_prediction_states(
-            replace(model, level=level), stretch.inputs, stretch.output
-        )
-        point[at[parameters:]] = [*([level] if with_level else []), *np.concatenate(states)]
-    residuals = errors.residuals_of_stretches(point)
-    inputs = [each.inputs[window.loss_start :] for each in errors.stretches]
-    return TestedResiduals(
-        np.concatenate(residuals)[:, None],
-        np.concatenate(inputs),
-        _bounds(residuals),
-        lambda: errors.jacobian_blocks(point),
-    )
-
-
-def _bounds(parts: Sequence[Array]) -> tuple[int, ...]:
-    return tuple(np.cumsum([0, *map(len, parts)]).tolist())
+def _residuals(stretch: HeldOut) -> Array:
+    errors = stretch.outputs - stretch.predicted_from_start()
+    return errors[unscored_samples(stretch.model) :]
 
 
 def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:
@@ -124,102 +101,74 @@ class WhitenessTest:
     lags: int  # tested jointly
 
 
-def free_whiteness_test(
-    residuals: Array, lags: int, bounds: Sequence[int] = (), fitted: int = 0
-) -> WhitenessTest:
-    """Ljung-Box test with as many degrees of freedom as lags, less what was fitted to the samples.
-
-    NaN where the residuals do not vary.
-    """
-    if not np.ptp(residuals) > 0.0:
-        return WhitenessTest(math.nan, math.nan, math.nan, lags)
-    statistic = _ljung_box(autocorrelation_of(residuals, lags, bounds).values[1:], residuals.size)
-    freedom = max(lags - fitted, 1)
-    return WhitenessTest(statistic, float(freedom), float(chdtrc(freedom, statistic)), lags)
-
-
-def _ljung_box(correlations: Array, samples: int) -> float:
-    k = np.arange(1, len(correlations) + 1)
-    return float(samples * (samples + 2) * np.sum(correlations**2 / (samples - k)))
-
-
 def whiteness_test(
-    residuals: ArrayLike, jacobian: Iterable[Array], lags: int, objective: str
+    residuals: ArrayLike,
+    lags: int,
+    bounds: Sequence[int] = (),
+    effects: Array | int = 0,
+    objective: str = "quadratic",
 ) -> WhitenessTest:
     """Ljung-Box test with the null distribution of the residuals of this very fit.
 
-    The usual degrees of freedom, lags - na - nc, hold for a pure noise model only.  Parameters
-    that the input determines take less from the autocorrelation of the residuals, and a test
-    with those degrees of freedom rejects good models.  Here the statistic is compared with the
-    weighted sum of chi-square variables that follows from
-    :func:`residual_autocorrelation_covariance`.
+    The usual degrees of freedom, lags less the estimates, hold for a pure noise model only.
+    Estimates that the input determines take less from the autocorrelation of the residuals.  The
+    covariance of ``sqrt(N) r_k`` is ``I - G S G'`` for an efficient estimate (Box & Pierce 1970;
+    McLeod 1978), S its covariance and G the derivatives of ``sqrt(N) r_k``, and the statistic a
+    weighted sum of chi-square variables.  Of least absolute errors, what the fit takes is weighed
+    by ``2 E|e| / k - 1``, with ``k = 1 / (2 f(0))`` and f the density of the residuals.
 
-    ``residuals`` (N,): that the fit has scored.  ``jacobian`` (M, p): consecutive rows of their
-    derivatives by everything estimated, N in all.  ``lags``: tested jointly, fewer than N, or
-    ValueError.  ``objective`` {"absolute", "quadratic"}: what the fit minimised.
+    ``residuals`` (N,): that the fit has scored.  ``bounds``: as of :func:`apart`.  ``effects``
+    (r, lags): of one output as of :func:`fit_effects`, or the number of estimates that are taken
+    from the degrees of freedom where these are not known.  ``objective``: what the fit minimised.
     """
-    check_choice("objective", objective, OBJECTIVES)
     e = np.asarray(residuals, dtype=float)
-    if not 0 < lags < e.size:
-        raise ValueError(f"{lags} lags cannot be tested with {e.size} residuals")
-    if not np.ptp(e) > 0.0:
-        return WhitenessTest(math.nan, math.nan, math.nan, lags)
-    statistic = _ljung_box(signals.autocorrelation(e, lags).values[1:], e.size)
-    covariance = residual_autocorrelation_covariance(e, jacobian, lags, objective)
-    if not np.isfinite(covariance).all():
-        return WhitenessTest(statistic, math.nan, math.nan, lags)
-    weights = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
+    unknown = WhitenessTest(math.nan, math.nan, math.nan, max(lags, 0))
+    if not 0 < lags < e.size or not np.isfinite(e).all() or not np.ptp(e) > 0.0:
+        return unknown
+    correlations = autocorrelation_of(e, lags, bounds).values[1:]
+    statistic = e.size * (e.size + 2) * np.sum(correlations**2 / (e.size - np.arange(1, lags + 1)))
+    if isinstance(effects, int):
+        weights = np.ones(max(lags - effects, 1))
+    else:
+        effects = effects[np.isfinite(effects).all(axis=1)]
+        share = 1.0
+        if objective == "absolute":
+            share = 4.0 * density_at_zero(e, len(effects)) * float(np.mean(np.abs(e))) - 1.0
+        covariance = np.eye(lags) - share * effects.T @ effects
+        if not np.isfinite(covariance).all():
+            return replace(unknown, statistic=float(statistic))
+        weights = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     expected = float(weights.sum())
     p_value = math.nan
     if expected >= LEAST_EXPECTED:
-        p_value = weighted_chi_square_tail(statistic, weights)
-    return WhitenessTest(statistic, expected, p_value, lags)
+        p_value = weighted_chi_square_tail(float(statistic), weights)
+    return WhitenessTest(float(statistic), expected, p_value, lags)
 
 
-def residual_autocorrelation_covariance(
-    residuals: ArrayLike, jacobian: Iterable[Array], lags: int, objective: str
+def fit_effects(
+    residuals_after: Callable[[Array], Array],
+    covariance: ParameterCovariance,
+    lags: int,
+    bounds: Sequence[int] = (),
 ) -> Array:
-    """Covariance of ``sqrt(N) r_k``, k = 1 ... lags, for the residuals of a fitted model.
+    """How far ``sqrt(N) r_k`` of each output move with independent errors of the estimates.
 
-    ``I - X J^-1 X'`` for the quadratic objective (Box & Pierce 1970; McLeod 1978), where J is the
-    information matrix of all estimates and X the covariance of their score with the
-    autocorrelations.  Both are taken from the Jacobian, so the formula holds for any model
-    structure.  The absolute objective uses the score ``sign(e)``, and ``X J^-1 X'`` is weighed by
-    ``(2 k E|e| - k^2) / var(e)``, with ``k = 1 / (2 f(0))`` and f the density of the residuals.
-    Arguments as of :func:`whiteness_test`.  Returns (lags, lags).
+    ``residuals_after``: the residuals, (N, l), after a step of the parameters.  Returns (l, r,
+    lags), for a standard deviation along each column of the factor of the covariance.
     """
-    e = np.asarray(residuals, dtype=float)
-    scale = float(np.sqrt(np.mean(e**2) * e.size))
-    padded = np.concatenate([np.zeros(lags), e]) / scale
-    lagged = np.lib.stride_tricks.sliding_window_view(padded, lags)[:, ::-1]
-    triangle, products, first = np.zeros((0, 0)), None, 0
-    for block in jacobian:
-        rows = lagged[first : first + len(block)]
-        product = block.T @ rows
-        products = product if products is None else products + product
-        triangle = triangle_of([triangle, block] if triangle.size else [block])
-        first += len(block)
-    if products is None or first != e.size:
-        raise ValueError(f"the Jacobian has {first} rows for {e.size} residuals")
-    factor, _ = pseudo_inverse_factor(triangle)
-    half = factor.T @ products
-    covariance: Array = np.eye(lags) - _score_weight(e, factor.shape[0], objective) * half.T @ half
-    return covariance
-
-
-def _score_weight(residuals: Array, estimated: int, objective: str) -> float:
-    """How much of ``X J^-1 X'`` the fit takes from the autocorrelations; 1 for least squares.
-
-    NaN where the density of the residuals at zero cannot be estimated.
-    """
-    if objective == "quadratic":
-        return 1.0
-    density = density_at_zero(residuals, estimated)
-    if not density > 0.0:
-        return math.nan
-    sparsity = 1.0 / (2.0 * density)
-    mean_absolute = float(np.mean(np.abs(residuals)))
-    return (2.0 * sparsity * mean_absolute - sparsity**2) / float(np.mean(residuals**2))
+    effects = []
+    for column in covariance.factor.T:
+        with np.errstate(all="ignore"):
+            up, down = (residuals_after(sign * STEP * column) for sign in (1.0, -1.0))
+            moved = [
+                autocorrelation_of(one, lags, bounds).values[1:]
+                - autocorrelation_of(other, lags, bounds).values[1:]
+                for one, other in zip(up.T, down.T, strict=True)
+            ]
+        effects.append(math.sqrt(len(up)) / (2.0 * STEP) * np.array(moved))
+    if not effects:
+        return np.zeros((residuals_after(np.zeros(len(covariance))).shape[1], 0, lags))
+    return np.stack(effects, axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -116,24 +116,27 @@ def held_out_stretches(
     The predictor runs through both parts of a continuous record, so that it knows all the measured
     past.  With a free level each of several recordings has one of its own.
     """
-    validation = prepared.validation.separated
     if prepared.before_validation is not None:
         pasts = prepared.before_validation.separated
         return tuple(
             HeldOut(model, stretch, before, _states(model, before))
-            for stretch, before in zip(validation, pasts, strict=True)
+            for stretch, before in zip(prepared.validation.separated, pasts, strict=True)
         )
+    return stretches_of(
+        model, prepared.validation, free_level and prepared.transforms.several_recordings
+    )
+
+
+def stretches_of(
+    model: Model, recording: Recording, own_levels: bool = False
+) -> tuple[HeldOut, ...]:
+    """The segments of a recording without a past, of polynomials with levels of their own."""
     found = []
-    for stretch in validation:
+    for each in recording.separated:
         own = model
-        if (
-            isinstance(model, PolynomialModel)
-            and free_level
-            and prepared.transforms.several_recordings
-        ):
-            level = estimate_level(model, stretch.inputs, stretch.output)
-            own = replace(model, level=level)
-        found.append(HeldOut(own, stretch, None, _states(own, stretch)))
+        if own_levels and isinstance(model, PolynomialModel):
+            own = replace(model, level=estimate_level(model, each.inputs, each.output))
+        found.append(HeldOut(own, each, None, _states(own, each)))
     return tuple(found)
 
 

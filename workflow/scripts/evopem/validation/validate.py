@@ -32,24 +32,21 @@ from evopem.validation.model_class import model_class
 from evopem.validation.peak_evidence import peak_evidence
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
+    EstimationResiduals,
     ResidualCorrelation,
-    TestedResiduals,
     WhitenessTest,
     autocorrelation_of,
     correlation_with_input,
-    free_whiteness_test,
     ljung_box_lags,
-    of_estimation,
-    of_validation,
     whiteness_test,
 )
 from evopem.validation.responses import (
     HeldOut,
     Model,
     Responses,
-    divided,
     held_out_stretches,
     responses_of,
+    stretches_of,
     unscored_samples,
 )
 from evopem.validation.scores import error_percent, outlier_percent
@@ -95,7 +92,6 @@ def log_spaced_horizons(samples: int) -> tuple[int, ...]:
 def validate(
     model: Model,
     prepared: PreparedData,
-    loss_start: int | None = None,
     objective: str = "quadratic",
     models: Sequence[OrderModel] = (),
     order: int = 0,
@@ -110,9 +106,6 @@ def validate(
     model : PolynomialModel or StateSpaceModel
     prepared : PreparedData
         Estimation and validation samples, transformed alike.
-    loss_start : int, optional
-        First estimation sample whose residual is used. By default the first one that the states of
-        plant and noise do not fit.
     objective : {"absolute", "quadratic"}
         What the estimate minimised.
     models : sequence of OrderModel
@@ -155,10 +148,7 @@ def validate(
     responses = responses_of(held_out, free_level)
     if not responses.scored.any():
         raise ValueError("no validation sample is left to score; keep more samples for validation")
-    tested = of_validation(held_out)
-    if isinstance(model, PolynomialModel):
-        start = unscored_samples(model) if loss_start is None else loss_start
-        tested = of_estimation(model, prepared.estimation, start, objective)
+    tested = EstimationResiduals.of(_estimation_stretches(model, prepared.estimation))
     recorded = recorded_series(
         prepared.transforms, responses.outputs, responses.predicted, responses.simulated
     )
@@ -178,12 +168,12 @@ def validate(
         pairs=pairs,
         horizons=horizons,
         stretches=tuple(_stretch_errors(held_out, responses)),
-        tested="validation" if tested.jacobian is None else "estimation",
         residual_samples=len(tested.residuals),
         lags=len(autocorrelations[0].lag) - 1,
         correlation_lags=min(lags, CROSS_CORRELATION_LAGS, len(tested.residuals) - 1),
         input_test=input_significance(held_out),
-        model_class=model_class(_all_samples(model, prepared, held_out)),
+        # Validation samples that continue those of the estimation are one stretch with them.
+        model_class=model_class(held_out if held_out[0].before else [*tested.stretches, *held_out]),
         resolution_hz=_resolution(prepared.estimation, spectrum),
         modes=table_of_models(
             models, order, lambda each: held_out_stretches(each, prepared, free_level)
@@ -209,13 +199,14 @@ def validation_errors(held_out: Sequence[HeldOut], free_level: bool = False) -> 
     )
 
 
-def _all_samples(
-    model: Model, prepared: PreparedData, held_out: Sequence[HeldOut]
-) -> Sequence[HeldOut]:
-    """Estimation and validation samples, where these continue those as one stretch."""
-    if held_out[0].before:
-        return held_out
-    return [*divided(model, prepared.estimation, 0), *held_out]
+def _estimation_stretches(model: Model, estimation: Recording) -> Sequence[HeldOut]:
+    """The stretches with more samples than states and past take; each of several has a level."""
+    taken = unscored_samples(model)
+    long = [each for each in estimation.segments if each.samples > taken + 1]
+    if not long:
+        raise ValueError(f"no stretch has more than the {taken + 1} samples that the model needs")
+    own_levels = isinstance(model, PolynomialModel) and model.level != 0.0
+    return stretches_of(model, estimation.with_segments(long), own_levels and estimation.is_joined)
 
 
 def _mean(errors: Sequence[float]) -> float:
@@ -236,7 +227,7 @@ def _outputs(
     held_out: Sequence[HeldOut],
     responses: Responses,
     recorded: RecordedSeries,
-    tested: TestedResiduals,
+    tested: EstimationResiduals,
     objective: str,
     spectrum: SpectrumSettings | None,
     lags: int,
@@ -252,6 +243,7 @@ def _outputs(
     horizons = log_spaced_horizons(min(longest, len(measured)))
     ahead = np.array([_errors(measured, _ahead(held_out, k)) for k in horizons])
     correlations = [autocorrelation_of(e, lags, tested.bounds) for e in tested.residuals.T]
+    whiteness = _whiteness(model, tested, len(correlations[0].lag) - 1, objective)
     return (
         tuple(
             OutputValidation(
@@ -259,7 +251,7 @@ def _outputs(
                 *(predicted[k], simulated[k], fitted[k]),
                 recorded_errors(prepared.transforms, recorded, scored, k),
                 tuple(ahead[:, k].tolist()),
-                _whiteness(model, tested, k, len(correlation.lag) - 1, objective),
+                whiteness[k],
                 correlation.where(correlation.lag > 0).share_inside,
                 outlier_percent(tested.residuals[:, k]),
                 peak_evidence(model, prepared.estimation.longest, k, spectrum),
@@ -278,24 +270,23 @@ def _ahead(held_out: Sequence[HeldOut], horizon: int) -> Array:
 
 
 def _whiteness(
-    model: Model, tested: TestedResiduals, output: int, largest: int, objective: str
-) -> WhitenessTest:
-    """Joint test of the residuals over some lags up to the largest; NaN where there are too few."""
-    residuals = tested.residuals[:, output]
+    model: Model, tested: EstimationResiduals, largest: int, objective: str
+) -> list[WhitenessTest]:
+    """Joint tests of the residuals of each output over some lags up to the largest."""
     if isinstance(model, PolynomialModel):
         parameters = model.orders.na + model.orders.nc + model.orders.nd
     else:
         parameters = model.order
-    lags = ljung_box_lags(residuals.size, parameters, largest)
-    if not 0 < lags < residuals.size or not np.isfinite(residuals).all():
-        return WhitenessTest(math.nan, math.nan, math.nan, max(lags, 0))
-    if tested.jacobian is None:
-        return free_whiteness_test(residuals, lags, tested.bounds)
-    return whiteness_test(residuals, tested.jacobian(), lags, objective)
+    lags = ljung_box_lags(len(tested.residuals), parameters, largest)
+    effects = tested.fit_effects(lags)
+    return [
+        whiteness_test(e, lags, tested.bounds, effect, objective)
+        for e, effect in zip(tested.residuals.T, effects, strict=True)
+    ]
 
 
 def _pairs(
-    tested: TestedResiduals, recording: Recording, lags: int
+    tested: EstimationResiduals, recording: Recording, lags: int
 ) -> tuple[tuple[PairCorrelation, ...], pd.DataFrame]:
     """Cross-correlations of the residuals of all outputs with all inputs."""
     columns = ["output", "input", "lag", "cross_correlation", "bound95"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -108,9 +108,7 @@ class Validation:
     pairs: tuple[PairCorrelation, ...]  # of each output with each input
     horizons: tuple[int, ...]  # samples ahead of the predictions
     stretches: tuple[StretchErrors, ...]
-    # Samples whose residuals the tests use, and ``residual_samples`` of them
-    tested: Literal["estimation", "validation"]
-    residual_samples: int
+    residual_samples: int  # estimation samples whose residuals the tests use
     # lags, correlation_lags: largest lag of the residual autocorrelations, and of the
     # cross-correlations to either side
     lags: int
