@@ -31,16 +31,16 @@ def test_modes_are_matched_across_all_models(results):
             with_frequencies(results, 5.1, 36.5, 45.0, name="c"),
         ]
     )
-    found = [[mode and mode.frequency_hz for mode in each.modes] for each in compared.modes]
+    found = [[mode and mode.frequency_hz for mode in each.modes] for each in compared.matched]
     assert found == [
         [5.0, None, 5.1],
         [20.0, 20.4, None],
         [None, 37.0, 36.5],
         [None, None, 45.0],
     ]
-    assert compared.modes[0].spread_percent == pytest.approx(100 * 0.1 / 5.05)
-    assert np.isnan(compared.modes[3].spread_percent)
-    assert compared.mode_table["mode"].tolist() == [1, 1, 2, 2, 3, 3, 4]
+    assert compared.matched[0].spread_percent == pytest.approx(100 * 0.1 / 5.05)
+    assert np.isnan(compared.matched[3].spread_percent)
+    assert compared.modes["mode"].tolist() == [1, 1, 2, 2, 3, 3, 4]
 
 
 def test_models_of_one_name_are_told_apart(results):

@@ -168,7 +168,6 @@ class WithPoles(View):
         StabilizationPole(6, 10.0, 0.1, "stable"),
         StabilizationPole(6, 30.0, 0.1, "new"),
     )
-    selected_order = 5
 
 
 def test_stabilization_marks_each_status_and_the_selected_order(results):
@@ -178,7 +177,7 @@ def test_stabilization_marks_each_status_and_the_selected_order(results):
     assert list(found["new"].get_ydata()) == [4, 6]
     assert list(found["stable in frequency"].get_ydata()) == [5]
     assert list(found["stable in frequency and damping"].get_ydata()) == [6]
-    assert list(found["selected"].get_ydata()) == [5, 5]
+    assert list(found["selected"].get_ydata()) == 2 * [results.validation.modes.order]
 
 
 def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(results, view):
@@ -247,13 +246,14 @@ def of_noise_alone(results):
 
 
 def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise_alone):
-    shown = {figure.name: figure for figure in REPORT_FIGURES if figure.applies(of_noise_alone)}
+    charts = {figure.name: figure.chart(of_noise_alone) for figure in REPORT_FIGURES}
+    shown = {name: chart for name, chart in charts.items() if not chart.nothing}
     assert set(FIGURES) - set(shown) == {"nyquist", "delay"}
     noise = of_noise_alone.results.frequency_response["noise_gain"].iloc[1:]
-    gain = shown["gain"].chart(of_noise_alone).table
+    gain = shown["gain"].table
     assert set(gain["source"]) == {"noise filter"}
     assert gain["gain"].max() == noise.max()
-    first = shown["measured_and_simulated"].chart(of_noise_alone).table
+    first = shown["measured_and_simulated"].table
     assert list(first.columns) == ["time_s", "output_output", "predicted_output"]
     assert first["predicted_output"].notna().all()
     (axes,) = drawn(of_noise_alone, "step_and_impulse")
@@ -265,10 +265,10 @@ def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise
 def test_every_curve_has_its_columns_and_rows(view, of_noise_alone, kind):
     """The page draws a panel from these columns of the figure's own table or of a named one."""
     shown = view if kind == "with input" else of_noise_alone
-    charts = {f.name: f.chart(shown) for f in REPORT_FIGURES if f.applies(shown)}
+    charts = {figure.name: figure.chart(shown) for figure in REPORT_FIGURES}
     curves = 0
     for name, chart in charts.items():
-        for panel in chart.panels:
+        for panel in () if chart.nothing else chart.panels:
             for curve in panel.curves:
                 table = charts[curve.source or name].table
                 extra = (curve.bounds, curve.names, *curve.band, *curve.errors, *curve.ellipse)
@@ -312,7 +312,7 @@ def test_the_simulation_is_drawn_in_recorded_units(results, view):
 
 def test_residuals_beyond_their_bounds_stand_out(view):
     own, crossed = drawn(view, "residuals")
-    table = view.cross_correlation
+    table = view.results.validation_tables.cross_correlation
     outside = table[table["cross_correlation"].abs() > table["bound95"]]
     dots = [line for line in crossed.get_lines() if line.get_marker() == "."]
     np.testing.assert_allclose(dots[0].get_xdata(), outside["lag"])

@@ -175,7 +175,7 @@ def test_an_independent_recording_validates(found):
     validated = evopem.identify(*own, RATE, validation=(u, y), show_progress=False, **QUICK)
     assert validated.results.model.transforms.validation_source == "file"
     assert validated.results.model.transforms.estimation_samples == 400
-    assert not found.compare(validated).comparison.has_same_validation
+    assert not found.compare(validated).has_same_validation
 
 
 def test_several_recordings_are_one_data_set(found):
@@ -270,7 +270,7 @@ def test_several_channels_are_identified_in_one_call(tmp_path):
     assert "hot" in channels.report(tmp_path / "page.html").read_text(encoding="utf-8")
     again = evopem.read_results(channels.save(tmp_path / "kept"))
     assert again.modes.equals(channels.modes)
-    assert len(channels.plot_nyquist().figure.axes) == 4
+    assert len(channels.plot_nyquist()) == 4
     assert len(channels.plot_residual_correlation()) == 6
 
 

@@ -9,7 +9,7 @@ import pytest
 from evopem.config.structures import AUTOMATIC_PHASES, PHASES
 from evopem.pipeline.planning.stages import STAGES
 from evopem.pipeline.report import commit_of, write_report
-from evopem.report.provenance import BEFORE, PHASE_STAGES
+from evopem.report.page import BEFORE, PHASE_STAGES
 from evopem.results.layout import FIGURES, DatasetFiles
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"

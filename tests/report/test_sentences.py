@@ -12,9 +12,13 @@ from evopem.figures.view import view_of
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.report import chapter
-from evopem.report.modes import mode_rows
 from evopem.report.numbers import THIN, count, number, percent
+from evopem.report.sections import (
+    CHAPTER_MODES,
+    compare_with_chapter,
+    mode_rows,
+    stands_in_for_the_chapter,
+)
 from evopem.report.verdict import verdict
 from evopem.signals.peaks import SpectralPeak
 from evopem.signals.timestamps import Unevenness
@@ -41,7 +45,8 @@ def with_transforms(results, **changes):
 
 def test_modes_are_paired_and_the_missed_ones_listed():
     truth = [mode(2.0), mode(5.36), mode(37.0)]
-    rows = mode_rows([mode(5.4), mode(16.0), mode(36.9), mode(45.0)], truth, chapter.MODES)
+    estimates = [mode(5.4), mode(16.0), mode(36.9), mode(45.0)]
+    rows = mode_rows(estimates, truth, CHAPTER_MODES)
     shown = [
         tuple(part and part.frequency_hz for part in (row.estimate, row.truth, row.chapter))
         for row in rows
@@ -58,9 +63,8 @@ def test_modes_are_paired_and_the_missed_ones_listed():
 
 
 def test_missed_modes_of_truth_and_chapter_share_a_row():
-    rows = mode_rows([], [mode(5.4)], chapter.MODES[:1])
-    assert len(rows) == 1
-    assert (rows[0].truth.frequency_hz, rows[0].chapter.frequency_hz) == (5.4, 5.36)
+    (row,) = mode_rows([], [mode(5.4)], CHAPTER_MODES[:1])
+    assert (row.truth.frequency_hz, row.chapter.frequency_hz) == (5.4, 5.36)
 
 
 def test_recording_and_division(results):
@@ -342,7 +346,7 @@ def test_simulation_in_recorded_units(results):
 
 def test_the_results_beside_those_of_the_chapter(results):
     orders = results.model.orders
-    assert chapter.compare_with_chapter(results) == [
+    assert compare_with_chapter(results) == [
         ("Spectral peaks (Hz)", "5.47, 37", "near 2, 5 and 36, a broad one near 17"),
         ("Delay nk", "3", "3"),
         ("Joint order", "7", "7"),
@@ -350,7 +354,7 @@ def test_the_results_beside_those_of_the_chapter(results):
         ("Coefficients of B, nb", "6", "6"),
         ("Model", str(orders), "ARMAX(7,6,7,3)"),
     ]
-    assert not chapter.stands_in_for_the_chapter(results.settings)
+    assert not stands_in_for_the_chapter(results.settings)
 
 
 def test_a_band_without_upper_limit_is_no_number(results):

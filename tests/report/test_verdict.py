@@ -266,10 +266,11 @@ def test_reasons_to_doubt_a_mode(results):
     assert of(reached=None, needed_by_noise=None) == ["could not be tested on validation samples"]
     compared = {"order": 6, "compared": 4}
     assert of(recurrence=0.5, orders=(4, 5, 6), **compared) == [
-        "was found at only 2 of 4 other orders with poles to spare"
+        "only 2 of 4 other orders with poles to spare agree on its frequency and damping"
     ]
     # Orders that need all their poles elsewhere are not compared, and may have it all the same.
     assert of(recurrence=0.0, orders=(2, 3, 6), **compared) == [
-        "was found at none of 4 other orders with poles to spare, though at 2 without"
+        "none of 4 other orders with poles to spare agree on its frequency and damping,"
+        " though 2 without do"
     ]
     assert of(recurrence=np.nan) == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +13,6 @@ import pandas as pd
 from evopem.figures.style import (
     ERROR,
     FAMILY,
-    FAMILY_LINES,
     FAMILY_MARKERS,
     INK,
     LABEL_BOX,
@@ -24,10 +23,11 @@ from evopem.figures.style import (
     logarithmic,
     new_figure,
     power_of_ten,
-    save_svg,
     say_nothing_to_draw,
     styled,
+    svg_text,
 )
+from evopem.files.atomic import write_text
 from fletcher_powell.experiments import BASIN_HOPPING, CHAPTER, DEFAULT, MULTI_START
 from fletcher_powell.tables import Tables
 
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+FAMILY_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), "-.", (0, (7, 2)), ":")
 BASELINES = (
     MULTI_START,
     "monotonic-basin-hopping",
@@ -384,4 +385,4 @@ COMPARISON_FIGURES = (
 def draw_figures(tables: Tables, directory: Path) -> None:
     """Draw every figure of the comparison as an SVG file."""
     for entry in COMPARISON_FIGURES:
-        save_svg(entry.draw(tables), directory / f"{entry.name}.svg")
+        write_text(directory / f"{entry.name}.svg", svg_text(entry.draw(tables)))

@@ -10,7 +10,7 @@ import yaml
 
 from evopem.files.json_form import to_json
 from evopem.report.figures import csv_download, inline_svg
-from evopem.report.provenance import installed, listed
+from evopem.report.page import installed, listed
 from evopem.report.templates import environment
 from evopem.version import __version__
 from fletcher_powell.algorithms import ALGORITHMS

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from evopem.figures import frequency_domain, orders, time_domain
-from evopem.figures.chart import ReportFigure, nothing
+from evopem.figures.chart import ReportFigure
 from evopem.figures.draw import draw
 from evopem.figures.style import svg_text
-from evopem.figures.view import Results, View, view_of
+from evopem.figures.view import View, view_of
+from evopem.results.dataset import DatasetResults
 from evopem.results.layout import FIGURES
 
 _BY_NAME = {
@@ -16,7 +17,6 @@ _BY_NAME = {
 }
 REPORT_FIGURES: tuple[ReportFigure, ...] = tuple(_BY_NAME[name] for name in FIGURES)
 """The figures in the order of :data:`evopem.results.layout.FIGURES`."""
-_NOT_OF_MODEL = nothing("This figure does not apply to the model.")
 
 
 def figure_of(name: str) -> ReportFigure:
@@ -24,10 +24,7 @@ def figure_of(name: str) -> ReportFigure:
     return _BY_NAME[name]
 
 
-def svg_texts(results: Results | View) -> dict[str, str]:
+def svg_texts(results: DatasetResults | View) -> dict[str, str]:
     """Every figure of one data set as SVG by name, with a sentence where one does not apply."""
     view = view_of(results)
-    return {
-        figure.name: svg_text(draw(figure.chart(view) if figure.applies(view) else _NOT_OF_MODEL))
-        for figure in REPORT_FIGURES
-    }
+    return {figure.name: svg_text(draw(figure.chart(view))) for figure in REPORT_FIGURES}

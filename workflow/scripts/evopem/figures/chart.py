@@ -106,9 +106,10 @@ class Chart:
     live: bool = True  # whether a page draws it for a reader to zoom
     nothing: str = ""  # what is said where there is nothing to draw
 
-    def only(self, *places: int) -> Chart:
-        """Some of the panels, one above the other."""
-        return replace(self, panels=tuple(self.panels[k] for k in places), columns=1)
+    def only(self, kind: str) -> Chart:
+        """The panels of one kind of column, one above the other."""
+        kept = tuple(each for each in self.panels if each.curves[0].column.endswith(kind))
+        return replace(self, panels=kept, columns=1)
 
     def page_form(self) -> list[dict[str, Any]]:
         """The panels as the page reads them; none where it does not draw them."""
@@ -183,8 +184,7 @@ class ReportFigure:
     title: str  # what is drawn
     caption: str
     data: tuple[str, ...]  # names of the files of the results that hold what is drawn
-    chart: Callable[[View], Chart]  # the chart of a view
-    applies: Callable[[View], bool] = lambda _: True  # whether the page shows it
+    chart: Callable[[View], Chart]  # of a view; the page leaves out one with nothing to draw
     # Title and caption for a model without input; empty where they are the same.
     without_input: tuple[str, str] = ("", "")
 

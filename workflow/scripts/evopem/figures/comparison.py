@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -27,11 +27,11 @@ from evopem.figures.chart import (
 )
 from evopem.figures.frequency_domain import GAIN_BINS, model_source
 from evopem.figures.style import extremes, with_unit
-from evopem.figures.tables import Channel
 from evopem.figures.time_domain import shown_samples
-from evopem.figures.view import Pair, Results, View, view_of
-from evopem.models.mode_matching import match_modes
+from evopem.figures.view import Channel, Pair, View, view_of
+from evopem.models.mode_matching import matched_modes
 from evopem.models.modes import Mode
+from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, mode_values
 from evopem.validation.checks import failed_checks
 
@@ -48,17 +48,11 @@ class MatchedMode:
     trusted: tuple[bool, ...]
 
     @property
-    def frequencies(self) -> list[float]:
-        """Natural frequencies in the models that have it, Hz."""
-        return [mode.frequency_hz for mode in self.modes if mode is not None]
-
-    @property
     def spread_percent(self) -> float:
         """Largest less smallest frequency, in percent of their mean; NaN for one model."""
-        found = self.frequencies
-        if len(found) < 2:
-            return float("nan")
-        return 100.0 * (max(found) - min(found)) / float(np.mean(found))
+        found = [mode.frequency_hz for mode in self.modes if mode is not None]
+        spread = 100.0 * (max(found) - min(found)) / float(np.mean(found))
+        return spread if len(found) > 1 else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +63,7 @@ class Comparison:
     views: tuple[View, ...]
 
     @classmethod
-    def of(cls, results: Sequence[Results], labels: Sequence[str] = ()) -> Comparison:
+    def of(cls, results: Sequence[DatasetResults], labels: Sequence[str] = ()) -> Self:
         """Compare data sets, by default under their names and, where these agree, their models.
 
         `InputError` for fewer than two, more than :data:`MOST`, labels that do not tell them
@@ -123,33 +117,18 @@ class Comparison:
         return self.views[place].simulation[["time_s", *columns]].to_numpy(dtype=float)
 
     @cached_property
-    def modes(self) -> list[MatchedMode]:
-        """The modes of all models, matched by frequency, in its order.
-
-        The modes of each further model are paired with those of the models before it.
-        """
-        size = len(self.views)
-        groups: list[list[Mode | None]] = []
-        for place, view in enumerate(self.views):
-            known = [next(mode for mode in group if mode is not None) for group in groups]
-            pairs = match_modes(view.modes, known)
-            for index, mode in enumerate(view.modes):
-                if index in pairs:
-                    groups[pairs[index]][place] = mode
-                else:
-                    groups.append([mode if at == place else None for at in range(size)])
-        trusted = [
-            {mode.pole for mode, kept in zip(view.modes, view.trusted, strict=True) if kept}
-            for view in self.views
-        ]
-        matched = [
+    def matched(self) -> list[MatchedMode]:
+        """The modes of all models, matched by frequency, in its order."""
+        return [
             MatchedMode(
-                tuple(group),
-                tuple(m is not None and m.pole in t for m, t in zip(group, trusted, strict=True)),
+                row,
+                tuple(
+                    mode is not None and view.evidence[mode.pole].trusted
+                    for mode, view in zip(row, self.views, strict=True)
+                ),
             )
-            for group in groups
+            for row in matched_modes([view.modes for view in self.views])
         ]
-        return sorted(matched, key=lambda each: float(np.mean(each.frequencies)))
 
     @property
     def table(self) -> pd.DataFrame:
@@ -173,11 +152,11 @@ class Comparison:
         return pd.DataFrame(rows, index=pd.Index(self.labels, name="data set"))
 
     @property
-    def mode_table(self) -> pd.DataFrame:
+    def modes(self) -> pd.DataFrame:
         """A row for each mode of each model: number of the matched mode, values and errors."""
         rows = [
             (number, label, *mode_values(mode), trusted)
-            for number, each in enumerate(self.modes, start=1)
+            for number, each in enumerate(self.matched, start=1)
             for label, mode, trusted in zip(self.labels, each.modes, each.trusted, strict=True)
             if mode is not None
         ]
@@ -282,7 +261,7 @@ def compared_simulations(comparison: Comparison) -> Chart:
 
 def compared_modes(comparison: Comparison) -> Chart:
     """Damping ratio over natural frequency with 95 % intervals; not to be trusted where open."""
-    table = comparison.mode_table
+    table = comparison.modes
     if table.empty:
         return nothing("No model has an oscillating mode.")
     errors = ("frequency_se_hz", "damping_se_percent")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from evopem.errors import InputError
 from evopem.figures.chart import Chart, Curve, Panel, rows_of
 from evopem.figures.style import (
     COLOURS,
@@ -19,7 +20,6 @@ from evopem.figures.style import (
     MUTED,
     PAPER,
     WIDTH,
-    Grid,
     extremes,
     logarithmic,
     power_of_ten,
@@ -45,30 +45,34 @@ NARROW = 2.4  # inches of a panel in a row of many
 PIXELS = 72.0  # of a page, on an inch of paper
 
 
-def grid_of(chart: Chart) -> Grid:
-    """The panels of a chart on paper."""
-    rows = _rows(chart)
+def panels_of(
+    chart: Chart,
+    axes: Axes | Sequence[Axes] | None = None,
+    make: Callable[..., Figure] | None = None,
+) -> list[Axes]:
+    """The given axes, one for each panel, or those of a figure that is made, by default unkept."""
+    every, across = chart.panels, chart.columns
+    rows = [every[first : first + across] for first in range(0, len(every), across)]
+    if axes is not None:
+        given = list(np.atleast_1d(np.asarray(axes, dtype=object)).ravel())
+        wanted = len(rows) * across
+        if len(given) != wanted:
+            problem = f"there are {len(given)}, and this figure has {wanted}"
+            raise InputError("axes", problem, f"give {wanted}, or none for a new figure")
+        return given
+    from matplotlib.figure import Figure
+
     heights = [max(panel.height for panel in row) for row in rows]
-    return Grid(
-        height=max(sum(heights) / PIXELS, 1.8),
-        width=max(WIDTH, NARROW * chart.columns),
-        rows=len(rows),
-        columns=chart.columns,
-        height_ratios=tuple(map(float, heights)),
-    )
-
-
-def _rows(chart: Chart) -> list[tuple[Panel, ...]]:
-    return [
-        chart.panels[first : first + chart.columns]
-        for first in range(0, len(chart.panels), chart.columns)
-    ]
+    size = max(WIDTH, NARROW * across), max(sum(heights) / PIXELS, 1.8)
+    figure = (make or Figure)(figsize=size, layout="constrained")
+    grid = figure.subplots(len(rows), across, squeeze=False, height_ratios=heights)
+    return list(grid.ravel())
 
 
 @styled
 def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
     """Draw a chart."""
-    places = grid_of(chart).panels(axes)
+    places = panels_of(chart, axes)
     if chart.nothing:
         say_nothing_to_draw(places[0], chart.nothing)
     curves = sum(len(panel.curves) for panel in chart.panels)

@@ -113,27 +113,27 @@ def gain(view: View) -> Chart:
 
 
 def frequency_response(view: View) -> Chart:
-    """Gain, phase and coherence; of several pairs phases and coherences."""
-    single = len(view.pairs) == 1
-    panels = gain_panels(view, true_modes(view), 230) if single else []
+    """Gain, phase and coherence; of very many pairs the phases alone."""
+    has_room = 2 * len(view.pairs) + len(view.outputs) <= MOST_PANELS
+    panels = gain_panels(view, true_modes(view), small(view.pairs, 230)) if has_room else []
     phase = Curve(model_source(view)[1], "phase_deg", "model", "points")
     panels += [
         _panel(
             *(view, view.pair_title(*pair), "Phase (°)", _over_data(view, pair, phase)),
-            170 if single else 120,
+            small(view.pairs, 170),
             scale="phase",
             limits=(-190, 190),
         )
         for pair in view.pairs[:MOST_PANELS]
     ]
-    if view.has_input and (single or len(panels) + len(view.outputs) <= MOST_PANELS):
+    if view.has_input and has_room:
         for output in view.outputs:
             where = (("source", "measured"), *view.where(output, view.inputs[0]))
             curves = [Curve("coherence", "coherence", "muted", where=where)]
-            title = "" if single else f"{output.name}: coherence with all inputs"
+            title = "" if view.is_single else f"{output.name}: coherence with all inputs"
             panels.append(_panel(view, title, "Coherence", curves, 110, limits=(0, 1.05)))
     table = view.frequency_response[view.frequency_response["frequency_hz"] > 0]
-    if view.has_input and not single:
+    if view.has_input and not view.is_single:
         table = table[table["source"] != "noise filter"]  # room for the responses that are drawn
     return Chart(table, tuple(panels), columns_of(view, len(view.pairs)))
 
@@ -142,6 +142,8 @@ def nyquist(view: View) -> Chart:
     """G of every pair in the complex plane over positive frequencies."""
     if not view.has_input:
         return nothing("The model has no input.")
+    if len(view.pairs) > MOST_NYQUIST:
+        return nothing(f"There are more than {MOST_NYQUIST} pairs of channels.")
     table = view.frequency_response
     table = table[(table["source"] != "noise filter") & (table["frequency_hz"] > 0)]
     parts = complex_plane(table["gain"], table["phase_deg"])
@@ -155,7 +157,7 @@ def nyquist(view: View) -> Chart:
         ]
     )
     panels = []
-    for pair in view.pairs[:MOST_NYQUIST]:
+    for pair in view.pairs:
         model = Curve(PLANT, "imag", "model", where=(("source", "model"), *view.where(*pair)))
         measured = (("source", "measured"), *view.where(*pair))
         data = Curve("from the data", "imag", "muted", "points", where=measured, marker=".")
@@ -267,7 +269,6 @@ FIGURES = (
         "G in the complex plane over positive frequencies, and the estimate from the data.",
         ("frequency_response.csv", "spectrum.csv"),
         nyquist,
-        lambda view: view.has_input and len(view.pairs) <= MOST_NYQUIST,
     ),
     ReportFigure(
         *("residual_spectrum", "residual_tests", "Spectrum of the residuals"),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -58,23 +60,37 @@ def tied_text(structure: str) -> str:
     return " = ".join([*tied, "k"])
 
 
+def _scores(
+    table: pd.DataFrame,
+    x: tuple[str, str],
+    score: tuple[str, str],
+    series: Mapping[str, Where],
+    line: str = "",
+    **options: Any,
+) -> Panel:
+    """A score over an order, each by its column and label: a line for each series of rows.
+
+    ``line``: the column that is joined by lines, where it is another than that of the score.
+    """
+    column, label = score
+    where = next(iter(series.values())) if len(series) == 1 else ()
+    marked = (*where, ("selected", "True"))
+    selected = Curve("selected", column, "error", "points", where=marked, marker="o")
+    curves = (*family(line or column, series), selected)
+    return Panel("", *x, label, curves, **{"scale": scale_of(table[column]), **options}, whole=True)
+
+
 def delay(view: View) -> Chart:
     """RSS and BIC against the order, one line for each delay."""
-    if view.candidates is None or not (view.candidates["phase"] == "delay").any():
+    table = view.candidates
+    table = pd.DataFrame() if table is None else table[table["phase"] == "delay"]
+    if table.empty:
         return nothing("There are no candidates of the delay search.")
     order = plant_order(view.structure)
-    table = view.candidates[view.candidates["phase"] == "delay"].sort_values(["nk", order])
-    selected = set(table["nk"][table["selected"]])
-    rows: dict[str, Where] = {
-        f"nk = {nk}" + (" (selected)" if nk in selected else ""): (("nk", str(nk)),)
-        for nk in table["nk"].unique()
-    }
-    panels = tuple(
-        _scores(
-            table, (order, f"Order k, {tied_text(view.structure)}"), score, family(score[0], rows)
-        )
-        for score in CRITERIA
-    )
+    table = table.sort_values(["nk", order])
+    x = order, f"Order k, {tied_text(view.structure)}"
+    rows: dict[str, Where] = {f"nk = {nk}": (("nk", str(nk)),) for nk in table["nk"].unique()}
+    panels = tuple(_scores(table, x, score, rows) for score in CRITERIA)
     return Chart(table[[*ORDERS, "rss", "bic", "selected"]], panels, columns=2)
 
 
@@ -84,79 +100,64 @@ def phases(view: View) -> Chart:
         return _held_out(view)
     table = view.candidates[view.candidates["phase"] != "delay"]
     if (table["phase"] == AUTOMATIC_PHASES[0]).any():
-        return _structures(table)
-    names = [phase for phase in phases_of(view.structure) if phase != "delay"]
-    ordered = [
-        table[table["phase"] == phase].sort_values(varied_order(phase, view.structure))
-        for phase in names
-    ]
-    panels = []
-    for score in CRITERIA:
-        for phase, rows in zip(names, ordered, strict=True):
-            where = (("phase", phase),)
-            curves = (
-                Curve("", score[0], "model", where=where, marker="o"),
-                _selected(score[0], where),
-            )
-            panel = _scores(rows, (varied_order(phase, view.structure), "k"), score, curves)
-            title = TITLES.get(phase, f"Plant order: {tied_text(view.structure)}")
-            shown = title if score is CRITERIA[0] else ""
-            panels.append(replace(panel, title=shown, height=180))
-    together = pd.concat(ordered)[["phase", *ORDERS, "rss", "bic", "selected"]]
-    return Chart(together, tuple(panels), columns=len(names))
-
-
-def _scores(
-    table: pd.DataFrame, x: tuple[str, str], y: tuple[str, str], curves: tuple[Curve, ...]
-) -> Panel:
-    """A score over an order, each given by its column and its label."""
-    return Panel("", *x, y[1], curves, scale=scale_of(table[y[0]]), whole=True)
-
-
-def _selected(column: str, where: Where = ()) -> Curve:
-    where = (*where, ("selected", "True"))
-    return Curve("selected", column, "error", "points", where=where, marker="o")
-
-
-def _of_structures(table: pd.DataFrame, column: str) -> tuple[Curve, ...]:
-    return family(
-        column, {name: (("structure", name),) for name in dict.fromkeys(table["structure"])}
+        return _structures(table[table["phase"] == AUTOMATIC_PHASES[0]])
+    tables = {
+        phase: table[table["phase"] == phase].sort_values(varied_order(phase, view.structure))
+        for phase in phases_of(view.structure)
+        if phase != "delay"
+    }
+    plant = f"Plant order: {tied_text(view.structure)}"
+    panels = tuple(
+        replace(
+            _scores(
+                *(rows, (varied_order(phase, view.structure), "k"), score),
+                {"": (("phase", phase),)},
+                height=180,
+            ),
+            title=TITLES.get(phase, plant) if score is CRITERIA[0] else "",
+        )
+        for score in CRITERIA
+        for phase, rows in tables.items()
     )
+    together = pd.concat(tables.values())[["phase", *ORDERS, "rss", "bic", "selected"]]
+    return Chart(together, panels, columns=len(tables))
 
 
-def _structures(table: pd.DataFrame) -> Chart:
+def _by_structure(table: pd.DataFrame) -> dict[str, Where]:
+    return {name: (("structure", name),) for name in dict.fromkeys(table["structure"])}
+
+
+def _structures(tried: pd.DataFrame) -> Chart:
     """Criteria over the number of coefficients; a line joins the best models of a structure."""
-    tried = table[table["phase"] == AUTOMATIC_PHASES[0]]
-    names = [name for name in ORDERS if name != "nk"]
-    tried = tried.assign(
-        coefficients=tried[names].sum(axis=1), structure=tried["model"].str.split("(").str[0]
+    rows = tried["model"].str.split("(").str[0]
+    counted = tried.assign(
+        coefficients=tried[[name for name in ORDERS if name != "nk"]].sum(axis=1), structure=rows
+    ).sort_values(["structure", "coefficients"])
+    for column, _ in CRITERIA:
+        best = counted.groupby(["structure", "coefficients"])[column].transform("min")
+        counted[f"lowest_{column}"] = counted[column].where(counted[column] == best)
+    series = _by_structure(counted)
+    x = "coefficients", "Coefficients"
+    panels = tuple(
+        _scores(counted, x, score, series, f"lowest_{score[0]}", height=260) for score in CRITERIA
     )
-    counted = tried.sort_values(["structure", "coefficients"])
-    groups = counted.groupby(["structure", "coefficients"])
-    panels = []
-    for column, label in CRITERIA:
-        best = counted[column] == groups[column].transform("min")
-        counted[f"lowest_{column}"] = counted[column].where(best)
-        curves = (*_of_structures(tried, f"lowest_{column}"), _selected(column))
-        panel = _scores(counted, ("coefficients", "Coefficients"), (column, label), curves)
-        panels.append(replace(panel, height=260))
     shown = ["structure", "coefficients", *ORDERS, "rss", "bic", "lowest_rss", "lowest_bic"]
-    return Chart(counted[["phase", *shown, "selected"]], tuple(panels), columns=2)
+    return Chart(counted[["phase", *shown, "selected"]], panels, columns=2)
 
 
 def _held_out(view: View) -> Chart:
     """Errors on held-out samples over the order, one line for each structure."""
     table = view.scores
-    if table.empty:
+    if table["order"].nunique() < 2:
         return nothing("No orders were compared.")
     errors = table["error_percent"]
-    highest = float(min(errors.max(), 4.0 * errors.min()))
-    curves = (*_of_structures(table, "error_percent"), _selected("error_percent"))
-    panel = Panel(
-        *("", "order", "Order", "Error on held-out samples (%)", curves),
-        limits=(0.0, 1.05 * highest) if np.isfinite(highest) and highest > 0 else (),
+    highest = 1.05 * float(min(errors.max(), 4.0 * errors.min()))
+    panel = _scores(
+        *(table, ("order", "Order"), ("error_percent", "Error on held-out samples (%)")),
+        _by_structure(table),
+        limits=(0.0, highest) if np.isfinite(highest) and highest > 0 else (),
         height=280,
-        whole=True,
+        scale="linear",
     )
     return Chart(table, (panel,))
 
@@ -192,7 +193,12 @@ def stabilization(view: View) -> Chart:
     if table.empty:
         return nothing("No candidate has an oscillating mode.")
     panel = Panel(
-        *("", "frequency_hz", "Natural frequency (Hz)", f"Order {view.order_name}"),
+        *(
+            "",
+            "frequency_hz",
+            "Natural frequency (Hz)",
+            "Order of the plant" if view.results.model.orders else "Order n",
+        ),
         (
             *(
                 (Curve("spectrum of the output", "density", "muted", source="spectrum"),)
@@ -207,7 +213,7 @@ def stabilization(view: View) -> Chart:
         height=280,
         highest=view.sampling_rate / 2,
         marks=true_modes(view),
-        levels=(Mark(float(view.selected_order), "selected", "error"),),
+        levels=(Mark(float(view.results.validation.modes.order), "selected", "error"),),
         counted=True,
         linked="frequency",
     )
@@ -279,30 +285,24 @@ FIGURES = (
         "The poles of every order; behind them the spectrum, of a single output.",
         ("validation.json",),
         stabilization,
-        lambda view: view.has_poles_of_orders,
     ),
     ReportFigure(
         *("delay", "selection", "Delay"),
         "RSS and BIC against the order for each delay.",
         ("candidates.csv",),
         delay,
-        lambda view: (
-            view.candidates is not None and bool((view.candidates["phase"] == "delay").any())
-        ),
     ),
     ReportFigure(
         *("phases", "selection", "Structures and orders"),
         "What the candidates of the order search were compared by; the selected orders are marked.",
         ("candidates.csv",),
         phases,
-        lambda view: view.candidates is not None or len(set(view.scores["order"])) > 1,
     ),
     ReportFigure(
         *("convergence", "selection", "Search of the selected model"),
         "Lowest objective after each generation and after each final descent.",
-        ("phases",),
+        ("model.json",),
         convergence,
-        lambda view: bool(view.convergence) or view.candidates is not None,
     ),
     ReportFigure(
         *("poles_zeros", "modes", "Poles and zeros"),

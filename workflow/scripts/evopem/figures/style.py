@@ -9,18 +9,13 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import wraps
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-
-from evopem.errors import InputError
-from evopem.files.atomic import write_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +32,6 @@ FOURTH = "#8b5aa8"  # a further curve of a family
 FIFTH = "#9a7b00"
 FAMILY = (MODEL, ERROR, TRUTH, FOURTH, FIFTH, MUTED)
 FAMILY_MARKERS = ("o", "s", "^", "D", "v", "P")
-FAMILY_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), "-.", (0, (7, 2)), ":")
 COLOURS = {
     "ink": INK,
     "muted": MUTED,
@@ -98,40 +92,6 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
     return wrapper
 
 
-@dataclass(frozen=True)
-class Grid:
-    """The panels of a figure."""
-
-    height: float  # inches
-    width: float = WIDTH
-    rows: int = 1
-    columns: int = 1
-    height_ratios: tuple[float, ...] | None = None  # relative sizes of rows and columns
-
-    def on(self, figure: Figure) -> list[Axes]:
-        """Empty panels on an empty figure, row by row."""
-        grid = figure.subplots(
-            *(self.rows, self.columns),
-            squeeze=False,
-            height_ratios=self.height_ratios,
-        )
-        return list(grid.ravel())
-
-    def panels(self, axes: Axes | Sequence[Axes] | None = None) -> list[Axes]:
-        """The given axes, one for each panel, or those of a figure that pyplot does not keep."""
-        if axes is None:
-            return self.on(new_figure(self.height, self.width))
-        given = list(np.atleast_1d(np.asarray(axes, dtype=object)).ravel())
-        wanted = self.rows * self.columns
-        if len(given) != wanted:
-            raise InputError(
-                "axes",
-                f"there are {len(given)}, and this figure has {wanted}",
-                f"give {wanted}, or none for a new figure",
-            )
-        return given
-
-
 def new_figure(height: float, width: float = WIDTH) -> Figure:
     """Return an empty figure, sizes in inches, that pyplot does not keep."""
     from matplotlib.figure import Figure
@@ -160,11 +120,6 @@ def svg_text(figure: Figure) -> str:
     return re.sub(
         r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), stream.getvalue()
     )
-
-
-def save_svg(figure: Figure, path: Path) -> None:
-    """Write a figure to an SVG file."""
-    write_text(path, svg_text(figure))
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -56,7 +56,7 @@ def measured_and_simulated(view: View) -> Chart:
     columns = [f"{kind}_{o.name}" for o in outputs for kind in ("output", computed)]
     panels = tuple(
         Panel(
-            "" if view.is_single else output.name,
+            view.pair_title(output),
             *("time_s", VALIDATION_TIME if count == 1 else TIME),
             output.label if view.is_single else output.prepared_unit,
             (
@@ -108,7 +108,7 @@ def simulation(view: View) -> Chart:
             errors.insert(0, error)
         columns += [curve.column for curve in (*signals, *errors)]
         for title, y_label, height, curves in (
-            ("" if view.is_single else name, output.label, 240, signals),
+            (view.pair_title(output), output.label, 240, signals),
             ("Errors", "", 200, errors),
         ):
             panels.append(
@@ -124,6 +124,8 @@ def simulation(view: View) -> Chart:
 
 def simulation_as_recorded(view: View) -> Chart:
     """The same in the units of the recording."""
+    if not view.changes_output:
+        return nothing("The output was not transformed.")
     kinds: tuple[tuple[str, str, Role], ...] = (
         ("measured", "output", "ink"),
         ("predicted one step ahead", "predicted", "model"),
@@ -131,8 +133,8 @@ def simulation_as_recorded(view: View) -> Chart:
     )
     panels = tuple(
         Panel(
-            "" if view.is_single else output.name,
-            *("time_s", VALIDATION_TIME, output.recorded_label),
+            view.pair_title(output),
+            *("time_s", VALIDATION_TIME, with_unit(output.name, output.unit)),
             tuple(
                 Curve(label, f"recorded_{kind}_{output.name}", role, dashed=role != "ink")
                 for label, kind, role in kinds[: 2 + view.has_input]
@@ -165,7 +167,11 @@ def record(view: View) -> Chart:
     panels = tuple(
         Panel(
             title if place == 0 else "",
-            *("time_s", TIME, channel.label if linked == "used" else channel.recorded_label),
+            *(
+                "time_s",
+                TIME,
+                channel.label if linked == "used" else with_unit(channel.name, channel.unit),
+            ),
             tuple(
                 Curve(
                     *(stage, f"{kind}_{channel.name}", colour),
@@ -190,8 +196,8 @@ def responses_of(view: View) -> tuple[tuple[str, str], ...]:
 
 def step_and_impulse(view: View) -> Chart:
     """Responses to a unit step and to one sample of 1, of every pair."""
-    if view.time_response.empty:
-        return nothing("The model has no input.")
+    if view.results.time_response.empty:
+        return nothing("The model has no response to show.")
     count = len(view.pairs)
     panels = tuple(
         Panel(
@@ -215,7 +221,7 @@ def step_and_impulse(view: View) -> Chart:
 
 def settling_part(view: View) -> pd.DataFrame:
     """The responses and their 95 % intervals until every impulse response stays small."""
-    table = view.time_response
+    table = view.results.time_response
     names = [name for name, _ in responses_of(view)]
     pairs = [name for name in ("output", "input") if name in table]
     settled = 0
@@ -234,11 +240,12 @@ LAG = "Lag (samples)"
 def residuals(view: View) -> Chart:
     """Autocorrelations of all outputs, and cross-correlations with all inputs."""
     # Lag 0 is 1 by definition and would flatten all other lags.
-    own = view.autocorrelation[view.autocorrelation["lag"] > 0]
+    computed = view.results.validation_tables
+    own = computed.residual_autocorrelation[computed.residual_autocorrelation["lag"] > 0]
     tables = [own.rename(columns={"autocorrelation": "correlation"}).assign(input="")]
     if view.has_input:
-        crossed = view.cross_correlation.rename(columns={"cross_correlation": "correlation"})
-        tables.append(crossed)
+        crossed = computed.cross_correlation
+        tables.append(crossed.rename(columns={"cross_correlation": "correlation"}))
     table = pd.concat(tables, ignore_index=True)
     table = table[["output", "input", "lag", "correlation", "bound95"]]
     titles = [
@@ -274,6 +281,8 @@ def _correlation(view: View, output: str, source: str, title: str, height: int) 
 def horizons(view: View) -> Chart:
     """Errors of k-step predictions by k, with that of the simulation."""
     table = view.horizons
+    if table.empty:
+        return nothing("No predictions of several steps were computed.")
     single = len(view.outputs) == 1
     rows = {
         "k-step prediction" if single else output.name: view.where(output)
@@ -312,7 +321,6 @@ FIGURES = (
         "Responses to a unit step and to one sample of 1, with 95 % bands where they are known.",
         ("time_response.csv",),
         step_and_impulse,
-        lambda view: not view.time_response.empty,
         without_input=(
             "Impulse response",
             "Response of the noise filter to one sample of 1, with 95 % band.",
@@ -334,7 +342,6 @@ FIGURES = (
         "Validation samples with all transforms inverted.",
         ("simulation.csv",),
         simulation_as_recorded,
-        lambda view: view.changes_output,
     ),
     ReportFigure(
         *("record", "recording", "Signals"),
@@ -349,7 +356,6 @@ FIGURES = (
         " simulation.",
         ("horizons.csv",),
         horizons,
-        lambda view: len(view.horizons) > 0,
         without_input=(
             "",
             "Error of the prediction of the validation samples over its horizon.",

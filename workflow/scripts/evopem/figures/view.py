@@ -1,54 +1,91 @@
-"""What figures and pages show of results: l outputs and m inputs in one form, l = m = 1 as well."""
+"""What figures and pages show of results: l outputs and m inputs in one form, l = m = 1 as well.
+
+Tables name the channels in their columns output and input.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from evopem.config.structures import plant_order
+from evopem.config.structures import structure_name
+from evopem.errors import InputError
+from evopem.estimation.model_record import FORMS
 from evopem.figures.style import ratio_unit, with_unit
-from evopem.figures.tables import Channel, Tables
+from evopem.models.mode_matching import StabilizationPole, stabilization
 from evopem.results.dataset import DatasetResults
 from evopem.signals.prepared_data import Transforms
+from evopem.signals.spectra import multitaper_spectrum
 from evopem.validation.checks.inputs import input_rests
 from evopem.validation.checks.residuals import white
 
 if TYPE_CHECKING:
+    from evopem.signals.spectrum_summary import SpectralPeak
     from evopem.validation.checks import Check
-    from evopem.validation.validation import OutputValidation, RecordedErrors
+    from evopem.validation.validation import OutputValidation
 
-Results = DatasetResults
+# Length of the transforms of the residuals: coarse, since white noise has no lines.
+RESIDUAL_NFFT = 1024
+ROOTS = (
+    ("a", "pole"),
+    ("f", "pole of the plant"),
+    ("b", "zero"),
+    ("c", "root of C"),
+    ("d", "pole of the noise filter"),
+)
+_RESPONSE = ("gain", "gain_lower", "gain_upper", "phase_deg")
+UNKNOWN = np.full((2, 2), np.nan)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """An input or output."""
+
+    name: str  # as recorded
+    unit: str
+    prepared: str  # after the transforms
+    prepared_unit: str
+
+    @property
+    def label(self) -> str:
+        """Name with unit after the transforms."""
+        return with_unit(self.prepared, self.prepared_unit)
+
+
 Pair = tuple[Channel, Channel | None]
 
 
-class View(Tables):
-    """Results in one form."""
+class View:
+    """Results in one form, with their tables, which are made when they are asked for."""
 
     def __init__(self, results: DatasetResults) -> None:
         recording, record, validation = results.recording, results.model, results.validation
         transforms, count = record.transforms, record.model.inputs
+        self.results = results
         # A power transform leaves the output without a unit.
-        outputs = [
+        self.outputs = tuple(
             Channel(
                 *(name, unit, _output_name(transforms, name)),
                 unit if transforms.box_cox is None else "",
             )
             for name, unit in zip(recording.output_names, recording.output_units, strict=True)
-        ]
+        )
         given = zip(recording.input_names[:count], recording.input_units[:count], strict=True)
-        inputs = [
+        self.inputs = tuple(
             Channel(name, unit, _differenced(transforms.difference_input, name), unit)
             for name, unit in given
-        ]
-        super().__init__(results, outputs, inputs)
+        )
+        tables = results.validation_tables
+        self.simulation, self.horizons = tables.simulation, tables.horizons
         self.name, self.sampling_rate = results.name, float(record.sampling_rate)
         self.model_text, self.structure, self.truth = record.text, record.structure, results.truth
-        self.has_input, self.is_single = bool(inputs), len(outputs) == 1 and len(inputs) <= 1
+        self.has_input = bool(self.inputs)
+        self.is_single = len(self.outputs) == 1 and len(self.inputs) <= 1
         # Whether the model claims anything of the noise.
         self.has_noise_model = record.has_noise_model
         # Modes with what the data say of each, and those of the noise filter alone.
@@ -62,17 +99,11 @@ class View(Tables):
         self.input_rests = bool(count) and input_rests(validation)
         self.changes_output = transforms.changes_output
         self.is_transformed = self.changes_output or transforms.difference_input > 0
-        self.order_name = "of the plant" if record.orders else "n"
-        self.candidates: pd.DataFrame | None = None
-        self.recorded: RecordedErrors | None = None  # errors in recorded units, where others
-        self.has_poles_of_orders = True
-        if results.settings.is_single_channel:
-            self.order_name = plant_order(self.structure)
-            self.candidates = results.candidates
-            by_recipe = self.structure != "fir" if results.decisions else "joint" in results.phases
-            self.has_poles_of_orders = by_recipe
-            if self.changes_output:
-                self.recorded = validation.outputs[0].recorded
+        # Of a search by phases
+        self.candidates = results.candidates if results.phases else None
+        # Errors in recorded units, where these are others
+        shows_recorded = self.changes_output and self.is_single
+        self.recorded = validation.outputs[0].recorded if shows_recorded else None
 
     @property
     def checks(self) -> list[Check]:
@@ -85,7 +116,7 @@ class View(Tables):
         sources = self.inputs or (None,)
         return [(output, source) for output in self.outputs for source in sources]
 
-    def pair_title(self, output: Channel, source: Channel | None) -> str:
+    def pair_title(self, output: Channel, source: Channel | None = None) -> str:
         """What a panel of a pair is called; empty where there is one pair."""
         if len(self.pairs) == 1:
             return ""
@@ -106,13 +137,6 @@ class View(Tables):
         return with_unit("Power spectral density", f"({unit})²/Hz" if unit else "per Hz")
 
     @cached_property
-    def selected_order(self) -> int:
-        """The order at which all orders were tied, or of the chosen state-space model."""
-        if not self.results.settings.is_single_channel:
-            return self.results.validation.modes.order
-        return int(getattr(self.results.models_of_orders.orders.single, self.order_name))
-
-    @cached_property
     def stabilization(self) -> pd.DataFrame:
         """Poles over the orders, each with its status."""
         columns = ["order", "frequency_hz", "damping_ratio", "status"]
@@ -123,9 +147,7 @@ class View(Tables):
     @cached_property
     def convergence(self) -> Sequence[tuple[int, float]]:
         """Evaluations and lowest objective of the search for the model."""
-        results = self.results
-        found = results.selected if results.phases else results.model.search
-        return found.diagnostics.convergence
+        return self.results.model.search.diagnostics.convergence
 
     @property
     def is_chosen_by_scores(self) -> bool:
@@ -145,11 +167,6 @@ class View(Tables):
         return np.full(record.model.parameters.size, 0.0 if known else np.nan)
 
     @property
-    def input_deviations(self) -> np.ndarray:
-        """Standard deviations of the inputs on the estimation samples, (m,)."""
-        return np.asarray(self.results.prepared.estimation.inputs.std(axis=0))
-
-    @property
     def worst_first(self) -> list[tuple[Channel, OutputValidation]]:
         """The outputs by decreasing error of the simulation, without an input of the prediction."""
 
@@ -160,8 +177,109 @@ class View(Tables):
 
         return sorted(zip(self.outputs, self.results.validation.outputs, strict=True), key=severity)
 
+    @cached_property
+    def scores(self) -> pd.DataFrame:
+        """Errors on held-out samples by structure and order, the choice selected."""
+        choice, table = self.results.choice, self.results.candidates
+        assert choice is not None
+        error = f"{choice.kind}_error_percent"
+        table = table[(table["step"] != "remedy") & table[error].notna()]
+        table = table.rename(columns={error: "error_percent"}).reset_index(drop=True)
+        names = {name: FORMS.get(name) or structure_name(name) for name in set(table["structure"])}
+        columns = ["structure", "order", "error_percent", "selected"]
+        return table.replace({"structure": names})[columns]
 
-def view_of(results: Results | View) -> View:
+    @cached_property
+    def frequency_response(self) -> pd.DataFrame:
+        """Of the model, its noise filter and the data; without an input of the noise filter."""
+        table = self.results.frequency_response
+        noise = _response(table, "noise filter", "noise_")
+        if not self.inputs:
+            return noise.drop(columns=["input", "coherence"])
+        measured = _response(self.results.spectrum, "measured", "frequency_response_")
+        model = _response(table, "model", "").assign(coherence=np.nan)
+        return pd.concat([model, noise.assign(coherence=np.nan), measured], ignore_index=True)
+
+    @cached_property
+    def spectrum(self) -> pd.DataFrame:
+        """Multitaper spectra of the prepared outputs."""
+        table = self.results.spectrum
+        own = table[table["input"] == self.inputs[0].name] if self.inputs else table
+        return own[["output", "frequency_hz", "density", "lower", "upper"]].reset_index(drop=True)
+
+    @property
+    def peaks(self) -> dict[str, Sequence[SpectralPeak]]:
+        """Of each spectrum, by the names of the outputs."""
+        summaries = self.results.spectrum_summaries
+        names = [output.name for output in self.outputs]
+        return {name: each.peaks for name, each in zip(names, summaries, strict=True)}
+
+    @cached_property
+    def residual_spectrum(self) -> pd.DataFrame:
+        """Spectra of the one-step errors on the validation samples, by output."""
+        tables = []
+        for output in self.outputs:
+            name, table = output.name, self.simulation
+            errors = (table[f"output_{name}"] - table[f"predicted_{name}"]).dropna()
+            found = spectrum_of(errors.to_numpy(dtype=float), self.sampling_rate, RESIDUAL_NFFT)
+            tables.append(found.assign(output=name)[["output", *found.columns]])
+        return pd.concat(tables, ignore_index=True)
+
+    @cached_property
+    def roots(self) -> pd.DataFrame:
+        """Roots of polynomials of one input with covariances, else poles of model and predictor."""
+        record = self.results.model
+        if record.orders is not None and record.model.inputs <= 1:
+            found = [
+                (kind, *root)
+                for letter, kind in ROOTS
+                for root in record.polynomials.uncertain_roots(letter)
+            ]
+        else:
+            model = record.state_space
+            kinds = {"pole": model.poles()}
+            if record.has_noise_model:
+                kinds["root of C"] = model.noise_zeros()
+            found = [(kind, root, UNKNOWN) for kind, values in kinds.items() for root in values]
+        for mode in self.results.truth.modes if self.results.truth else ():
+            found += [("true pole", z, UNKNOWN) for z in (mode.pole, mode.pole.conjugate())]
+        rows = [
+            (kind, root.real, root.imag, abs(root), c[0, 0], c[1, 1], c[0, 1])
+            for kind, root, c in found
+        ]
+        columns = ["kind", "real", "imag", "radius", "variance_real", "variance_imag", "covariance"]
+        return pd.DataFrame(rows, columns=columns)
+
+    @cached_property
+    def poles_of_orders(self) -> Sequence[StabilizationPole]:
+        """Poles over the orders, each compared with the next lower order."""
+        table = self.results.validation.modes
+        by_order: dict[int, list[Any]] = {order: [] for order in table.orders}
+        for pole in table.poles:
+            by_order.setdefault(pole.order, []).append(pole)
+        return stabilization(by_order)
+
+    @cached_property
+    def signals(self) -> pd.DataFrame:
+        """All channels as recorded and as used."""
+        prepared, inputs, outputs = self.results.prepared, self.inputs, self.outputs
+        begin = prepared.estimation.samples / prepared.estimation.sampling_rate
+        names = [*(f"input_{each.name}" for each in inputs), *(f"output_{o.name}" for o in outputs)]
+        tables = []
+        for stage, part, first in (
+            ("recorded", self.results.recording, 0.0),
+            ("estimation", prepared.estimation, 0.0),
+            ("validation", prepared.validation, begin),
+        ):
+            columns = np.column_stack([part.inputs[:, : len(inputs)], part.outputs])
+            table = pd.DataFrame(columns, columns=names)
+            table.insert(0, "time_s", first + np.arange(part.samples) / part.sampling_rate)
+            table.insert(0, "stage", stage)
+            tables.append(table)
+        return pd.concat(tables, ignore_index=True)
+
+
+def view_of(results: DatasetResults | View) -> View:
     """The view of results, of whatever channels."""
     return results if isinstance(results, View) else View(results)
 
@@ -178,3 +296,24 @@ def _output_name(transforms: Transforms, name: str) -> str:
     """Name of an output after its transforms."""
     shown = name if transforms.box_cox is None else f"Box-Cox transformed {name}"
     return _differenced(transforms.difference, shown)
+
+
+def _response(table: pd.DataFrame, source: str, prefix: str) -> pd.DataFrame:
+    """The columns of one response of a table, whose names begin with a prefix."""
+    own = [name for name in ("output", "input", "frequency_hz", "coherence") if name in table]
+    values = [f"{prefix}{name}" for name in _RESPONSE if f"{prefix}{name}" in table]
+    found = table[[*own, *values]].rename(columns=lambda name: name.removeprefix(prefix))
+    columns = ["source", "output", "input", "frequency_hz", *_RESPONSE, "coherence"]
+    return found.assign(source=source).reindex(columns=columns)
+
+
+def spectrum_of(signal: np.ndarray, rate: float, nfft: int) -> pd.DataFrame:
+    """Multitaper spectrum with its band and the level of white noise; empty for a short signal."""
+    columns = ["frequency_hz", "density", "lower", "upper", "white_level"]
+    try:
+        found = multitaper_spectrum(signal, rate, nfft=nfft)
+    except InputError:
+        return pd.DataFrame(columns=columns, dtype=float)
+    values = (found.frequencies, found.density, found.lower, found.upper)
+    table = pd.DataFrame(dict(zip(columns, values, strict=False)))
+    return table.assign(white_level=2.0 * float(np.var(signal)) / rate)

@@ -100,6 +100,21 @@ def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[i
     return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= limit}
 
 
+def matched_modes(models: Sequence[Sequence[Mode]]) -> list[tuple[Mode | None, ...]]:
+    """The modes of several models, a row for each mode by frequency; None where a model has none.
+
+    The modes of each further model are paired with those of the models before it.
+    """
+    rows: list[list[Mode | None]] = []
+    for place, modes in enumerate(models):
+        pairs = match_modes(modes, [next(filter(None, row)) for row in rows])
+        for index, mode in enumerate(modes):
+            if index not in pairs:
+                rows.append([None] * len(models))
+            rows[pairs.get(index, -1)][place] = mode
+    return sorted(map(tuple, rows), key=lambda row: next(filter(None, row)).frequency_hz)
+
+
 def frequency_deviation(estimate: Mode, truth: Mode) -> float:
     """Estimate minus truth of the natural frequency, in its standard errors; NaN without any."""
     return _deviation(estimate.frequency_hz - truth.frequency_hz, estimate.frequency_se_hz)

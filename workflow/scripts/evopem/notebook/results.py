@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -16,17 +16,22 @@ from evopem.automatic.decision import Decision
 from evopem.errors import InputError
 from evopem.figures import figure_of
 from evopem.figures.chart import Chart
-from evopem.figures.comparison import Comparison
-from evopem.figures.draw import draw, grid_of
-from evopem.figures.time_domain import responses_of
+from evopem.figures.comparison import (
+    Comparison,
+    compared_modes,
+    compared_responses,
+    compared_simulations,
+)
+from evopem.figures.draw import draw, panels_of
+from evopem.figures.style import PARAMETERS
 from evopem.figures.view import View, view_of
 from evopem.files.atomic import files_below, write_page
 from evopem.files.checksums import check_replaceable, checksummed, delete_results, write_checksums
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.notebook.comparison import ModelComparison, pyplot_panels
 from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
+from evopem.report.comparison import build_comparison, comparison_text
 from evopem.report.results_text import results_html, results_text
 from evopem.report.verdict import verdict
 from evopem.results.dataset import DatasetResults
@@ -38,12 +43,46 @@ from evopem.validation.validation import Validation
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+# A notebook's page may be dark, and the figures are drawn for paper.
+_PAPER = {"figure.facecolor": "white", "axes.facecolor": "white", "savefig.facecolor": "white"}
+
+
+def _drawn(chart: Chart, axes: Any) -> list[Axes]:
+    """A chart on the given axes, or on a new figure that pyplot keeps and a notebook shows."""
+    check_packages(FOR_FIGURES, "plot", "the figures")
+    from matplotlib import pyplot, rc_context
+
+    # The backend starts with the first figure and sets parameters of its own, such as that figures
+    # are shown: a context around its start would take these back.
+    if axes is None and getattr(pyplot, "_backend_mod", None) is None:
+        pyplot.close(pyplot.figure())
+    with rc_context(PARAMETERS | _PAPER):
+        own = panels_of(chart, axes, pyplot.figure)
+    draw(chart, own)
+    return own
+
+
+def _plot(name: str, kind: str = "") -> Callable[..., Any]:
+    """The method that plots a figure of the report, or its panels of one kind of column."""
+    figure = figure_of(name)
+
+    def plot(self: Results, axes: Axes | Sequence[Axes] | None = None) -> Axes | list[Axes]:
+        chart = figure.chart(self._view)
+        if kind and not (chart := chart.only(kind)).panels:
+            raise InputError("plot", "the model has no input", "plot its impulse response")
+        own = _drawn(chart, axes)
+        return own if len(own) > 1 else own[0]
+
+    plot.__doc__ = f"{figure.title}. {figure.caption}"
+    return plot
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Results:
     """What an identification found; in a notebook it shows verdict, modes and errors.
 
-    Every ``plot_…`` takes the axes to draw on, by default new ones, and returns them.
+    Every ``plot_…`` takes the axes to draw on, by default new ones, and returns them: one, or a
+    list of several.
 
     Attributes
     ----------
@@ -142,68 +181,30 @@ class Results:
     def _view(self) -> View:
         return view_of(self.results)
 
-    def plot_measured_and_simulated(self, axes: Axes | None = None) -> Axes:
-        """First validation samples, measured and simulated from the input alone."""
-        return self._plot("measured_and_simulated", axes)[0]
-
-    def plot_gain(self, axes: Axes | None = None) -> Axes:
-        """Gain with its 95 % band over the estimate from the data; trusted modes are marked."""
-        return self._plot("gain", axes)[0]
-
-    def plot_frequency_response(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Gain, phase and coherence over the data, on three axes; without an input on two."""
-        return self._plot("frequency_response", axes)
-
-    def plot_nyquist(self, axes: Axes | None = None) -> Axes:
-        """The frequency response in the complex plane."""
-        return self._plot("nyquist", axes)[0]
-
-    def plot_step_response(self, axes: Axes | None = None) -> Axes:
-        """Response to a unit step with its 95 % band; of a model with input."""
-        if not self._view.has_input:
-            raise InputError(
-                "plot_step_response", "the model has no input", "plot its impulse response"
-            )
-        return self._plot("step_and_impulse", axes, 0)[0]
-
-    def plot_impulse_response(self, axes: Axes | None = None) -> Axes:
-        """Response to one sample of 1 with its 95 % band; without an input, of the noise filter."""
-        return self._plot("step_and_impulse", axes, len(responses_of(self._view)) - 1)[0]
-
-    def plot_poles_zeros(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Poles and zeros with 95 % ellipses, and the modes with 95 % intervals, on two axes."""
-        return self._plot("poles_zeros", axes)
-
-    def plot_stabilization(self, axes: Axes | None = None) -> Axes:
-        """Natural frequencies of the models of every order."""
-        return self._plot("stabilization", axes)[0]
-
-    def plot_residual_correlation(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Correlations of the residuals with themselves and with the input, on two axes."""
-        return self._plot("residuals", axes)
-
-    def plot_residual_spectrum(self, axes: Axes | None = None) -> Axes:
-        """Spectrum of the one-step errors on the validation samples; flat if they are white."""
-        return self._plot("residual_spectrum", axes)[0]
-
-    def plot_spectrum(self, axes: Axes | None = None) -> Axes:
-        """Multitaper spectrum of the output with its 95 % band and its peaks."""
-        return self._plot("spectrum", axes)[0]
-
-    def plot_horizons(self, axes: Axes | None = None) -> Axes:
-        """Error of the prediction of the validation samples over its horizon."""
-        return self._plot("horizons", axes)[0]
-
-    def _plot(
-        self, name: str, axes: Axes | Sequence[Axes] | None, panel: int | None = None
-    ) -> list[Axes]:
-        check_packages(FOR_FIGURES, "plot", "the figures")
-        chart: Chart = figure_of(name).chart(self._view)
-        if panel is not None:
-            chart = chart.only(panel)
-        own = pyplot_panels(grid_of(chart), axes)
-        draw(chart, own)
-        return own
+    plot_measured_and_simulated = _plot("measured_and_simulated")
+    """First validation samples, measured and simulated from the input alone."""
+    plot_gain = _plot("gain")
+    """Gain with its 95 % band over the estimate from the data; trusted modes are marked."""
+    plot_frequency_response = _plot("frequency_response")
+    """Gain, phase and coherence over the data; without an input gain and phase."""
+    plot_nyquist = _plot("nyquist")
+    """The frequency response in the complex plane."""
+    plot_step_response = _plot("step_and_impulse", "step")
+    """Response to a unit step with its 95 % band; of a model with input."""
+    plot_impulse_response = _plot("step_and_impulse", "impulse")
+    """Response to one sample of 1 with its 95 % band; without an input, of the noise filter."""
+    plot_poles_zeros = _plot("poles_zeros")
+    """Poles and zeros with 95 % ellipses, and the modes with 95 % intervals."""
+    plot_stabilization = _plot("stabilization")
+    """Natural frequencies of the models of every order."""
+    plot_residual_correlation = _plot("residuals")
+    """Correlations of the residuals with themselves and with the input."""
+    plot_residual_spectrum = _plot("residual_spectrum")
+    """Spectrum of the one-step errors on the validation samples; flat if they are white."""
+    plot_spectrum = _plot("spectrum")
+    """Multitaper spectrum of the output with its 95 % band and its peaks."""
+    plot_horizons = _plot("horizons")
+    """Error of the prediction of the validation samples over its horizon."""
 
     def compare(self, *others: Results, labels: Sequence[str] = ()) -> ModelComparison:
         """Lay this model beside others: their errors, their modes matched, and overlays.
@@ -224,8 +225,7 @@ class Results:
             if not isinstance(each, Results):
                 shown = repr(each)[:40]
                 raise InputError("compare", f"{shown} is no result", "give what identify returns")
-        results = [each.results for each in (self, *others)]
-        return ModelComparison(Comparison.of(results, labels))
+        return ModelComparison.of([each.results for each in (self, *others)], labels)
 
     def report(self, file: str | Path) -> Path:
         """Write the report: one HTML page that loads no other file, as the workflow makes it.
@@ -273,3 +273,44 @@ class Results:
             shutil.copy(file, copy)
         write_checksums(copies, target, IDENTIFICATION)
         return target
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelComparison(Comparison):
+    """Two to six models side by side; in a notebook it shows errors and modes.
+
+    Its ``table`` has a row for each model, its ``modes`` one for each mode of each model.
+    """
+
+    def __repr__(self) -> str:
+        return comparison_text(self)
+
+    def _repr_html_(self) -> str:
+        tables = [self.table, self.modes.set_index(["mode", "data set"])]
+        return "".join(each.to_html(float_format="{:.4g}".format) for each in tables)
+
+    def plot_frequency_responses(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
+        """Gain and phase of every model, on two axes."""
+        return _drawn(compared_responses(self), axes)
+
+    def plot_simulations(self, axes: Axes | None = None) -> Axes:
+        """First validation samples, measured and simulated by every model."""
+        return _drawn(compared_simulations(self), axes)[0]
+
+    def plot_modes(self, axes: Axes | None = None) -> Axes:
+        """Damping over frequency with 95 % intervals; open where a mode is not to be trusted."""
+        return _drawn(compared_modes(self), axes)[0]
+
+    def report(self, file: str | Path) -> Path:
+        """Write the comparison as one HTML page that loads no other file.
+
+        Raises
+        ------
+        InputError
+            When matplotlib or jinja2 is missing, or the file cannot be written.
+        """
+        check_packages(FOR_REPORT, "report", "the figures and the page")
+        from evopem.report.templates import template_folder
+
+        write_page(file, build_comparison(self, template_folder()))
+        return Path(file)

@@ -10,12 +10,11 @@ from urllib.parse import quote
 
 from evopem.figures import svg_texts
 from evopem.figures.comparison import Comparison
-from evopem.figures.view import Results
 from evopem.files.atomic import write_page, write_text
 from evopem.report.comparison import build_comparison
 from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import template_folder
-from evopem.results.dataset import read_results, read_whole_results
+from evopem.results.dataset import DatasetResults, read_results, read_whole_results
 from evopem.results.layout import DatasetFiles
 
 
@@ -55,7 +54,7 @@ def write_report(files: DatasetFiles) -> None:
 
 def report_page(
     files: DatasetFiles,
-    results: Results,
+    results: DatasetResults,
     figures: Mapping[str, str],
     templates: Path | None = None,
 ) -> str:

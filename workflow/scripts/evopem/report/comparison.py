@@ -78,11 +78,11 @@ def comparison_text(comparison: Comparison) -> str:
         for label, row in comparison.table.iterrows()
     ]
     lines = [*aligned(errors), "", _remark(comparison)]
-    if comparison.modes:
+    if comparison.matched:
         modes = [("mode", *comparison.labels, "spread")]
         modes += [
             (str(place), *(frequency for frequency, _ in _cells(each)), _spread(each))
-            for place, each in enumerate(comparison.modes, start=1)
+            for place, each in enumerate(comparison.matched, start=1)
         ]
         lines += ["", "Natural frequencies in Hz; in brackets: not to be trusted."]
         lines += aligned(modes)
@@ -107,7 +107,7 @@ def build_comparison(
             ),
             remark=_remark(comparison),
             sections=_sections(comparison),
-            modes=[(each.modes, _cells(each), _spread(each)) for each in comparison.modes],
+            modes=[(each.modes, _cells(each), _spread(each)) for each in comparison.matched],
             # The outcome of every check for each model, in words; empty where it has none.
             checks={name: [each.get(name, "").lower() for each in outcomes] for name in names},
             pages=pages or {},

@@ -24,8 +24,6 @@ VARIABLES = {
     colour: f"--figure-{role}"
     for role, colour in {**style.COLOURS, "grid": style.GRID, "paper": style.PAPER}.items()
 }
-# Files that results of several channels do not have.
-OF_ONE_CHANNEL = ("spectrum.csv", "time_response.csv", "phases")
 # Keep the report below 3 MB, however long the recording and however many its channels.
 MOST_ROWS, MOST_CELLS = 5000, 40_000
 
@@ -76,17 +74,16 @@ class DrawnFigure:
 
 def drawn_figures(view: View, drawings: Mapping[str, str], part: str) -> dict[str, DrawnFigure]:
     """The figures of a part of the report by name; `drawings` are SVG texts by name."""
-    several = not view.results.settings.is_single_channel
     return {
         figure.name: DrawnFigure.of(
-            *(figure.chart(view), drawings.get(figure.name)),
+            *(chart, drawings.get(figure.name)),
             (figure.name, figure.title_of(view), figure.caption_of(view)),
             dataset=view.name,
-            data=[file for file in figure.data if not several or file not in OF_ONE_CHANNEL],
+            data=figure.data,
             most_cells=MOST_CELLS // (2 - view.is_single),
         )
         for figure in REPORT_FIGURES
-        if figure.part == part and figure.applies(view)
+        if figure.part == part and not (chart := figure.chart(view)).nothing
     }
 
 

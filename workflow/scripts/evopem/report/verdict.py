@@ -9,8 +9,7 @@ from typing import Literal
 import numpy as np
 
 from evopem.figures.frequency_domain import model_source
-from evopem.figures.tables import Channel
-from evopem.figures.view import Results, View, view_of
+from evopem.figures.view import Channel, View, view_of
 from evopem.models.modes import Mode
 from evopem.report.numbers import (
     THIN,
@@ -22,6 +21,7 @@ from evopem.report.numbers import (
     percent,
     plural,
 )
+from evopem.results.dataset import DatasetResults
 from evopem.validation.checks import Check
 from evopem.validation.checks.inputs import RESTING
 from evopem.validation.mode_evidence import ModeEvidence
@@ -96,7 +96,7 @@ class Verdict:
         return [use for use in self.uses if use.answer == answer]
 
 
-def verdict(results: Results | View) -> Verdict:
+def verdict(results: DatasetResults | View) -> Verdict:
     """Judge every use of a model by its errors on validation samples and by its checks.
 
     A model without input cannot be simulated; it is judged by its prediction and its spectrum.
@@ -358,7 +358,8 @@ def _origin(view: View, evidence: ModeEvidence) -> str:
         return f"disturbances drive it, not the {'input' if len(view.inputs) == 1 else 'inputs'}"
     if len(view.inputs) == 1:
         return "the input drives it"
-    driven = np.abs(evidence.mode.input_participation) * view.input_deviations
+    deviations = view.results.prepared.estimation.inputs.std(axis=0)
+    driven = np.abs(evidence.mode.input_participation) * deviations
     shares = driven / max(float(driven.sum()), 1e-300)
     return f"driven by {_strongest(view.inputs, shares)}"
 

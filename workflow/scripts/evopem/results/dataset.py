@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -13,7 +13,7 @@ from evopem.automatic.decision import DecisionRecord
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice
 from evopem.config.defaults import read_settings
-from evopem.config.order_grid import phase_of_orders_of, phases_of_dataset
+from evopem.config.order_grid import phases_of_dataset
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import searched_forms
 from evopem.errors import InputError
@@ -74,12 +74,6 @@ class DatasetResults:
     def selected(self) -> Candidate:
         """The candidate of one channel that became the model."""
         return self.phases[list(self.phases)[-1]].selected
-
-    @property
-    def models_of_orders(self) -> PhaseSelection:
-        """The models of one channel over which the modes are compared, and the selected one."""
-        phase = self.phases[phase_of_orders_of(self.settings)]
-        return replace(phase, candidates=phase.over_orders(self.model.structure))
 
     @property
     def evidence(self) -> Evidence:

@@ -368,8 +368,9 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
         of_them = round(evidence.recurrence * evidence.compared)
         others = len(evidence.orders) - 1 - of_them
         found.append(
-            f"was found at {f'only {of_them}' if of_them else 'none'} of {evidence.compared} other"
-            " orders with poles to spare" + (f", though at {others} without" if others > 0 else "")
+            f"{f'only {of_them}' if of_them else 'none'} of {evidence.compared} other orders with"
+            " poles to spare agree on its frequency and damping"
+            + (f", though {others} without do" if others > 0 else "")
         )
     half_width = 1.96 * mode.frequency_se_hz
     if not math.isfinite(half_width):
