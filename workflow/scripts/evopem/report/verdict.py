@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -27,6 +28,7 @@ from evopem.validation.checks.inputs import RESTING
 from evopem.validation.mode_evidence import ModeEvidence
 
 Answer = Literal["good", "care", "no"]
+Finding = tuple[Answer, str]  # with a clause that says why
 ANSWERS: tuple[Answer, ...] = ("good", "care", "no")
 _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": "not for"}
 
@@ -34,6 +36,7 @@ _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": 
 # and up to which it is of use at all. The error has no natural limit, so the report shows it beside
 # the word. From the error of the mean on, a model is of no use for what it is judged by.
 GOOD_SIMULATION, USABLE_SIMULATION, ERROR_OF_MEAN = 30.0, 60.0, 100.0
+BELOW_MEAN = math.nextafter(ERROR_OF_MEAN, 0.0)
 
 # Modes that a sentence names at most.
 MOST_NAMED = 8
@@ -123,37 +126,36 @@ def sentence_of(uses: Sequence[Use]) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
-def _by_checks(use: str, outcome: Mapping[str, Check]) -> tuple[Answer, str]:
+def _use(name: str, *findings: Finding) -> Use:
+    """A use by the least favourable of its findings, with what each of them says."""
+    answer = max((answer for answer, _ in findings), key=ANSWERS.index)
+    return Use(name, answer, "; ".join(reason for _, reason in findings if reason))
+
+
+def _by_checks(use: str, outcome: Mapping[str, Check]) -> Finding:
     """What the checks say of a use, and which of them speak against it."""
     essential, desirable = ESSENTIAL.get(use, ()), DESIRABLE.get(use, ())
     both = (*essential, *desirable)
-    for names, word, answer in (
+    answers: tuple[tuple[tuple[str, ...], str, Answer], ...] = (
         (essential, "Failed", "no"),
         (desirable, "Failed", "care"),
         (both, "Caution", "care"),
         (both, "Not judged", "care"),
-    ):
+    )
+    for names, word, answer in answers:
         found = [f"“{name}”" for name in names if name in outcome and outcome[name].word == word]
         if found:
-            return ("no" if answer == "no" else "care"), f"{word.lower()}: {enumeration(found)}"
+            return answer, f"{word.lower()}: {enumeration(found)}"
     return "good", ""
 
 
-def worse(first: Answer, second: Answer) -> Answer:
-    """The less favourable one of two answers."""
-    return max(first, second, key=ANSWERS.index)
-
-
-def _by_mean(answer: Answer, error: float) -> Answer:
-    """An answer, unless the error that it rests on is no smaller than that of the mean."""
-    return "no" if is_number(error) and error >= ERROR_OF_MEAN else answer
-
-
-def answer_by_error(error: float) -> Answer:
-    """What a simulation error in percent says of a simulation."""
-    if not is_number(error) or error > USABLE_SIMULATION:
-        return "no"
-    return "good" if error <= GOOD_SIMULATION else "care"
+def _by_error(error: float, told: str = "", good: float = GOOD_SIMULATION) -> Finding:
+    """What an error in percent says: of a simulation, of a prediction by whether it is of use."""
+    if not is_number(error):
+        return "no", "the error is not known"
+    usable = USABLE_SIMULATION if good == GOOD_SIMULATION else good
+    answer: Answer = "good" if error <= good else "care" if error <= usable else "no"
+    return answer, f"off by {percent(error)}{told}"
 
 
 def plural_of(noun: str, things: Sequence[object]) -> str:
@@ -167,99 +169,79 @@ def _simulations(view: View, outcome: Mapping[str, Check]) -> list[Use]:
     outputs, several = plural_of("output", view.outputs), len(view.outputs) > 1
     owner, samples = "outputs’" if several else "output’s", count(validation.samples)
     told = f" of the {owner} deviation on {samples} validation samples"
-    error = largest = validation.simulation_error_percent
+    checked = _by_checks("simulation", outcome)
+    worst_of: Finding = "good", ""
     if several:
         worst, own = view.worst_first[0]
         largest = own.simulation_error_percent
         told += f", by {percent(largest)} at {worst.prepared}"
-    if recorded is None:
-        name = f"simulation from the {plural_of('input', view.inputs)}"
-        return [_simulation(view, outcome, name, error, told, largest)]
-    summed = recorded.integrations and answer_by_error(recorded.simulation_error_percent) != "good"
-    undone = ", because undoing the differences sums up the error" if summed else ""
-    of = f"simulation of the {{}}{outputs}{{}}".format
-    return [
-        _simulation(view, outcome, of("transformed ", ""), error, told, largest),
-        _simulation(
-            view, outcome, of("", " as recorded"), recorded.simulation_error_percent, undone
-        ),
-    ]
-
-
-def _simulation(
-    view: View,
-    outcome: Mapping[str, Check],
-    name: str,
-    error: float,
-    told: str,
-    worst: float = 0.0,
-) -> Use:
+        worst_of = ("care" if _by_error(largest)[0] != "good" else "good", "")
+    of_error = _by_error(validation.simulation_error_percent, told)
+    found: dict[str, tuple[Finding, ...]]
+    found = {f"simulation from the {plural_of('input', view.inputs)}": (of_error, worst_of)}
+    if recorded is not None:
+        error = recorded.simulation_error_percent
+        summed = recorded.integrations and _by_error(error)[0] != "good"
+        undone = ", because undoing the differences sums up the error" if summed else ""
+        found = {
+            f"simulation of the transformed {outputs}": (of_error, worst_of),
+            f"simulation of the {outputs} as recorded": (_by_error(error, undone),),
+        }
     if view.input_rests:
-        return Use(name, "no", f"not tested: {RESTING}")
-    answer, against = _by_checks("simulation", outcome)
-    if not is_number(error):
-        return Use(name, "no", joined("the error is not known", against))
-    if answer_by_error(worst) != "good":
-        answer = worse(answer, "care")
-    return Use(
-        name,
-        worse(answer, answer_by_error(error)),
-        joined(f"off by {percent(error)}{told}", against),
-    )
+        return [Use(name, "no", f"not tested: {RESTING}") for name in found]
+    return [_use(name, *findings, checked) for name, findings in found.items()]
 
 
 def _prediction(view: View, outcome: Mapping[str, Check]) -> Use:
-    answer, against = _by_checks("prediction", outcome)
-    error = view.results.validation.prediction_error_percent
-    if not is_number(error):
-        return Use("one-step prediction", "no", "the error is not known")
-    where = "on average over the outputs" if len(view.outputs) > 1 else "on validation samples"
-    if not view.has_noise_model:
-        # It is a simulation, and is as good as one.
-        answer = worse(answer, answer_by_error(error))
-        if view.white is not True:
-            answer = worse(answer, "care")
-            against = joined(against, "the residuals are coloured, which no noise model uses")
-    reason = f"off by {percent(error)} {where}"
-    if len(view.outputs) > 1:
-        largest = max(each.prediction_error_percent for each in view.results.validation.outputs)
-        reason += f", by up to {percent(largest)}"
-        answer = worse(answer, "care" if largest >= ERROR_OF_MEAN else "good")
-    return Use("one-step prediction", _by_mean(answer, error), joined(reason, against))
+    validation, several = view.results.validation, len(view.outputs) > 1
+    where = " on average over the outputs" if several else " on validation samples"
+    # Without a noise model it is a simulation, and is as good as one.
+    good = BELOW_MEAN if view.has_noise_model else GOOD_SIMULATION
+    findings = [_by_error(validation.prediction_error_percent, where, good)]
+    if several:
+        errors = [each.prediction_error_percent for each in validation.outputs]
+        largest = float(np.nanmax([*errors, -math.inf]))
+        told = f"by up to {percent(largest)}"
+        if largest >= ERROR_OF_MEAN:
+            worst = view.outputs[errors.index(largest)].prepared
+            told = f"by {percent(largest)} at {worst}, no better than its mean"
+        findings.append(("care" if largest >= ERROR_OF_MEAN else "good", told))
+    if not view.has_noise_model and view.white is not True:
+        findings.append(("care", "the residuals are coloured, which no noise model uses"))
+    return _use("one-step prediction", *findings, _by_checks("prediction", outcome))
 
 
 def _frequency_response(view: View, outcome: Mapping[str, Check]) -> Use:
     """The response of the plant; of a model without input, the spectrum that its noise has."""
-    table = view.frequency_response
-    table = table[table["source"] == model_source(view)[0]]
-    several = len(view.pairs) > 1
+    validation = view.results.validation
     name, rests_on = f"the {plural_of('frequency response', view.pairs)}", "response"
+    error, computed = validation.simulation_error_percent, "simulates"
     if not view.has_input:
         name, rests_on = f"the spectrum of the {plural_of('output', view.outputs)}", "spectrum"
-    answer, against = _by_checks(rests_on, outcome)
-    validation = view.results.validation
-    error = validation.simulation_error_percent
-    error = error if view.has_input else validation.prediction_error_percent
-    if _by_mean("good", error) == "no":
-        computed = "simulates" if view.has_input else "predicts"
-        worthless = f"it {computed} no better than the mean, off by {percent(error)}"
-        return Use(name, "no", joined(worthless, against))
+        error, computed = validation.prediction_error_percent, "predicts"
+    checked = _by_checks(rests_on, outcome)
+    if is_number(error) and error >= ERROR_OF_MEAN:
+        told = f"it {computed} no better than the mean, off by {percent(error)}"
+        return _use(name, ("no", told), checked)
+    table = view.frequency_response
+    table = table[table["source"] == model_source(view)[0]]
     inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
-    if not len(inside):
-        return Use(name, worse(answer, "care"), joined("its 95 % band is not known", against))
     width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
-    half = 100 * float(np.median(width))
-    over = "all pairs and frequencies" if several else "frequency"
-    reason = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})"
-    if not np.isfinite(half):
-        reason = "its 95 % band has no upper limit at half of the frequencies or more"
-        answer = worse(answer, "care")
-    return Use(name, answer, joined(reason, against))
+    half = 100 * float(np.median(width)) if len(inside) else math.nan
+    over = "all pairs and frequencies" if len(view.pairs) > 1 else "frequency"
+    band: Finding = (
+        "good",
+        f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})",
+    )
+    if math.isnan(half):
+        band = "care", "its 95 % band is not known"
+    elif math.isinf(half):
+        band = "care", "its 95 % band has no upper limit at half of the frequencies or more"
+    return _use(name, band, checked)
 
 
 def _modes(view: View) -> Use:
-    lines = mode_lines(view)
-    trusted = [line for line in lines if line.trusted]
+    trusted = [line for line in mode_lines(view) if line.trusted]
     others = len(view.modes) - len(trusted)
     if not trusted:
         reason = "none passes every test" if others else "the model has no oscillating mode"
@@ -268,42 +250,37 @@ def _modes(view: View) -> Use:
     places = f"{enumeration(shown)}{THIN}Hz"
     if len(trusted) > MOST_NAMED:
         places = enumeration([*shown, f"{len(trusted) - MOST_NAMED} more"])
+    name = f"the {plural_of('mode', trusted)} at {places}"
     reason = "seen in validation samples"
-    if all(each.stable for each in trusted):
+    if all(view.evidence[each.mode.pole].stable for each in trusted):
         reason += " and at most other orders"
     against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
-    name = f"the {plural_of('mode', trusted)} at {places}"
-    if len(view.outputs) == 1:
-        return Use(name, "good", joined(reason, against))
-    mixed = sum(bool(each.shape_doubt) for each in trusted)
-    shapes = f"{plural(mixed, 'shape')} not to be trusted" if mixed else ""
-    answer: Answer = "care" if mixed else "good"
-    return Use(f"{name}, with shapes", answer, joined(reason, against, shapes))
+    findings: list[Finding] = [("good", reason), ("good", against)]
+    if len(view.outputs) > 1:
+        name += ", with shapes"
+        mixed = sum(bool(each.shape_doubt) for each in trusted)
+        if mixed:
+            findings.append(("care", f"{plural(mixed, 'shape')} not to be trusted"))
+    return _use(name, *findings)
 
 
 def _intervals(view: View, outcome: Mapping[str, Check]) -> Use:
-    answer, against = _by_checks("intervals", outcome)
-    reason = "white residuals" if answer == "good" else ""
-    if reason and not view.has_noise_model and view.white is not True:
-        reason = "the colour of the residuals is taken into account"
+    checked, errors = _by_checks("intervals", outcome), view.standard_errors
+    findings: list[Finding] = []
+    unknown = int((~np.isfinite(errors)).sum())
+    if unknown == len(errors):
+        findings.append(("no", "no coefficient has one"))
+    elif unknown:
+        told = f"not known of {unknown} of {plural(len(errors), 'coefficient')}"
+        findings.append(("care", told))
     if view.is_chosen_by_scores:
         # Intervals of models that the automatic recipe chose cover less (docs/report.md).
-        answer = worse(answer, "care")
-        reason = ""
-        against = joined("their intervals leave out the choice of structure and orders", against)
-    errors = view.standard_errors
-    known, total = int(np.isfinite(errors).sum()), len(errors)
-    if known == 0:
-        return Use("standard errors", "no", joined("no coefficient has one", against))
-    if known < total:
-        answer = worse(answer, "care")
-        reason = f"not known of {total - known} of {plural(total, 'coefficient')}"
-    return Use("standard errors", answer, joined(reason, against))
-
-
-def joined(*reasons: str) -> str:
-    """Reasons that are not empty, one after the other."""
-    return "; ".join(reason for reason in reasons if reason)
+        findings.append(("care", "they leave out the choice of structure and orders"))
+    if not findings and checked[0] == "good":
+        coloured = not view.has_noise_model and view.white is not True
+        told = "the colour of the residuals is taken into account"
+        findings.append(("good", told if coloured else "white residuals"))
+    return _use("standard errors", *findings, checked)
 
 
 @dataclass(frozen=True)
@@ -313,7 +290,6 @@ class ModeLine:
     mode: Mode
     trusted: bool
     why: str
-    stable: bool | None = None  # whether most models of other orders have it
     shape_doubt: str = ""  # reason not to trust its shape; empty where there is none
 
 
@@ -347,7 +323,7 @@ def _line(view: View, mode: Mode) -> ModeLine:
         share = fixed(100 * evidence.recurrence, 0)
         words.append(f"{share}{THIN}% of the other orders with poles to spare have it")
     shape = _shape_doubt(evidence)
-    return ModeLine(mode, not reasons, "; ".join(words), evidence.stable, shape)
+    return ModeLine(mode, not reasons, "; ".join(words), shape)
 
 
 def _origin(view: View, evidence: ModeEvidence) -> str:
