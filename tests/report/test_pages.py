@@ -322,9 +322,3 @@ def test_the_page_is_small(html):
 
 def test_equal_results_give_equal_pages(build, results, html):
     assert build(results) == html
-
-
-def test_a_figure_that_was_not_drawn_is_said(build, results, figures):
-    page = Page(build(results, {name: figures[name] for name in FIGURES if name != "delay"}))
-    assert page.text.count("This figure was not drawn.") == 1
-    assert page.tags.count("svg") == len(FIGURES) - 1

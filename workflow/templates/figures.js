@@ -114,7 +114,8 @@
     const paint = colours();
     const heading = document.createElement("p");
     heading.className = "panel-title";
-    heading.textContent = [panel.title, panel.y_label].filter(Boolean).join(": ");
+    const repeated = panel.title?.toLowerCase().includes(panel.y_label?.toLowerCase());
+    heading.textContent = [panel.title, repeated ? "" : panel.y_label].filter(Boolean).join(": ");
     const legend = document.createElement("p");
     legend.className = "legend";
     const room = document.createElement("div");

@@ -58,8 +58,8 @@ def checked_rate(rate: Any) -> float | None:
     except OverflowError:
         number = np.inf
     if not (np.isfinite(number) and number > 0.0):
-        shown = repr(rate) if len(repr(rate)) < 40 else f"{repr(rate)[:37]}..."
-        raise InputError("sampling_rate", f"{shown} is no rate", "give a positive number of Hz")
+        problem = f"{repr(rate)[:40]} is no rate"
+        raise InputError("sampling_rate", problem, "give a positive number of Hz")
     return number
 
 
@@ -72,23 +72,21 @@ def given_signals(data: Any, wanted: Wanted, source: str = DATA) -> GivenSignals
     if _is_table(data) and not _has_samples(wanted.output):
         inputs, input_labels = _columns(data, wanted.input, "input", source)
         outputs, output_labels = _columns(data, wanted.output, "output", source)
-        for label in output_labels:
-            if any(label == each for each in input_labels):
-                problem = f"column {label!r} is the input as well"
-                raise InputError("output", problem, "choose two different columns")
+        shared = [label for label in output_labels if label in input_labels]
+        if shared:
+            problem = f"column {shared[0]!r} is the input as well"
+            raise InputError("output", problem, "choose two different columns")
         indexes = [data.index]
     else:
         for name, label in (("input", wanted.input), ("time", wanted.time)):
             if label is not None:
-                raise InputError(
-                    name,
-                    "it names a column, and the data are no table",
-                    "give a pandas DataFrame, or the samples of input and output alone",
-                )
+                problem = "it names a column, and the data are no table"
+                remedy = "give a pandas DataFrame, or the samples of input and output alone"
+                raise InputError(name, problem, remedy)
         outputs = _samples(wanted.output, source, "output")
         inputs = np.empty((len(outputs), 0)) if data is None else _samples(data, source, "input")
         input_labels, output_labels = _labels(data, inputs), _labels(wanted.output, outputs)
-        indexes = [each.index for each in (data, wanted.output) if _has_index(each)]
+        indexes = [each.index for each in (data, wanted.output) if hasattr(each, "iloc")]
         if len(indexes) == 2 and not _are_equal(*indexes):
             raise InputError(
                 source,
@@ -111,12 +109,10 @@ def given_recordings(data: Any, wanted: Wanted, source: str = DATA) -> tuple[Giv
     output = wanted.output
     if not _are_several(data) and not (data is None and _are_several(output)):
         return (given_signals(data, wanted, source),)
-    several = list(output if data is None else data)
-    if _is_table(several[0]) and not _has_samples(output) and not _are_several(output):
-        outputs: list[Any] = [output] * len(several)
-    else:
-        outputs = list(output) if _are_several(output) else []
-        several = [None] * len(outputs) if data is None else several
+    outputs: list[Any] = list(output) if _are_several(output) else []
+    several = list(data) if data is not None else [None] * len(outputs)
+    if _is_table(several[0]) and not outputs and not _has_samples(output):
+        outputs = [output] * len(several)
     if len(outputs) != len(several):
         raise InputError(
             source,
@@ -134,11 +130,8 @@ def alike(signals: GivenSignals, first: GivenSignals, source: str) -> GivenSigna
     """The signals of a further recording, under the names of the first one."""
     rate, other = first.sampling_rate, signals.sampling_rate
     if rate and other and abs(other / rate - 1.0) > RATE_TOLERANCE:
-        raise InputError(
-            source,
-            f"a sampling rate is {other:g} Hz, and that of the first recording is {rate:g} Hz",
-            "give recordings of one rate",
-        )
+        problem = f"a sampling rate is {other:g} Hz, and that of the first recording is {rate:g} Hz"
+        raise InputError(source, problem, "give recordings of one rate")
     for role in ("inputs", "outputs"):
         own, expected = (getattr(each, role).shape[1] for each in (signals, first))
         if own != expected:
@@ -149,17 +142,12 @@ def alike(signals: GivenSignals, first: GivenSignals, source: str) -> GivenSigna
 
 def _are_several(data: Any) -> bool:
     """Whether a list holds recordings, and not the samples of one."""
-    if not isinstance(data, list | tuple) or not data:
-        return False
-    return _is_table(data[0]) or np.ndim(data[0]) > 0
+    listed = isinstance(data, list | tuple) and len(data) > 0
+    return listed and (_is_table(data[0]) or np.ndim(data[0]) > 0)
 
 
 def _is_table(data: Any) -> bool:
     return hasattr(data, "columns") and hasattr(data, "iloc")
-
-
-def _has_index(data: Any) -> bool:
-    return hasattr(data, "iloc") and hasattr(data, "index")
 
 
 def _has_samples(output: Any) -> bool:
@@ -171,10 +159,9 @@ def _columns(
     table: Any, labels: Any, role: str, source: str
 ) -> tuple[NDArray[np.float64], list[Any]]:
     """The samples and labels of the inputs or outputs; a tuple may be one label itself."""
-    several = isinstance(labels, list | tuple) and not (
-        isinstance(labels, tuple) and _places(table, labels)
-    )
-    listed = [] if labels is None else list(labels) if several else [labels]
+    is_one = not isinstance(labels, list | tuple)
+    is_one = is_one or (isinstance(labels, tuple) and bool(_places(table, labels)))
+    listed = [] if labels is None else [labels] if is_one else list(labels)
     if role == "output" and not listed:
         raise InputError("output", "it is missing", f"give one of {_listed(table)}")
     samples = [_samples(_column(table, label, role, source), source, role) for label in listed]
@@ -203,24 +190,23 @@ def _column(table: Any, label: Any, role: str, source: str) -> Any:
 
 
 def _listed(table: Any, most: int = 20) -> str:
-    names = [repr(label) for label in table.columns[:most]]
-    left = len(table.columns) - len(names)
-    return ", ".join([*names, *([f"… and {left} more"] if left else [])])
+    left = len(table.columns) - most
+    shown = ", ".join(map(repr, table.columns[:most]))
+    return f"{shown}, … and {left} more" if left > 0 else shown
 
 
 def _samples(values: Any, source: str, role: str) -> NDArray[np.float64]:
     """A copy of signals as numbers, shape (N, channels); masked samples become NaN."""
-    array = np.asarray(values)
     no_numbers = InputError(source, "it holds no real numbers", "choose another signal", role)
-    if array.dtype.kind not in "fiubO":
+    if np.asarray(values).dtype.kind not in "fiubO":
         raise no_numbers
     try:
         if np.ma.isMaskedArray(values):
-            array = np.ma.filled(np.ma.asarray(values).astype(float), np.nan)
+            values = np.ma.filled(np.ma.asarray(values).astype(float), np.nan)
         elif hasattr(values, "to_numpy"):
             # A table's missing values become NaN, which the checks of a recording name.
-            array = values.to_numpy(dtype=float, na_value=np.nan)
-        samples: NDArray[np.float64] = np.array(array, dtype=float)
+            values = values.to_numpy(dtype=float, na_value=np.nan)
+        samples: NDArray[np.float64] = np.array(values, dtype=float)
     except (TypeError, ValueError):
         raise no_numbers from None
     if samples.ndim == 1:
@@ -228,12 +214,8 @@ def _samples(values: Any, source: str, role: str) -> NDArray[np.float64]:
     if samples.ndim == 2 and samples.shape[0] == 1:
         return samples.T
     if samples.ndim != 2 or samples.shape[1] > samples.shape[0]:
-        raise InputError(
-            source,
-            f"the signals have the shape {samples.shape}",
-            "give samples in rows and channels in columns",
-            role,
-        )
+        problem = f"the signals have the shape {samples.shape}"
+        raise InputError(source, problem, "give samples in rows and channels in columns", role)
     return samples
 
 
@@ -249,11 +231,11 @@ def _are_equal(one: Any, other: Any) -> bool:
 
 def _rate(index: Any, stated: float | None, unit: str | None, source: str) -> float | None:
     """The stated rate, checked against an index of dates; else that of an index of times."""
-    stamps = np.asarray(index)
+    zone = getattr(index, "tz", None)
+    stamps = np.asarray(index if zone is None else index.tz_convert(None))
     name = "index" if getattr(index, "name", None) is None else str(index.name)
-    if stamps.dtype.kind in "Mm" or hasattr(index, "tz"):
-        dates = index.tz_convert(None) if getattr(index, "tz", None) is not None else index
-        return timing(np.asarray(dates), source, name, stated_rate=stated).rate
+    if stamps.dtype.kind in "Mm":
+        return timing(stamps, source, name, stated_rate=stated).rate
     if stated is None and stamps.dtype.kind == "f" and stamps.ndim == 1:
         return timing(stamps, source, name, time_unit=unit or "s").rate
     return stated
@@ -263,8 +245,7 @@ def _labels(values: Any, samples: NDArray[np.float64]) -> list[Any]:
     """The labels of the channels of samples, None where they have none."""
     if _is_table(values):
         return list(values.columns)
-    count = samples.shape[1]
-    return [getattr(values, "name", None)] if count == 1 else [None] * count
+    return [getattr(values, "name", None)] * samples.shape[1]
 
 
 def _names(*labels: Sequence[Any]) -> list[tuple[str, ...]]:

@@ -47,7 +47,7 @@ class DrawnFigure:
     caption: str
     data: Sequence[str]  # files that hold the data of the figure
     download: Download  # the data of the figure as CSV
-    svg: Markup | None  # None where the figure was not drawn
+    svg: Markup
     panels: str  # what the page draws for a reader to zoom, as JSON; empty where it does not
     columns: int  # panels of a row
 
@@ -55,7 +55,7 @@ class DrawnFigure:
     def of(
         cls,
         chart: Chart,
-        svg: str | None,
+        svg: str,
         words: tuple[str, str, str],
         dataset: str,
         data: Sequence[str],
@@ -63,10 +63,10 @@ class DrawnFigure:
     ) -> DrawnFigure:
         """A chart by its id, title and caption, with its data as a CSV file."""
         name, title, caption = words
-        panels = chart.page_form() if svg else []
+        panels = chart.page_form()
         return cls(
             *(name, title, caption, data, csv_download(chart.table, dataset, name, most_cells)),
-            svg=None if svg is None else inline_svg(svg, name, caption),
+            svg=inline_svg(svg, name, caption),
             panels=json.dumps(panels, ensure_ascii=False) if panels else "",
             columns=chart.columns,
         )
@@ -76,7 +76,7 @@ def drawn_figures(view: View, drawings: Mapping[str, str], part: str) -> dict[st
     """The figures of a part of the report by name; `drawings` are SVG texts by name."""
     return {
         figure.name: DrawnFigure.of(
-            *(chart, drawings.get(figure.name)),
+            *(chart, drawings[figure.name]),
             (figure.name, figure.title_of(view), figure.caption_of(view)),
             dataset=view.name,
             data=figure.data,

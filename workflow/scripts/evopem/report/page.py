@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -12,26 +13,15 @@ import pandas as pd
 from evopem.figures.view import View, view_of
 from evopem.report import sentences
 from evopem.report.figures import drawn_figures
-from evopem.report.sections import SECTIONS
+from evopem.report.sections import PHASE_NAMES, SECTIONS
 from evopem.report.templates import environment
 from evopem.results.dataset import DatasetResults
 
 # They draw and write the page; the libraries behind the numbers are listed in the model.
 REPORT_LIBRARIES = ("pandas", "matplotlib", "jinja2", "snakemake")
-PHASE_STAGES = {
-    "delay": "Delay search",
-    "joint": "Search of the plant order",
-    "nc": "Search of nc",
-    "nd": "Search of nd",
-    "na": "Search of na",
-    "nb": "Search of nb",
-    "structures": "Search of all structures",
-    "chosen": "Search of the chosen model",
-}
 # The folder of times of a phase, where it has another name.
 TIMES = {"structures": "search_structure", "chosen": "complete_model"}
-# All stages where they ran as one job.
-ONE_JOB = "identification"
+STAGE_NAMES = {"identification": "All stages, in one job"}
 BEFORE = ("read_recording", "prepare", "estimate_spectrum")
 PHASES = ("estimate_candidates", "select_candidate")
 
@@ -102,19 +92,20 @@ class Stage:
 def stages(view: View, wall_clock: Mapping[str, float]) -> list[Stage]:
     """Seconds of every stage from the start to the end of its jobs; the searches in their order."""
     left = dict(wall_clock)
-    rows = [_stage(name, left.pop(name)) for name in BEFORE if name in left]
-    if view.candidates is not None:
-        for phase, tried in view.candidates.groupby("phase", sort=False):
-            seconds = left.pop(TIMES.get(phase, phase), None)
-            evaluations = int(tried["evaluations"].sum())
-            rows.append(Stage(PHASE_STAGES.get(phase, phase), seconds, len(tried), evaluations))
-    whole = left.pop(ONE_JOB, None)
-    rows += [_stage(name, seconds) for name, seconds in left.items()]
-    return rows if whole is None else [*rows, Stage("All stages, in one job", whole)]
-
-
-def _stage(name: str, seconds: float) -> Stage:
-    return Stage(name.replace("_", " ").capitalize(), seconds)
+    searches = []
+    for phase, tried in (
+        () if view.candidates is None else view.candidates.groupby("phase", sort=False)
+    ):
+        seconds = left.pop(TIMES.get(phase, phase), None)
+        name = f"Search of {PHASE_NAMES.get(phase, phase)}"
+        searches.append(Stage(name, seconds, len(tried), int(tried["evaluations"].sum())))
+    known = {
+        name: Stage(STAGE_NAMES.get(name, name.replace("_", " ").capitalize()), seconds)
+        for name, seconds in left.items()
+    }
+    before = [known.pop(name) for name in BEFORE if name in known]
+    whole = [known.pop(name) for name in STAGE_NAMES if name in known]
+    return [*before, *searches, *known.values(), *whole]
 
 
 def command(commit: str) -> str:
@@ -128,10 +119,8 @@ def installed(libraries: Iterable[str]) -> dict[str, str]:
     """Versions of those libraries that are installed."""
     found = {}
     for library in libraries:
-        try:
+        with suppress(PackageNotFoundError):
             found[library] = version(library)
-        except PackageNotFoundError:
-            continue
     return found
 
 

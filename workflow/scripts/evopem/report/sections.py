@@ -6,17 +6,20 @@ The template ``section_<id>.html.j2`` of a part sets its content; parts of figur
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from statistics import fmean
 from typing import Any
 
 from markupsafe import Markup
 
-from evopem.automatic.decision import Decision, OtherModel
+from evopem.automatic.decision import Alternative, Decision, OtherModel
 from evopem.config.channels import SyntheticSource
 from evopem.config.constraints import Constraints
 from evopem.config.settings import DatasetSettings
+from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import FitRecord
 from evopem.figures.shapes import ShapeDrawing
 from evopem.figures.view import View
@@ -215,21 +218,39 @@ def recording_rows(results: DatasetResults) -> list[tuple[str, int, int, int, fl
     ]
 
 
+# What the phases of an order search decide, where their names do not say it.
+PHASE_NAMES = {"joint": "plant order", "structures": "all structures", "chosen": "chosen model"}
+
+
 def _selection(view: View) -> dict[str, Any]:
     record, validation = view.results.decisions, view.results.validation
-    candidates = [] if view.candidates is None else view.candidates.to_dict("records")
-    if record is None:
-        return {"record": None, "candidates": candidates}
+    decisions = record.decisions if record else map(phase_decision, view.results.phases.values())
+    other = record.other if record else None
     model = OtherModel(
-        *(record.purpose, view.model_text),
+        *(record.purpose if record else "", view.model_text),
         *(validation.prediction_error_percent, validation.simulation_error_percent),
     )
     return {
         "record": record,
-        "candidates": candidates,
-        "decisions": [(each, rivals(each)) for each in record.decisions],
-        "purposes": [model, record.other] if record.other else [],
+        "candidates": [] if view.candidates is None else view.candidates.to_dict("records"),
+        "decisions": [(each, rivals(each)) for each in decisions],
+        "purposes": [model, other] if other else [],
     }
+
+
+def phase_decision(phase: PhaseSelection) -> Decision:
+    """A phase of an order search as a decision among its candidates or, the first one, delays."""
+    subject, criterion, choice = PHASE_NAMES.get(phase.phase, phase.phase), "BIC", str(phase.orders)
+    scores = {str(each.orders): each.criteria.bic for each in phase.candidates}
+    if phase.phase == "delay":
+        criterion, choice = "mean BIC over the orders", f"nk = {phase.orders.single.nk}"
+        by_delay: dict[str, list[float]] = {}
+        for each in phase.candidates:
+            by_delay.setdefault(f"nk = {each.orders.single.nk}", []).append(each.criteria.bic)
+        scores = {name: fmean(values) for name, values in by_delay.items()}
+    alternatives = tuple(Alternative(*each) for each in scores.items())
+    reason = re.sub(r"(?<![\w-])-(?=\d)", "−", phase.reason)
+    return Decision(subject, choice, alternatives, criterion, reason)
 
 
 def rivals(decision: Decision) -> str:

@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from evopem.config.structures import plant_order, structure_name, varied_order
 from evopem.figures.chart import rows_of
 from evopem.figures.frequency_domain import model_source
-from evopem.figures.orders import tied_text
 from evopem.figures.view import View
 from evopem.models.mode_matching import PERSISTENT_ORDERS, persistent_frequencies
 from evopem.models.modes import Mode
-from evopem.results.dataset import DatasetResults
 from evopem.signals.peaks import line_spacing
 from evopem.signals.prepared_data import Transforms
 
 # The search counts as near its final objective from this ratio on.
 NEAR = 1.001
-NAMES = {
-    "nc": "Order of C, nc",
-    "nd": "Order of D, nd",
-    "na": "Order of A, na",
-    "nb": "Number of B coefficients, nb",
-}
 
 
 def difference_gain(transforms: Transforms, frequency: float) -> float:
@@ -40,51 +30,6 @@ def time_constants(view: View, mode: Mode) -> float:
     """Length of the estimation samples in time constants of a mode."""
     duration = view.results.model.transforms.estimation_samples / view.sampling_rate
     return 2 * math.pi * mode.frequency_hz * mode.damping_ratio * duration
-
-
-def reason(results: DatasetResults, phase: str) -> str:
-    """Why a candidate was selected, with true minus signs."""
-    return re.sub(r"(?<![\w-])-(?=\d)", "−", results.phases[phase].reason)
-
-
-def selected_delay(results: DatasetResults) -> dict[str, Any]:
-    """The selected delay, and how much BIC varies over the orders for it and for the others."""
-    nk = results.phases["delay"].orders.single.nk
-    tried = results.candidates[results.candidates["phase"] == "delay"]
-    spread = tried.groupby("nk")["bic"].agg(np.ptp)
-    others = spread.drop(nk)
-    return {
-        "reason": reason(results, "delay"),
-        "nk": nk,
-        "orders": sorted(tried[plant_order(results.model.structure)]),
-        "spread": spread[nk],
-        "others": [others.min(), others.max()] if len(others) else [],
-    }
-
-
-def selected_orders(results: DatasetResults) -> Iterator[dict[str, Any]]:
-    """The selection of each phase of the orders, beside the smallest RSS."""
-    structure = results.model.structure
-    for name, phase in results.phases.items():
-        if name == "delay" or results.decisions is not None:
-            continue
-        order = varied_order(name, structure)
-        least = min(phase.candidates, key=lambda candidate: candidate.criteria.rss)
-        yield {
-            "name": NAMES.get(name) or f"Plant order {tied_text(structure)}",
-            "tried": sorted(getattr(each.orders.single, order) for each in phase.candidates),
-            "value": getattr(phase.selected.orders.single, order),
-            "rss": phase.selected.criteria.rss,
-            "of_smallest": getattr(least.orders.single, order),
-            "smallest": least.criteria.rss,
-            "reason": reason(results, name),
-        }
-
-
-def structures_tried(results: DatasetResults) -> list[str]:
-    """The structures that the automatic recipe compared."""
-    tried = results.phases["structures"].candidates
-    return list(dict.fromkeys(structure_name(each.orders.structure) for each in tried))
 
 
 def evaluations_to_near(history: Sequence[tuple[int, float]]) -> int:
@@ -133,10 +78,6 @@ IN_TEMPLATES: dict[str, Any] = {
     for each in (
         difference_gain,
         time_constants,
-        reason,
-        selected_delay,
-        selected_orders,
-        structures_tried,
         evaluations_to_near,
         counted_roots,
         gains_in_words,
