@@ -372,7 +372,11 @@ def _measured(g: Random, case: Case) -> Case:
     u, y = u * input_scale, y * output_scales
     if g.random() < 0.1:
         faults.append("missing samples")
-        y[g.random(count) < 0.01] = np.nan
+        if g.random() < 0.3:
+            y[g.random(count) < 0.01] = np.nan
+        else:
+            first = int(g.integers(count // 10, count - count // 10))
+            y[first : first + max(1, count // 50)] = np.nan
     return replace(
         case,
         faults=tuple(faults),

@@ -3,6 +3,7 @@
 import io
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -167,6 +168,14 @@ def test_saving_replaces_nothing_that_evopem_did_not_write(found, tmp_path):
         (project / name).unlink()
     found.save(project)
     assert evopem.read_results(project).modes.equals(found.modes)
+
+
+def test_modes_can_be_filtered_where_there_are_none(found):
+    without = replace(found)
+    vars(without)["summary"] = replace(found.summary, modes=(), trusted=())
+    trusted = without.modes[without.modes["trusted"]]
+    assert list(trusted.columns) == list(found.modes.columns)
+    assert trusted.empty
 
 
 def test_an_independent_recording_validates(found):

@@ -148,7 +148,8 @@ class Results:
             for mode, trusted in zip(self.summary.modes, self.summary.trusted, strict=True)
         ]
         index = pd.RangeIndex(1, len(rows) + 1, name="mode")
-        return pd.DataFrame(rows, columns=[*MODE_COLUMNS, "trusted"], index=index)
+        types = dict.fromkeys(MODE_COLUMNS, float) | {"trusted": bool}
+        return pd.DataFrame(rows, columns=list(types), index=index).astype(types)
 
     @property
     def shapes(self) -> pd.DataFrame:
