@@ -87,7 +87,8 @@ def judged(tmp_path_factory):
     for name, content in {**VALIDATION_FILES, "good.csv": text(GOOD)}.items():
         (folder.path / name).write_text(content)
     datasets["good"] = {"file": "good.csv", **RATE}
-    folder.configure({**TINY, "defaults": DEFAULTS, "datasets": datasets, "report": "none"})
+    one_job = {"one_job_per": "recording", "report": "none"}
+    folder.configure({**TINY, **one_job, "defaults": DEFAULTS, "datasets": datasets})
     before = {path.name for path in folder.path.iterdir()}
     return folder, folder.run("--cores", "2"), before
 

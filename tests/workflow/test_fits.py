@@ -51,7 +51,7 @@ def configuration(**changed):
         name: {"file": f"{name}.csv", "sampling_rate": 50} | keys | changed.get(name, {})
         for name, keys in FITS.items()
     }
-    return {"defaults": DEFAULTS, "datasets": datasets}
+    return {"one_job_per": "recording", "defaults": DEFAULTS, "datasets": datasets}
 
 
 @pytest.fixture(scope="module")
@@ -106,16 +106,6 @@ def test_a_focus_is_that_of_the_python_interface(run):
     selected = load(PhaseSelection, files.phase("nb")).selected
     assert record.objective > selected.criteria.objective
     assert ">Focus</h3>" in Path(files.report).read_text(encoding="utf-8")
-
-
-def test_other_constraints_repeat_the_model_and_not_the_search(run):
-    assert run.planned() == {}
-    other = CONSTRAINTS | {"fixed_poles": [{"real": 0.99}]}
-    run.configure(configuration(integrator={"constraints": other}))
-    planned = run.planned()
-    run.configure(configuration())
-    assert planned["complete_model"] == planned["report"] == 1
-    assert not {"prepare", "estimate_candidates", "select_candidate"} & set(planned)
 
 
 def test_a_contradiction_is_refused_before_any_job(folder):

@@ -5,10 +5,13 @@ import os
 import shutil
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
+
+from evopem.results.layout import OVERVIEW
 
 from .conftest import TINY, Folder
 
@@ -24,7 +27,7 @@ SENTENCE = 'b.csv, line 51, column 2: "oops" is not a finite number; repair or r
 def configure(folder, *names, **changes):
     """Name recordings in the configuration."""
     datasets = {name: {"file": f"{name}.csv", "sampling_rate": 100} for name in names}
-    keys = {"report": "none", "candidates_per_job": "auto", "defaults": DEFAULTS}
+    keys = {"report": "none", "one_job_per": "recording", "defaults": DEFAULTS}
     folder.configure(keys | {"datasets": datasets} | changes)
 
 
@@ -90,24 +93,43 @@ def test_results_that_went_bad_are_not_listed_as_complete(copy_of_two, two):
     assert ">b</a>" not in (folder.results / "index.html").read_text()
 
 
-def test_a_result_that_alone_could_not_be_made_is_listed_until_it_is(copy_of_two, two):
-    """Of these the summary is no part: the lists are made again though it stays as it was."""
-    folder = copy_of_two
-    table_of_candidates = folder.results / "b" / "candidates.csv"
-    table_of_candidates.unlink()
-    phase = folder.results / "b" / "phases" / "nb.json"
-    text = phase.read_text()
+@pytest.fixture(scope="module")
+def staged(finished, tmp_path_factory):
+    """A finished run with a job for each stage, and lists of before: they are made again."""
+    path = tmp_path_factory.mktemp("staged") / "copy"
+    shutil.copytree(finished.path, path, copy_function=shutil.copy2)
+    for file in OVERVIEW:
+        (path / file).touch()
+    Folder(path).finish("--cores", "1")
+    return Folder(path)
+
+
+@pytest.fixture
+def copy_of_staged(staged, tmp_path):
+    path = tmp_path / "copy"
+    shutil.copytree(staged.path, path, copy_function=shutil.copy2)
+    return Folder(path)
+
+
+def test_a_result_that_alone_could_not_be_made_is_listed_until_it_is(copy_of_staged, staged):
+    """The lists are made again though the summary comes out as it was."""
+    folder, before = copy_of_staged, table(staged)
+    assert {status for status, *_ in before.values()} == {"complete"}
+    files = folder.files_of("truth")
+    Path(files.candidates).unlink()
+    phase = Path(files.phase("nb"))
+    text, times = phase.read_text(), phase.stat()
     phase.write_text(text.replace('"reason": "', '"reason": "x'))
-    times = (phase.stat().st_atime, (two.results / "b/phases/nb.json").stat().st_mtime)
-    os.utime(phase, times)
+    os.utime(phase, ns=(times.st_atime_ns, times.st_mtime_ns))
     assert folder.run("--cores", "1").returncode == 1
-    status, problem, _ = table(folder)["b"]
+    status, problem, _ = table(folder)["truth"]
     assert status == "failed"
-    assert problem.startswith("results/b/phases/nb.json: was changed or damaged")
+    assert problem.startswith("results/truth/phases/nb.json: was changed or damaged")
     phase.write_text(text)
-    os.utime(phase, times)
+    os.utime(phase, ns=(times.st_atime_ns, times.st_mtime_ns))
     folder.finish("--cores", "1")
-    assert table(folder) == table(two)
+    assert table(folder) == before
+    assert folder.planned() == {}
 
 
 def test_a_first_run_on_one_core_lists_what_each_data_set_said(two, folder):
@@ -153,30 +175,27 @@ def test_a_job_that_is_killed_is_not_quoted(two, folder):
     assert table(folder)["a"][0] == "complete"
 
 
-def test_a_killed_run_does_not_leave_outdated_results_listed_as_complete(copy_of_two, two):
+def test_a_killed_run_does_not_leave_outdated_results_listed_as_complete(copy_of_staged, staged):
     """Of a run that is killed nothing remains to correct the lists."""
-    folder = copy_of_two
-    configure(folder, "a", "b", defaults=DEFAULTS | {"spectrum": {"nfft": 1024}})
+    folder = copy_of_staged
+    folder.configure(TINY | {"defaults": TINY["defaults"] | {"spectrum": {"nfft": 1024}}})
     run = psutil.Popen(
         folder.command("--cores", "1", "--until", "estimate_spectrum"), cwd=folder.path
     )
-    log = folder.results / "a" / "logs" / "estimate_spectrum.log"
+    log = folder.results / "truth" / "logs" / "estimate_spectrum.log"
     assert kill_job(run, log, run) == -signal.SIGKILL
     run.wait()
     assert {status for status, *_ in table(folder).values()} == {"unfinished"}
     folder.finish("--unlock")
-    configure(folder, "a", "b")
+    folder.configure(TINY)
     folder.finish("--cores", "1")
-    assert table(folder) == table(two)
-    assert folder.planned() == {}
+    assert table(folder) == table(staged)
 
 
-def test_a_result_beside_the_summary_that_is_made_again_is_listed_at_once(copy_of_two, two):
-    (copy_of_two.results / "a" / "candidates.csv").unlink()
-    copy_of_two.finish("--cores", "1", "results/a/candidates.csv")
-    assert table(copy_of_two) == table(two)
-    copy_of_two.finish("--cores", "1")
-    assert copy_of_two.planned() == {}
+def test_a_result_beside_the_summary_that_is_made_again_is_listed_at_once(copy_of_staged, staged):
+    Path(copy_of_staged.files_of("truth").candidates).unlink()
+    copy_of_staged.finish("--cores", "1", "results/truth/candidates.csv")
+    assert table(copy_of_staged) == table(staged)
 
 
 def kill_job(run, log, victim=None):

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -37,18 +36,32 @@ def configuration(**keys):
 
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory):
-    """A finished run of a structure of one's own, with three keys more than the source."""
-    folder = Folder(Path(tempfile.mkdtemp(dir=tmp_path_factory.getbasetemp())))
+    """A finished run over all structures, in one job."""
+    folder = Folder(tmp_path_factory.mktemp("recipe"))
     write_recording(folder.path / "pump.csv")
-    folder.configure(configuration())
+    folder.configure(configuration() | {"one_job_per": "recording"})
+    folder.finish("--cores", "1")
+    return folder
+
+
+# For tests of jobs, a structure and ranges that take less time.
+GIVEN = {"structure": "oe", "delay": {"nk": 1}, "orders": {"joint": [2, 3]}}
+
+
+@pytest.fixture(scope="module")
+def staged(tmp_path_factory):
+    """A finished run with a job for each stage; nobody changes it."""
+    folder = Folder(tmp_path_factory.mktemp("staged"))
+    write_recording(folder.path / "pump.csv")
+    folder.configure(configuration(**GIVEN))
     folder.finish("--cores", "2")
     return folder
 
 
 @pytest.fixture
-def again(identified, tmp_path):
+def again(staged, tmp_path):
     path = tmp_path / "again"
-    shutil.copytree(identified.path, path, copy_function=shutil.copy2)
+    shutil.copytree(staged.path, path, copy_function=shutil.copy2)
     return Folder(path)
 
 
@@ -94,62 +107,26 @@ def test_the_graph_is_known_before_it_runs(folder):
     assert folder.planned()["search_structure"] == 3
 
 
-def test_one_job_for_all_stages_gives_the_same_files(identified, folder):
+def test_one_job_for_all_stages_gives_the_same_files(staged, folder):
     write_recording(folder.path / "pump.csv")
-    folder.configure(configuration() | {"one_job_per": "recording"})
+    folder.configure(configuration(**GIVEN) | {"one_job_per": "recording"})
     folder.finish("--cores", "1")
-    assert results_of(folder) == results_of(identified)
+    assert results_of(folder) == results_of(staged)
 
 
-def test_nothing_is_left_to_do(again):
+def test_nothing_is_left_to_do_until_a_key_changes(again):
+    """Which jobs a key changes is tested in tests/pipeline/test_changed_keys.py."""
     assert again.planned() == {}
+    again.configure(configuration(**GIVEN, purpose="prediction"))
+    assert set(again.planned()) == {"choose", "complete_model", "validate"}
 
 
-@pytest.mark.parametrize(
-    ("keys", "unchanged", "redone"),
-    [
-        (
-            {"purpose": "prediction"},
-            {"prepare", "search_structure", "estimate_spectrum"},
-            {"choose", "complete_model"},
-        ),
-        (
-            {"delay": {"nk": 1}},
-            {"read_recording"},
-            {"prepare", "search_structure", "choose"},
-        ),
-        (
-            {"search": {"seed": 2}},
-            {"search_structure", "choose"},
-            {"complete_model", "validate"},
-        ),
-        (
-            {"split": {"discard": 10}},
-            {"read_recording"},
-            {"prepare", "search_structure"},
-        ),
-        (
-            {"spectrum": {"nfft": 512}},
-            {"prepare", "search_structure", "choose", "complete_model"},
-            {"estimate_spectrum", "validate"},
-        ),
-    ],
-)
-def test_a_changed_key_redoes_what_depends_on_it(again, keys, unchanged, redone):
-    again.configure(configuration(**keys))
-    planned = set(again.planned())
-    assert redone <= planned
-    assert not unchanged & planned
-
-
-def test_a_key_overrides_its_decision(again):
-    again.configure(configuration(structure="arx", delay={"nk": 1}, orders={"joint": [2, 4]}))
-    again.finish("--cores", "2")
-    files = again.files_of("pump")
+def test_a_key_overrides_its_decision(staged):
+    files = staged.files_of("pump")
     orders = load(ModelRecord, files.model).orders
-    assert orders.structure == "arx"
+    assert orders.structure == "oe"
     assert orders.single.nk == 1
-    assert 2 <= orders.na <= 4
+    assert 2 <= orders.single.nf <= 3
     delay = next(
         each for each in load(DecisionRecord, files.decisions).decisions if each.subject == "delay"
     )

@@ -37,8 +37,8 @@ DATASETS = {
         "sampling_rate": 2500,
         "transforms": {"box_cox": "none", "difference": 0},
         "split": {"discard": 2500, "estimation": 5000},
-        "delay": {"orders": [4, 6], "nk": [0, 3]},
-        "orders": {"joint": [4, 8], "nc": [2, 8], "nb": [2, 8]},
+        "delay": {"orders": [4, 5], "nk": [0, 2]},
+        "orders": {"joint": [6, 8], "nc": [4, 8], "nb": [6, 8]},
     },
 }
 
@@ -48,15 +48,14 @@ def identified_recordings(tmp_path_factory):
     """One run over the recordings that are there, one job for each."""
     folder = Folder(tmp_path_factory.mktemp("recordings"))
     there = {name: keys for name, keys in DATASETS.items() if Path(keys["file"]).exists()}
-    chapter = {"recipe": "chapter"}
-    folder.configure({"one_job_per": "recording", "defaults": chapter, "datasets": there})
+    keys = {"one_job_per": "recording", "report": "none", "defaults": {"recipe": "chapter"}}
+    folder.configure(keys | {"datasets": there})
     folder.finish("--cores", "2")
     return folder
 
 
 def results_of(folder, dataset):
     files = folder.files_of(dataset)
-    assert Path(files.report).stat().st_size > 50_000
     return load_model(files.model), load(Validation, files.validation)
 
 

@@ -108,21 +108,11 @@ FROM_CANDIDATES = {"estimate_candidates", *FROM_SELECTION}
     ("key", "value", "rules"),
     [
         ("defaults.spectrum.nfft", 1024, FROM_SPECTRUM),
-        ("defaults.search.seed", 2, FROM_CANDIDATES),
         ("defaults.orders.nb", [2, 3], FROM_CANDIDATES),
-        (
-            "defaults.split.discard",
-            30,
-            {"prepare", *FROM_SPECTRUM, *FROM_CANDIDATES},
-        ),
-        (
-            "datasets.truth.seed",
-            2,
-            {"synthesize", "prepare", *FROM_SPECTRUM, *FROM_CANDIDATES},
-        ),
     ],
 )
 def test_a_changed_value_repeats_what_depends_on_it(copy, key, value, rules):
+    """Which stages other values repeat is tested in tests/pipeline/test_changed_keys.py."""
     copy.configure(changed(key, value))
     planned = copy.planned()
     assert set(planned) == rules

@@ -26,7 +26,7 @@ def test_the_configuration_is_that_of_the_example():
 def test_the_numbers_come_out_of_a_run(tmp_path):
     folder = Folder(tmp_path / "bench")
     shutil.copytree(EXAMPLE, folder.path)
-    printed = folder.finish("--config", "one_job_per=recording")
+    printed = folder.finish("--config", "one_job_per=recording", "report=none")
     files = folder.files_of("motor_bench")
     modes = load_model(files.model).modes()
     nearest = min(modes, key=lambda mode: abs(mode.frequency_hz - 76.4))
