@@ -15,9 +15,9 @@ for own in provider.rules:
         output:
             [shown(path) for path in own.outputs],
         log:
-            own.log,
+            FILES.log(own.stage.job),
         benchmark:
-            own.benchmark
+            FILES.benchmark(own.stage.job)
         wildcard_constraints:
             dataset=own.datasets,
         priority: own.priority

@@ -28,9 +28,10 @@ from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.files.job import interrupt_on_hangup
 from evopem.pipeline.planning.constraint_plan import check_planned_fits
-from evopem.pipeline.planning.provider import LIST, Provider, modules_of
+from evopem.pipeline.planning.provider import FILES, LIST, Provider, modules_of
+from evopem.pipeline.planning.stages import WHOLE
 from evopem.pipeline.planning.stage import module_of
-from evopem.results.layout import BATCH, BATCH_CHECKSUMS, OVERVIEW
+from evopem.results.layout import BATCH, BATCH_CHECKSUMS, OVERVIEW, PHASES
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.results.identity import forget_incomplete_batches
 from evopem.results.identity import mark_replaced_recordings
@@ -161,7 +162,7 @@ def code(modules, templates=(), script="run_stage"):
 def code_of(rule):
     """The digest of the code and templates behind a job, which may depend on its data set."""
     digests = {}
-    templates = TEMPLATES if rule.writes_report else ()
+    templates = TEMPLATES if rule.stage.is_page or rule.stage is WHOLE else ()
 
     def digest(wildcards):
         modules = tuple(rule.modules(wildcards))
@@ -258,7 +259,6 @@ def collect_unfinished():
 
 wildcard_constraints:
     dataset=provider.one_of(provider.config.datasets),
-    phase=provider.values("phase"),
-    structure=provider.values("structure"),
-    purpose=provider.values("purpose"),
+    phase="|".join(PHASES),
+    structure=r"\w+",
     part=r"\d+",

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from evopem.config.configuration import (
     MARGIN_MINUTES,
@@ -27,7 +27,7 @@ from evopem.config.configuration import (
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESERVED_NAMES
 from evopem.files.json_form import to_json
-from evopem.pipeline.planning.stage import Demand, Stage
+from evopem.pipeline.planning.stage import Stage
 from evopem.pipeline.planning.stage_lists import Task
 from evopem.pipeline.planning.stages import PREPARING, STAGES, WHOLE, results_of, stages_of
 from evopem.results.identity import incompleteness, is_finished, was_read_from
@@ -44,14 +44,8 @@ FILES = DatasetFiles.of_dataset("{dataset}")
 """The files of a data set, with the wildcard in their paths."""
 
 
-class Wildcards(Protocol):
-    """The wildcards of a job: ``dataset``, or ``batch``, and those of its stage."""
-
-    dataset: str
-    batch: str
-
-    def get(self, name: str) -> str | None:
-        """Value of a wildcard, None where the job has no such one."""
+Wildcards = Any
+"""The wildcards of a job: ``dataset``, or ``batch``, and those of its stage."""
 
 
 @dataclass(frozen=True)
@@ -87,17 +81,6 @@ class Provider:
         for stage in stages_of(settings, self.with_report):
             own = {wildcard: f"{{{wildcard}}}" for wildcard in stage.wildcards}
             yield stage, sorted(stage.made_by(Task(settings, FILES, own, self.config.run)))
-
-    def values(self, wildcard: str) -> str:
-        """A constraint of a wildcard to the values that it has for any data set."""
-        values = {
-            task.values[wildcard]
-            for settings in self.config.datasets.values()
-            for stage in stages_of(settings)
-            if wildcard in stage.wildcards and wildcard != "part"
-            for task in stage.tasks(Task(settings, FILES))
-        }
-        return "|".join(map(re.escape, sorted(values))) or "(?!)"
 
     @property
     def with_report(self) -> bool:
@@ -173,15 +156,8 @@ class Provider:
         """
         if self.config.run.one_job_per == "recording":
             return self.batch_checksums
-        return [path for name in self.config.datasets for path in self._last_results(name)]
-
-    def _last_results(self, dataset: str) -> list[str]:
-        files, settings = DatasetFiles.of_dataset(dataset), self.config.datasets[dataset]
-        stages = stages_of(settings, self.with_report)
-        jobs = [(stage, task) for stage in stages for task in stage.tasks(Task(settings, files))]
-        read = {path for stage, task in jobs for path in stage.read_by(task)} | {files.summary}
-        made = [stage.made_by(task) for stage, task in jobs]
-        return [outputs[0] for outputs in made if read.isdisjoint(outputs)]
+        last = FILES.report if self.with_report else FILES.spectrum
+        return [last.format(dataset=name) for name in self.config.datasets]
 
     def one_of(self, names: Iterable[str]) -> str:
         """A wildcard constraint that matches these names and no other data set's.
@@ -200,27 +176,31 @@ class Provider:
         """The recorded files of a batch that exist: the job of a batch knows what it has read."""
         return [
             path
-            for name in self.config.batches[wildcards.batch]
-            for path in self.config.datasets[name].source.all_files
+            for settings in self._batch(wildcards).values()
+            for path in settings.source.all_files
             if is_file(path)
         ]
 
     def batch_settings(self, wildcards: Wildcards) -> dict[str, Any]:
         """The settings of the recordings of a batch, by their names."""
-        names = self.config.batches[wildcards.batch]
-        return {name: to_json(self.config.datasets[name]) for name in names}
+        return {name: to_json(settings) for name, settings in self._batch(wildcards).items()}
 
     def batch_memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """MB of the job of a batch: those of its largest recording."""
-        names = self.config.batches[wildcards.batch]
-        return max(self.memory("estimation", name, threads, attempt) for name in names)
+        own = self._batch(wildcards)
+        return max(estimation_memory(each, threads, attempt) for each in own.values())
 
     def batch_time(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """Minutes of the job of a batch: a margin for all, and what each recording may take."""
+        margin, per_job = attempt * MARGIN_MINUTES, self.config.run.candidates_per_job
+        own = self._batch(wildcards).values()
+        return margin + sum(
+            estimation_time(each, None, per_job, threads, attempt) - margin for each in own
+        )
+
+    def _batch(self, wildcards: Wildcards) -> dict[str, DatasetSettings]:
         names = self.config.batches[wildcards.batch]
-        margin = attempt * MARGIN_MINUTES
-        own = (self.time("estimation", name, None, threads, attempt) - margin for name in names)
-        return margin + sum(own)
+        return {name: self.config.datasets[name] for name in names}
 
     def unfinished(self, batches: Iterable[str], code: str) -> set[str]:
         """Names of the recordings of batches that their jobs would identify."""
@@ -232,27 +212,6 @@ class Provider:
         }
 
     # Of jobs.
-
-    def memory(self, demand: Demand, dataset: str, threads: int, attempt: int) -> int:
-        """MB of a job."""
-        settings = self.config.datasets[dataset]
-        if self._only_reads(demand, dataset):
-            return reading_memory(settings, attempt)
-        return estimation_memory(settings, threads, attempt)
-
-    def time(
-        self, demand: Demand, dataset: str, phase: str | None, threads: int, attempt: int
-    ) -> int:
-        """Minutes of a job."""
-        settings = self.config.datasets[dataset]
-        if self._only_reads(demand, dataset):
-            return reading_time(settings, attempt)
-        per_job = self.config.run.candidates_per_job if demand == "estimation" else 1
-        return estimation_time(settings, phase, per_job, threads, attempt)
-
-    def _only_reads(self, demand: Demand, dataset: str) -> bool:
-        again = estimates_again(self.config.datasets[dataset])
-        return demand == "reading" or (demand == "model" and not again)
 
 
 @dataclass(frozen=True)
@@ -269,16 +228,6 @@ class StageRule:
     def datasets(self) -> str:
         """A constraint of the wildcard to the data sets that the rule is for."""
         return self.provider.one_of(self.members)
-
-    @property
-    def log(self) -> str:
-        """Path of the log, with wildcards."""
-        return FILES.log(self.stage.job)
-
-    @property
-    def benchmark(self) -> str:
-        """Path of the measured times, with wildcards."""
-        return FILES.benchmark(self.stage.job)
 
     @property
     def priority(self) -> int:
@@ -311,11 +260,6 @@ class StageRule:
         """Whether a job estimates candidates on several cores."""
         return self.stage.is_part or self.stage is WHOLE
 
-    @property
-    def writes_report(self) -> bool:
-        """Whether its results depend on the templates."""
-        return self.stage.is_page or self.stage is WHOLE
-
     def inputs(self, wildcards: Wildcards) -> list[str]:
         """The results that a job reads."""
         return self.stage.read_by(self._task(wildcards))
@@ -333,12 +277,22 @@ class StageRule:
 
     def memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """MB that a job asks for."""
-        return self.provider.memory(self.stage.demand, wildcards.dataset, threads, attempt)
+        settings = self.provider.config.datasets[wildcards.dataset]
+        if self._only_reads(settings):
+            return reading_memory(settings, attempt)
+        return estimation_memory(settings, threads, attempt)
 
     def time(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """Minutes that a job asks for."""
-        demand, phase = self.stage.demand, wildcards.get("phase")
-        return self.provider.time(demand, wildcards.dataset, phase, threads, attempt)
+        settings, run = self.provider.config.datasets[wildcards.dataset], self.provider.config.run
+        if self._only_reads(settings):
+            return reading_time(settings, attempt)
+        per_job = run.candidates_per_job if self.stage.demand == "estimation" else 1
+        return estimation_time(settings, wildcards.get("phase"), per_job, threads, attempt)
+
+    def _only_reads(self, settings: DatasetSettings) -> bool:
+        demand = self.stage.demand
+        return demand == "reading" or (demand == "model" and not estimates_again(settings))
 
     def _task(self, wildcards: Wildcards) -> Task:
         values = {name: wildcards.get(name) or "" for name in self.stage.wildcards}

@@ -6,15 +6,14 @@ Nothing here imports numpy, pandas or Snakemake.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
-from evopem.config.settings import DatasetSettings
 from evopem.config.structures import AUTOMATIC_STRUCTURES
-from evopem.pipeline.planning.stage_lists import ARGUMENTS, LISTS, Task, Value
+from evopem.pipeline.planning.stage_lists import ARGUMENTS, LISTS, Task, Value, attribute
 
 Demand = Literal["reading", "model", "estimation"]
 
@@ -28,8 +27,7 @@ class Stage:
     name: str  # that of its rule
     function: str  # module below ``evopem.pipeline`` and name, with a colon between them
     title: str  # what the stage does, in words; it may hold wildcards
-    # Whether a data set has the stage
-    applies: Callable[[DatasetSettings], bool] = lambda _: True
+    applies: str = ""  # a condition of :func:`holds`, of the data sets that have the stage
     # inputs, outputs: attributes of :class:`.DatasetFiles`, with the argument of a method behind a
     # colon. Words in braces are wildcards or keys of :data:`LISTS`, which stand for several files
     # or none.
@@ -79,7 +77,10 @@ class Stage:
     def arguments(self, task: Task) -> dict[str, Any]:
         """The arguments of the function that come from the settings."""
         given = {name: ARGUMENTS.get(name, name) for name in self.given}
-        return {name: _value(value, task) for name, value in (given | {**self.settings}).items()}
+        return {
+            name: attribute(task.settings, value) if isinstance(value, str) else value(task)
+            for name, value in (given | {**self.settings}).items()
+        }
 
     def words(self, task: Task) -> str:
         """What a job does, in words."""
@@ -106,15 +107,6 @@ def paths(name: str, task: Task) -> list[str]:
         value(*argument.format(**task.values, **dict(zip(keys, each, strict=True))).split(","))
         for each in product(*listed)
     ]
-
-
-def _value(value: Value, task: Task) -> Any:
-    if not isinstance(value, str):
-        return value(task)
-    provided: Any = task.settings
-    for name in filter(None, value.split(".")):
-        provided = getattr(provided, name)
-    return provided
 
 
 _TITLES = {

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any
 
 from evopem.config import order_grid
 from evopem.config.configuration import RunSettings
@@ -21,8 +21,6 @@ from evopem.config.structures import (
 from evopem.pipeline.planning.constraint_plan import known_rate
 from evopem.results.layout import DatasetFiles
 
-T = TypeVar("T")
-
 
 @dataclass(frozen=True)
 class Task:
@@ -35,46 +33,30 @@ class Task:
     run: RunSettings = field(default_factory=RunSettings)
 
 
-def is_recorded(settings: DatasetSettings) -> bool:
-    """Whether there are recorded files; otherwise the recording is simulated."""
-    return bool(settings.source.all_files)
+def attribute(settings: DatasetSettings, path: str) -> Any:
+    """An attribute of settings by its path, such as ``source.files``; themselves for none."""
+    value: Any = settings
+    for name in filter(None, path.split(".")):
+        value = getattr(value, name)
+    return value
 
 
-def is_synthetic(settings: DatasetSettings) -> bool:
-    """Whether the recording is simulated."""
-    return not is_recorded(settings)
+def holds(condition: str, settings: DatasetSettings) -> bool:
+    """Whether an attribute of settings is there and not empty; with ``not`` before it the reverse.
 
-
-def is_validated(settings: DatasetSettings) -> bool:
-    """Whether there is an independent recording for validation."""
-    return bool(settings.source.validation_files)
-
-
-def is_single(settings: DatasetSettings) -> bool:
-    """Whether the model is one of polynomials with one input and one output."""
-    return settings.is_single_channel
-
-
-def has_several(settings: DatasetSettings) -> bool:
-    """Whether there are several channels, or models in state space."""
-    return not settings.is_single_channel
-
-
-def is_automatic(settings: DatasetSettings) -> bool:
-    """Whether structure and orders are decided."""
-    return settings.automatic is not None
-
-
-def is_by_chapter(settings: DatasetSettings) -> bool:
-    """Whether orders are searched phase by phase, within given ranges."""
-    return settings.automatic is None
+    ``automatic``: structure and orders are decided, and not searched phase by phase.
+    ``is_single_channel``: the model is one of polynomials with at most one input, and one output.
+    ``source.all_files``: the recording is read, and not simulated.
+    """
+    path = condition.removeprefix("not ")
+    return bool(attribute(settings, path)) == (path == condition)
 
 
 def structures(task: Task) -> tuple[str, ...]:
     """The structures that are searched."""
-    if has_several(task.settings):
-        return searched_forms(task.settings)
-    return searched_structures(_automatic(task).structure)
+    if task.settings.is_single_channel:
+        return searched_structures(_automatic(task).structure)
+    return searched_forms(task.settings)
 
 
 def wanted(task: Task) -> tuple[str, ...]:
@@ -85,19 +67,20 @@ def wanted(task: Task) -> tuple[str, ...]:
 
 def _nested(task: Task) -> tuple[str, ...]:
     """The structures whose models are starts of a search."""
-    several = has_several(task.settings)
-    return () if several else AUTOMATIC_STRUCTURES[task.values["structure"]]
+    single = task.settings.is_single_channel
+    return AUTOMATIC_STRUCTURES[task.values["structure"]] if single else ()
 
 
 def purposes(task: Task) -> tuple[str, ...]:
     """The purpose whose model is kept beside that of the configuration; none without inputs."""
-    kept = is_automatic(task.settings) and task.settings.channels.inputs
+    kept = task.settings.automatic and task.settings.channels.inputs
     return (_automatic(task).other_purpose,) if kept else ()
 
 
 def _phases(task: Task) -> tuple[str, ...]:
     """The phases of an order search; of one channel also those in their place."""
-    return () if has_several(task.settings) else order_grid.phases_of_dataset(task.settings)
+    settings = task.settings
+    return order_grid.phases_of_dataset(settings) if settings.is_single_channel else ()
 
 
 def _part_count(task: Task) -> int:
@@ -117,7 +100,8 @@ def _automatic(task: Task) -> AutomaticSettings:
 
 def compared_phase(task: Task) -> str | None:
     """The phase over whose models the modes of one channel are compared."""
-    return order_grid.phase_of_orders_of(task.settings) if is_single(task.settings) else None
+    settings = task.settings
+    return order_grid.phase_of_orders_of(settings) if settings.is_single_channel else None
 
 
 def _previous(task: Task) -> list[str]:
@@ -126,18 +110,18 @@ def _previous(task: Task) -> list[str]:
     return [previous] if previous else []
 
 
-def _resonances(task: Task) -> bool:
-    return order_grid.needs_resonances(task.values["phase"], task.settings.order_grid)
+def _resonances(task: Task) -> list[str]:
+    needed = order_grid.needs_resonances(task.values["phase"], task.settings.order_grid)
+    return ["spectrum_summary"] if needed else []
 
 
-def _where(applies: Callable[[Task], bool], *names: str) -> Callable[[Task], list[str]]:
-    """Some files where a condition holds."""
-    return lambda task: list(names) if applies(task) else []
+def _where(condition: str, *names: str) -> Callable[[Task], list[str]]:
+    """Some files where a condition of the settings holds."""
+    return lambda task: list(names) if holds(condition, task.settings) else []
 
 
-def _of(provide: Callable[[DatasetSettings], T]) -> Callable[[Task], T]:
-    return lambda task: provide(task.settings)
-
+DECIDED = ("preparation", "folds", "delay")
+"""Decisions before any search."""
 
 LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "structures": structures,
@@ -148,20 +132,18 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "last": lambda task: _phases(task)[-1:],
     "parts": lambda task: [str(number + 1) for number in range(_part_count(task))],
     "previous": _previous,
-    "resonances": _where(_resonances, "spectrum_summary"),
-    "validation": _where(_of(is_validated), "validation_recording"),
-    "validation_info": _where(_of(is_validated), "validation_recording_info"),
-    "truth": _where(_of(is_synthetic), "truth"),
-    "decided": _where(
-        *(_of(is_automatic), "decision:preparation", "decision:folds", "decision:delay")
-    ),
-    "chosen": _where(_of(is_automatic), "decision:comparison", "decision:remedies"),
-    "selected": _where(_of(is_by_chapter), "phase:{last}"),
-    "found": _where(_of(is_automatic), "phase:{phases}", "decision:search"),
-    "searched": _where(_of(is_automatic), "search:{structures}", "decision:search"),
-    "decisions": _where(_of(is_automatic), "decisions"),
-    "models": _where(_of(has_several), "models_of_orders:{structure}"),
-    "models_of_orders": _where(_of(has_several), "models_of_orders:{structures}"),
+    "resonances": _resonances,
+    "validation": _where("source.validation_files", "validation_recording"),
+    "validation_info": _where("source.validation_files", "validation_recording_info"),
+    "truth": _where("not source.all_files", "truth"),
+    "decided": _where("automatic", *(f"decision:{each}" for each in DECIDED)),
+    "chosen": _where("automatic", "decision:comparison", "decision:remedies"),
+    "selected": _where("not automatic", "phase:{last}"),
+    "found": _where("automatic", "phase:{phases}", "decision:search"),
+    "searched": _where("automatic", "search:{structures}", "decision:search"),
+    "decisions": _where("automatic", "decisions"),
+    "models": _where("not is_single_channel", "models_of_orders:{structure}"),
+    "models_of_orders": _where("not is_single_channel", "models_of_orders:{structures}"),
 }
 """What words in the inputs and outputs of stages stand for."""
 
@@ -179,14 +161,14 @@ def _window(task: Task) -> object:
 
 def _requirements(task: Task) -> object:
     """What a record must have for the order grid of the chapter's recipe."""
-    by_chapter = is_by_chapter(task.settings)
-    return order_grid.sample_requirements(task.settings) if by_chapter else None
+    settings = task.settings
+    return None if settings.automatic else order_grid.sample_requirements(settings)
 
 
 def fit_to_check(task: Task) -> object:
     """Constraints and order grid, where constraints in Hz wait for the sampling rate."""
     settings = task.settings
-    given = is_by_chapter(settings) and settings.fit.constraints is not None
+    given = settings.automatic is None and settings.fit.constraints is not None
     waits = given and known_rate(settings) is None
     return (settings.fit, settings.order_grid) if waits else None
 
@@ -219,7 +201,7 @@ def _fits(task: Task) -> dict[str, object]:
     """What fits of several channels have in common; those of one channel depend on nothing."""
     common: dict[str, object] = {"objective": "quadratic", "level": True}
     search, own = task.settings.search, _automatic(task)
-    if is_single(task.settings):
+    if task.settings.is_single_channel:
         return common | {"weighting": None, "max_root_radius": 0.9999, "seed": 1}
     radius, seed = search.max_root_radius, search.seed
     return common | {"weighting": own.weighting, "max_root_radius": radius, "seed": seed}
@@ -230,11 +212,11 @@ Value = str | Callable[[Task], Any]
 
 ARGUMENTS: Mapping[str, Value] = {
     "told": _is_told,
-    "is_validated": _of(is_validated),
-    "given": _of(order_grid.given_preparation),
+    "is_validated": lambda task: holds("source.validation_files", task.settings),
+    "given": lambda task: order_grid.given_preparation(task.settings),
     "requirements": _requirements,
-    "of_polynomials": _of(is_single),
-    "with_models": _of(has_several),
+    "of_polynomials": "is_single_channel",
+    "with_models": lambda task: not task.settings.is_single_channel,
     "nested": _nested,
     "structures": structures,
     "phases": _phases,

@@ -22,15 +22,15 @@ PREPARING = ("synthesize", "read_recording", "prepare")
 _PREPARED = of.PREPARED
 _SCORED = (*_PREPARED, "{decided}")
 
-_decided = partial(Stage, applies=of.is_automatic, demand="estimation")
-_searched = partial(Stage, applies=of.is_by_chapter, demand="estimation")
+_decided = partial(Stage, applies="automatic", demand="estimation")
+_searched = partial(Stage, applies="not automatic", demand="estimation")
 
 STAGES = (
     Stage(
         "synthesize",
         "acquisition:synthesize_recording",
         "simulating the recording",
-        applies=of.is_synthetic,
+        applies="not source.all_files",
         outputs=("recording", "recording_info", "truth"),
         settings={"source": "source", "transforms": "preparation.transforms"},
     ),
@@ -38,7 +38,7 @@ STAGES = (
         "read_recording",
         "acquisition:read_recording",
         "reading the recording",
-        applies=of.is_recorded,
+        applies="source.all_files",
         outputs=("recording", "recording_info", "{validation}", "{validation_info}"),
         given=("channels", "told", "geometry"),
         settings={"recorded": "source.files", "validation": "source.validation_files"},
@@ -167,7 +167,9 @@ WHOLE = Stage(
 def stages_of(settings: DatasetSettings, with_report: bool = True) -> list[Stage]:
     """The stages of a data set, in the order of the table."""
     return [
-        stage for stage in STAGES if stage.applies(settings) and (with_report or not stage.is_page)
+        stage
+        for stage in STAGES
+        if of.holds(stage.applies, settings) and (with_report or not stage.is_page)
     ]
 
 
