@@ -51,9 +51,9 @@ def test_a_single_recording_away_from_the_others_is_named_and_drawn():
     assert sentence.endswith("in day07 alone.")
     assert not any(map(movements, others))
     charts = followed_charts([first, *others])
-    assert [chart.marks.count("M") for chart in charts] == [1, 0, 0]
-    assert all(chart.points.count("M") == 20 for chart in charts)
-    assert charts[0].first == "day01 (1)"
+    assert [chart["marks"].count("M") for chart in charts] == [1, 0, 0]
+    assert all(chart["points"].count("M") == 20 for chart in charts)
+    assert charts[0]["first"] == "day01 (1)"
 
 
 def test_the_order_is_that_of_a_condition_where_one_is_given():

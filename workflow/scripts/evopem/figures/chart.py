@@ -116,19 +116,12 @@ class Chart:
         plane = any(panel.plane or panel.decades for panel in self.panels)
         if not self.live or plane or len(self.panels) > MOST_LIVE or self.nothing:
             return []
-        return [_compact(asdict(panel)) for panel in self.panels]
+        return [asdict(panel, dict_factory=_stated) for panel in self.panels]
 
 
-def _compact(form: Mapping[str, Any]) -> dict[str, Any]:
+def _stated(entries: list[tuple[str, Any]]) -> dict[str, Any]:
     """Without what is empty, which the page takes for granted."""
-    kept = {
-        key: [_compact(each) if isinstance(each, dict) else each for each in value]
-        if isinstance(value, tuple)
-        else value
-        for key, value in form.items()
-        if value not in ("", 0, False, (), 0.0) or key == "value"
-    }
-    return {key: value for key, value in kept.items() if (key, value) != ("factor", 1.0)}
+    return {key: value for key, value in entries if value or key == "value"}
 
 
 def nothing(sentence: str) -> Chart:

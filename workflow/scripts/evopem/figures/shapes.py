@@ -27,7 +27,11 @@ class ShapeDrawing:
         index = {name: place for place, name in enumerate(self.names)}
         self.lines = [(index[one], index[other]) for one, other in geometry.lines]
         self.channels = [
-            (output_names.index(name), index[each.point], _unit(np.array(each.direction)))
+            (
+                output_names.index(name),
+                index[each.point],
+                np.array(each.direction) / np.linalg.norm(each.direction),
+            )
             for name, each in geometry.channels.items()
         ]
         extent = np.ptp(self.rest, axis=0)
@@ -46,28 +50,28 @@ class ShapeDrawing:
         self.offset = np.array([MARGIN, MARGIN]) + (room - span * self.scale) / 2
         self.top = float(span[1] * self.scale)
 
-    def still(self, shape: NDArray[np.complex128], label: str) -> str:
-        """The structure at rest and at both extremes of a shape (ny,) whose largest entry is 1."""
-        content = f'<path class="rest" d="{self._outline(self.rest)}"/>'
-        content += f'<path class="back" d="{self._outline(self._moved(-_in_phase(shape).real))}"/>'
-        front = self._moved(_in_phase(shape).real)
-        content += f'<path class="front" d="{self._outline(front)}"/>{self._dots(front)}'
-        return _svg(label, content)
+    def drawn(self, shape: NDArray[np.complex128], label: str, moving: bool = False) -> str:
+        """The structure at rest and at both extremes of a shape (ny,), or moving through it.
 
-    def moving(self, shape: NDArray[np.complex128], label: str) -> str:
-        """The structure moving through a period of a shape, again and again."""
-        turned = _in_phase(shape)
-        frames = [
-            self._outline(self._moved((turned * np.exp(2j * np.pi * k / FRAMES)).real))
-            for k in range(FRAMES)
-        ]
-        frames.append(frames[0])
+        The largest entry of the shape is 1; its real part is turned to be as large as it can be.
+        """
+        turned = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
+        steps = np.exp(2j * np.pi * np.arange(FRAMES + 1) / FRAMES)
+        frames = [self._outline(self._moved((turned * step).real)) for step in steps]
         content = f'<path class="rest" d="{self._outline(self.rest)}"/>'
-        content += (
-            f'<path class="front" d="{frames[0]}"><animate attributeName="d" dur="{SECONDS:g}s"'
-            f' repeatCount="indefinite" values="{";".join(frames)}"/></path>'
+        front = f'<path class="front" d="{frames[0]}"'
+        if moving:
+            content += (
+                f'{front}><animate attributeName="d" dur="{SECONDS:g}s" repeatCount="indefinite"'
+                f' values="{";".join(frames)}"/></path>'
+            )
+        else:
+            content += f'<path class="back" d="{frames[FRAMES // 2]}"/>{front}/>'
+            content += self._dots(self._moved(turned.real))
+        return (
+            f'<svg class="shape" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img"'
+            f' aria-label="{escape(label, quote=True)}">{content}</svg>'
         )
-        return _svg(label, content)
 
     def _moved(self, entries: Array) -> Array:
         """Points displaced in the directions of their channels, (points, 3)."""
@@ -100,17 +104,6 @@ class ShapeDrawing:
         )
 
 
-def _in_phase(shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """A shape turned so that its real part is as large as it can be."""
-    turned: NDArray[np.complex128] = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
-    return turned
-
-
-def _unit(direction: Array) -> Array:
-    unit: Array = direction / np.linalg.norm(direction)
-    return unit
-
-
 def _view(flat: NDArray[np.bool_]) -> Array:
     """Projection to two dimensions, (3, 2): onto a plane that holds all, else from a corner."""
     if flat.any():
@@ -123,11 +116,4 @@ def _view(flat: NDArray[np.bool_]) -> Array:
             [-np.cos(slope), -np.sin(slope)],
             [0.0, 1.0],
         ]
-    )
-
-
-def _svg(label: str, content: str) -> str:
-    return (
-        f'<svg class="shape" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img"'
-        f' aria-label="{escape(label, quote=True)}">{content}</svg>'
     )

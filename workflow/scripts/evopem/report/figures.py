@@ -132,32 +132,14 @@ def csv_download(
 
 
 def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
-    """Leave out rows beyond about so many and keep the extremes of every column.
+    """Leave out rows beyond about so many, and keep the extremes of every column along the rows.
 
-    Columns of words divide the table into series; the first numeric column is their abscissa.
+    The first numeric column is the abscissa.
     """
     if len(table) <= rows:
         return table
-    words = [
-        name
-        for name in table.columns[:4]
-        if not pd.api.types.is_numeric_dtype(table[name])
-        and table[name].nunique() < len(table) ** 0.5
-    ]
-    series = [table]
-    if words:
-        series = [part for _, part in table.groupby(words, sort=False, dropna=False)]
-    return pd.concat([_thin(part, max(rows * len(part) // len(table), 8)) for part in series])
-
-
-def _thin(part: pd.DataFrame, rows: int) -> pd.DataFrame:
-    if len(part) <= rows:
-        return part
-    numbers = part.select_dtypes("number").iloc[:, 1:]
-    drawn = [name for name in numbers if numbers[name].notna().any()]
-    bins = max(rows // (2 * max(len(drawn), 1)), 1)
-    # It keeps a series of at most 4 × bins points whole; here it must not.
-    kept = [style.extremes(part[name], max(min(bins, len(part) // 4 - 1), 1)) for name in drawn]
-    return (
-        part.iloc[np.unique(np.concatenate(kept))] if kept else part.iloc[:: len(part) // rows + 1]
-    )
+    numbers = table.select_dtypes("number").iloc[:, 1:].dropna(axis="columns", how="all")
+    # Extremes of at most 4 × bins points are all of them, which here they must not be.
+    bins = max(min(rows // (2 * max(numbers.shape[1], 1)), len(table) // 4 - 1), 1)
+    kept = [style.extremes(numbers[name], bins) for name in numbers]
+    return table.iloc[np.unique(np.concatenate(kept))] if kept else table.iloc[:rows]

@@ -105,23 +105,7 @@ def _gain(summary: DatasetSummary) -> dict[str, Any] | None:
     return {"path": "M" + "L".join(points), "marks": marks, "label": label.replace("-", "−")}
 
 
-@dataclass(frozen=True)
-class FollowedChart:
-    """Frequency of one mode by recording."""
-
-    title: str
-    high: str  # frequencies in Hz at the upper and the lower edge
-    low: str
-    first: str  # places at the left and the right edge
-    last: str
-    intervals: str  # SVG paths of 95 % intervals, levels, estimates and those that a warning names
-    levels: str
-    points: str
-    marks: str
-    label: str  # description for screen readers
-
-
-def followed_charts(followed: Sequence[FollowedMode]) -> list[FollowedChart]:
+def followed_charts(followed: Sequence[FollowedMode]) -> list[dict[str, str]]:
     """Charts of the modes that enough recordings have."""
     several = len({each.group for each in followed}) > 1
     return [_chart(each, several) for each in followed if len(each.modes) >= FEWEST]
@@ -177,49 +161,41 @@ def _moved(level: float, size: float, error: float) -> str:
     return f"{_share(size, level, 3)} (standard error {_share(error, level)})"
 
 
-def _chart(followed: FollowedMode, several: bool) -> FollowedChart:
+def _chart(followed: FollowedMode, several: bool) -> dict[str, str]:
+    """Frequency of one mode by recording: SVG paths, and the words at their edges."""
     values = [mode.frequency_hz for mode in followed.modes]
     halves = [NORMAL_95 * mode.frequency_se_hz for mode in followed.modes]
-    low = min(value - half for value, half in zip(values, halves, strict=True))
-    high = max(value + half for value, half in zip(values, halves, strict=True))
-    first, last = followed.places[0], followed.places[-1]
-    xs = [
-        EDGE + (CHART_WIDTH - 2 * EDGE) * (p - first) / ((last - first) or 1.0)
-        for p in followed.places
-    ]
+    ends = [(v - half, v + half) for v, half in zip(values, halves, strict=True)]
+    low, high = min(low for low, _ in ends), max(high for _, high in ends)
+    places = followed.places
+    across = (CHART_WIDTH - 2 * EDGE) / ((places[-1] - places[0]) or 1.0)
+    up = (CHART_HEIGHT - 2 * EDGE) / ((high - low) or 1.0)
+    xs = [f"{EDGE + across * (place - places[0]):.1f}" for place in places]
 
-    def y(value: float) -> float:
-        return EDGE + (CHART_HEIGHT - 2 * EDGE) * (high - value) / ((high - low) or 1.0)
+    def ys(of: Sequence[float]) -> list[str]:
+        return [f"{EDGE + up * (high - value):.1f}" for value in of]
 
-    intervals = "".join(
-        f"M{x:.1f} {y(value - half):.1f}V{y(value + half):.1f}"
-        for x, value, half in zip(xs, values, halves, strict=True)
-    )
-    points = [f"M{x:.1f} {y(value):.1f}h0" for x, value in zip(xs, values, strict=True)]
-    levels, marked = "", set()
+    bars = zip(xs, *map(ys, zip(*ends, strict=True)), strict=True)
+    points = [f"M{x} {y}h0" for x, y in zip(xs, ys(values), strict=True)]
+    levels, marked = "", set[int]()
     if followed.levels is not None:
         marked = {*(change.index for change in followed.levels.changes), *followed.levels.outlying}
-        steps = [
-            f"{x:.1f} {y(level):.1f}" for x, level in zip(xs, followed.levels.values, strict=True)
-        ]
-        levels = "M" + "L".join(steps)
-    told = movements(followed) + variation(followed)
+        steps = zip(xs, ys(followed.levels.values), strict=True)
+        levels = "M" + "L".join(f"{x} {y}" for x, y in steps)
+    told = " ".join(movements(followed) + variation(followed))
     title = f"Mode {followed.number}, {number(followed.frequency_hz)} Hz"
-    return FollowedChart(
-        title=f"{followed.group}: {title}" if several else title,
-        high=number(high, 5),
-        low=number(low, 5),
-        first=_edge(followed, 0),
-        last=_edge(followed, -1),
-        intervals=intervals,
-        levels=levels,
-        points="".join(points),
-        marks="".join(points[index] for index in sorted(marked)),
-        label=f"{title}, in {len(values)} recordings from {number(min(values), 5)} to "
-        f"{number(max(values), 5)} Hz. {' '.join(told) or 'It moved by no more than its error.'}",
-    )
-
-
-def _edge(followed: FollowedMode, index: int) -> str:
-    """Name and place of a recording at an edge of the chart."""
-    return f"{followed.recordings[index]} ({number(followed.places[index])})"
+    spread = f"from {number(min(values), 5)} to {number(max(values), 5)} Hz"
+    first, last = (f"{followed.recordings[k]} ({number(places[k])})" for k in (0, -1))
+    return {
+        "title": f"{followed.group}: {title}" if several else title,
+        "high": number(high, 5),
+        "low": number(low, 5),
+        "first": first,
+        "last": last,
+        "intervals": "".join(f"M{x} {bottom}V{top}" for x, bottom, top in bars),
+        "levels": levels,
+        "points": "".join(points),
+        "marks": "".join(points[index] for index in sorted(marked)),
+        "label": f"{title}, in {len(values)} recordings {spread}."
+        f" {told or 'It moved by no more than its error.'}",
+    }

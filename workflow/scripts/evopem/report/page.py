@@ -11,7 +11,6 @@ from pathlib import Path
 import pandas as pd
 
 from evopem.figures.view import View, view_of
-from evopem.report import sentences
 from evopem.report.figures import drawn_figures
 from evopem.report.sections import PHASE_NAMES, SECTIONS
 from evopem.report.templates import environment
@@ -54,9 +53,7 @@ def build_report(
 ) -> str:
     """One HTML page that loads no other file; `drawings`: SVG texts by name; times in seconds."""
     view = view_of(results)
-    page = environment(template_directory).get_template(
-        "report.html.j2", globals=sentences.IN_TEMPLATES
-    )
+    page = environment(template_directory).get_template("report.html.j2")
     return page.render(
         view=view,
         results=results,

@@ -32,14 +32,9 @@ def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "
 def results_html(name: str, verdict: str, summary: DatasetSummary) -> str:
     """The same as HTML without styles that leave it, with all that the failed checks found."""
     head, *rows = _mode_rows(summary)
-    modes = f"<p>{_NO_MODE}</p>"
-    if rows:
-        columns = "".join(f"<th>{escape(column)}</th>" for column in head)
-        listed = "".join(
-            f"<tr><th>{place}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
-            for place, *cells in rows
-        )
-        modes = f"<table><thead><tr>{columns}</tr></thead><tbody>{listed}</tbody></table>"
+    from pandas import DataFrame
+
+    modes = DataFrame(rows, columns=head).to_html(index=False, border=0) if rows else _NO_MODE
     parts = [
         f"<p><strong>{escape(name)}</strong>: {escape(verdict)}</p>",
         modes,

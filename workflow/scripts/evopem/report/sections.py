@@ -159,8 +159,8 @@ def _modes(view: View) -> dict[str, Any]:
         "labels": labels if len(names) > 1 else [],
         "drawn": [
             (
-                Markup(drawing.still(mode.shape, label)),
-                Markup(drawing.moving(mode.shape, f"{label}, moving")),
+                Markup(drawing.drawn(mode.shape, label)),
+                Markup(drawing.drawn(mode.shape, f"{label}, moving", moving=True)),
             )
             for mode, label in zip(view.modes, labels, strict=True)
             if drawing and len(names) > 1

@@ -1,4 +1,7 @@
-"""What the sentences of the page tell in numbers; ``sentences.html.j2`` has their words."""
+"""What the sentences of the page tell in numbers; ``sentences.html.j2`` has their words.
+
+The templates call each function of this module, and those that it imports, by its name.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,12 @@ import numpy as np
 from evopem.figures.chart import rows_of
 from evopem.figures.frequency_domain import model_source
 from evopem.figures.view import View
-from evopem.models.mode_matching import PERSISTENT_ORDERS, persistent_frequencies
+from evopem.models.mode_matching import persistent_frequencies
 from evopem.models.modes import Mode
 from evopem.signals.peaks import line_spacing
 from evopem.signals.prepared_data import Transforms
+
+__all__ = ["line_spacing", "persistent_frequencies"]
 
 # The search counts as near its final objective from this ratio on.
 NEAR = 1.001
@@ -71,18 +76,3 @@ def gains_in_words(view: View) -> Iterator[dict[str, Any]]:
             "largest": float(gain[top]),
             "ratio": high / low if low > 0 and high > 0 else None,
         }
-
-
-IN_TEMPLATES: dict[str, Any] = {
-    each.__name__: each
-    for each in (
-        difference_gain,
-        time_constants,
-        evaluations_to_near,
-        counted_roots,
-        gains_in_words,
-        persistent_frequencies,
-        line_spacing,
-    )
-} | {"persistent_orders": PERSISTENT_ORDERS}
-"""What the templates call by its name."""

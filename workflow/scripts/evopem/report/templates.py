@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import hashlib
 from base64 import b64encode
+from inspect import getmembers, isfunction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evopem.report import numbers
+from evopem.models.mode_matching import PERSISTENT_ORDERS
+from evopem.report import numbers, sentences
 from evopem.report.equations import symbol
-from evopem.report.sentences import IN_TEMPLATES
 from evopem.validation.checks import p_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-
-# Functions of :mod:`evopem.report.numbers` that templates have.
-FILTERS = ("number", "fixed", "percent", "count", "raw", "standard_error", "hertz")
-WORDS = (
-    *("number", "count", "with_error", "root", "hertz", "enumeration", "plural", "times"),
-    *("superscript", "to_its_error"),
-)
 
 
 def template_folder() -> Path:
@@ -45,10 +39,12 @@ def environment(folder: Path) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters.update({name: getattr(numbers, name) for name in FILTERS})
+    words = dict(getmembers(numbers, isfunction))
+    environment.filters.update(words)
     environment.tests["finite"] = numbers.is_number
-    environment.globals.update({name: getattr(numbers, name) for name in WORDS} | IN_TEMPLATES)
     environment.globals.update(
+        words | dict(getmembers(sentences, isfunction)),
+        persistent_orders=PERSISTENT_ORDERS,
         symbol=symbol,
         p_value=p_text,
         page_script=_script(folder / "page.js"),
