@@ -9,13 +9,14 @@ from scipy.signal import lfilter
 from evopem import SearchSettings, estimate
 from evopem.errors import InputError
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.polynomial_estimate import describe
+from evopem.estimation.polynomial_estimate import describe, searched_objective
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import orders_of
 from evopem.signals.recording import Segment
 
 QUICK = SearchSettings(objective="quadratic", evaluations=2000)
 ONE = np.ones(1)
+OF_STRUCTURE = {"oe": {"nb": 1, "nf": 2}, "bj": {"nb": 1, "nc": 1, "nd": 1, "nf": 2}}
 
 
 @pytest.mark.parametrize("mean", [0.0, 3e3, 1e5])
@@ -47,18 +48,24 @@ def test_states_that_hardly_decay_are_fitted_without_harm():
     assert fitted <= rest
 
 
-def test_an_estimate_with_another_objective_than_its_search_is_refused():
+@pytest.mark.parametrize("structure", OF_STRUCTURE)
+def test_an_estimate_has_the_objective_of_its_search_or_is_refused(structure):
+    """Whatever the mean of the input: it moves constants between the level and the states."""
     generator = np.random.default_rng(3)
-    u = generator.standard_normal(300)
-    y = lfilter([0.0, 1.0], [1.0, -0.5], u) + 0.1 * generator.standard_normal(300)
-    found = estimate(u, y, (1, 1, 1, 1), settings=QUICK)
+    u = 20.0 + generator.standard_normal(300)
+    y = lfilter([0.0, 1.0], np.poly([0.99, 0.5]), u) + 20.0 * generator.standard_normal(300)
+    orders = orders_of(structure, OF_STRUCTURE[structure])
+    found = estimate(u, y, orders, structure=structure, level=True, settings=QUICK)
     errors = PolynomialErrors(
-        [Segment(u, y)], found.model.orders, "quadratic", 0.9999, 0.9999, False, found.window
+        [Segment(u, y)], orders, "quadratic", 0.9999, 0.9999, True, found.window
     )
-    broken = replace(found.search, point=found.search.point * 1.2)
+    value = found.search.value
+    assert searched_objective(errors, found.search.point) == pytest.approx(value, rel=1e-7)
     assert describe(errors, found.search, 1.0, shortest=True).objective == found.objective
-    with pytest.raises(InputError, match="objective"):
-        describe(errors, broken, 1.0, shortest=True)
+    for excess in (1e-4, 0.5):
+        lower = replace(found.search, value=value / (1.0 + excess))
+        with pytest.raises(InputError, match="objective"):
+            describe(errors, lower, 1.0, shortest=True)
 
 
 def test_a_standard_error_at_the_bound_covers_what_the_bound_takes_away():

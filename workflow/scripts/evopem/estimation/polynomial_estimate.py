@@ -21,6 +21,7 @@ from evopem.estimation.pem.covariance import (
 )
 from evopem.estimation.pem.least_squares import triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.prediction_errors import scaled_errors
 from evopem.estimation.search.problem import SAME_OPTIMUM, SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, model_of
@@ -33,9 +34,9 @@ WITHOUT_NOISE_MODEL = ("fir", "oe", "general")
 
 # Objective, percent, that rounding alone makes of records without errors.
 ROUNDING = 1e-8
-# Excess over the search's objective from which a model is taken for broken.  That of models with
-# several poles next to 1 is rounded to 1e-3.
-LOST = 1e-2
+# Relative excess over the search's objective, in its units, from which a model is taken for broken.
+# Rounding makes up to 3e-7 of it, with poles next to 1 and a mean of 100 standard deviations.
+LOST = 1e-5
 
 
 @dataclass(frozen=True)
@@ -143,7 +144,7 @@ def describe(
     triangle = triangle_of(errors.jacobian_blocks(point))
     if shortest:
         found = minimum_norm_point(errors, point, triangle)
-        before, after = errors.values(np.array([point, found]))
+        before, after = (searched_objective(errors, each) for each in (point, found))
         if after <= before * (1.0 + SAME_OPTIMUM) and not np.array_equal(found, point):
             point, triangle = found, triangle_of(errors.jacobian_blocks(found))
     window, outputs = errors.window, errors.scored_outputs()
@@ -154,11 +155,12 @@ def describe(
     levels = tuple(point[parts["level"]].tolist())
     counts = errors.residual_counts()
     criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
-    if shortest and not criteria.objective <= result.value * (1.0 + LOST) + ROUNDING:
+    reached = searched_objective(errors, point) if shortest else result.value
+    if not reached <= result.value * (1.0 + LOST) + ROUNDING:
         raise InputError(
             "search",
             f"the errors of the best {errors.orders} are lost in rounding: its objective is "
-            f"{criteria.objective:.6g} %, and that of its search was {result.value:.6g} %",
+            f"{reached:.9g} %, and that of its search was {result.value:.9g} %",
             "lower the orders",
         )
     covariance = covariance_of(errors, point, counted, outputs, counts, triangle)
@@ -186,6 +188,14 @@ def describe(
         focus_objective=criteria.objective,
         levels=levels,
     )
+
+
+def searched_objective(errors: PolynomialErrors, point: Array) -> float:
+    """What a search minimises, of a point in the units of the signals: its states are weighed as in
+    the search, whose inputs have no mean beside levels."""
+    scaled, units = scaled_errors(errors)
+    loss = errors.loss(errors.residuals(point))
+    return loss + float(scaled.state_weights() @ units.taken(point) ** 2)
 
 
 def _step_beyond(

@@ -164,7 +164,7 @@ def prediction_estimate(
     fitted = Fitted(k_errors.jacobian(found.point), tangent, prior_rows, scaled.residual_counts())
     covariance = _covariance(scaled, k_errors, found.point, fitted)
     objective, without = (
-        _objective_of(scaled, k_errors.residuals(point)) for point in (found.point, free.point)
+        scaled.loss(k_errors.residuals(point)) for point in (found.point, free.point)
     )
     unscaled = replace(found, point=units.restored(found.point))
     result = describe(task.errors, unscaled, task.sampling_rate)
@@ -178,11 +178,6 @@ def prediction_estimate(
         constraints=ConstraintEffect(objective, without, (*equalities(task.constraints), *active)),
     )
     return estimate, fitted
-
-
-def _objective_of(errors: PolynomialErrors, residuals: Array) -> float:
-    losses = np.abs(residuals) if errors.objective == "absolute" else residuals**2
-    return float(errors.loss_factor * np.sum(losses))
 
 
 def _constrained_optimum(

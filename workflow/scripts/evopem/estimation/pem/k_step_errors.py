@@ -71,9 +71,7 @@ class KStepErrors:
         """Objective of each row, (M,), in percent; infeasible rows are inf."""
         values = np.full(len(points), np.inf)
         for row in np.flatnonzero(self.one_step.feasible(points)):
-            residuals = self.residuals(points[row])
-            losses = np.abs(residuals) if self.objective == "absolute" else residuals**2
-            values[row] = self.one_step.loss_factor * np.sum(losses)
+            values[row] = self.one_step.loss(self.residuals(points[row]))
         values += self.one_step.state_weights() @ points.T**2
         return np.where(np.isfinite(values), values, np.inf)
 

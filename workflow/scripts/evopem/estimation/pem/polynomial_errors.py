@@ -197,6 +197,11 @@ class PolynomialErrors:
         """What the objective multiplies the sum of losses by."""
         return 100.0 / self._scale
 
+    def loss(self, residuals: Array) -> float:
+        """The objective of residuals that count, percent, without the states."""
+        losses = np.abs(residuals) if self.objective == "absolute" else residuals**2
+        return float(self.loss_factor * np.sum(losses))
+
     def state_weights(self) -> Array:
         """Weights of the squares of a point's entries in the objective, (n,): of its states."""
         weights, o = np.zeros(self.dimension), self.orders
