@@ -240,7 +240,7 @@ def test_a_bad_signal_is_named_as_it_was_handed_over():
         evopem.identify(u, y, RATE, show_progress=False)
 
 
-def test_progress_is_a_bar_or_lines(capsys):
+def test_progress_is_shown_in_lines(capsys):
     with progress(shown=False) as announce:
         assert announce is None
     with progress(shown=True) as announce:

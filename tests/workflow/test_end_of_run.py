@@ -14,13 +14,13 @@ def test_a_run_ends_with_its_results(copy):
     assert "report  results/truth/report.html" in end
     # Every detail is in the log file of the run, and on the terminal where it is asked for.
     (log,) = sorted((copy.path / ".snakemake" / "log").glob("*"))[-1:]
-    assert "input: results/truth/config.yaml" in log.read_text()
+    assert "input: results/truth/truth.json" in log.read_text()
     assert "input: results/" in copy.finish("--forcerun", "report", "--verbose")
 
 
 def test_a_dry_run_is_that_of_snakemake(copy):
     printed = copy.finish("--dry-run", "--forcerun", "report")
-    assert "input: results/truth/config.yaml" in printed
+    assert "input: results/truth/truth.json" in printed
     assert "errors  one step ahead" not in printed
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,33 +29,37 @@ class StageJob:
         """Name of the stage, and the values behind it."""
         return "/".join([self.stage.name, *self.task.values.values()])
 
+    @property
+    def read(self) -> list[str]:
+        """The results that it reads."""
+        return self.stage.read_by(self.task)
+
+    @property
+    def made(self) -> list[str]:
+        """The results that it writes."""
+        return self.stage.made_by(self.task)
+
     def run(self, log: Log | None = None, cores: int = 1, folder: str | Path = "") -> None:
         """Call the function of the stage."""
         arguments = to_json(self.stage.arguments(self.task))
-        stage, task = self.stage, self.task
-        call(stage.function, task.files, arguments, task.values, log, cores, folder)
+        task = self.task
+        call(self.stage.function, task.files, arguments, task.values, log, cores, folder)
 
 
 def jobs(
     settings: DatasetSettings, files: DatasetFiles, with_report: bool = True
 ) -> list[StageJob]:
     """Every job of a data set, each behind those whose results it reads."""
-    whole = Task(settings, files)
-    waiting = [
-        StageJob(stage, task)
-        for stage in stages_of(settings, with_report)
-        for task in stage.tasks(whole)
-    ]
-    return list(_in_order(waiting))
-
-
-def _in_order(waiting: list[StageJob]) -> Iterator[StageJob]:
-    missing = {path for job in waiting for path in job.stage.made_by(job.task)}
+    stages = stages_of(settings, with_report)
+    tasks = [(stage, task) for stage in stages for task in stage.tasks(Task(settings, files))]
+    waiting, listed = [StageJob(*each) for each in tasks], []
+    missing = {path for job in waiting for path in job.made}
     while waiting:
-        ready = next(job for job in waiting if missing.isdisjoint(job.stage.read_by(job.task)))
+        ready = next(job for job in waiting if missing.isdisjoint(job.read))
         waiting.remove(ready)
-        missing.difference_update(ready.stage.made_by(ready.task))
-        yield ready
+        missing.difference_update(ready.made)
+        listed.append(ready)
+    return listed
 
 
 def identify_dataset(
@@ -79,10 +82,8 @@ def identify_dataset(
 
 def remove_parts(listed: list[StageJob]) -> None:
     """Delete the parts of results that the results of other stages hold as a whole."""
-    for job in listed:
-        if job.stage.is_part:
-            for path in job.stage.made_by(job.task):
-                Path(path).unlink()
+    for path in (path for job in listed if job.stage.is_part for path in job.made):
+        Path(path).unlink()
 
 
 def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
@@ -94,11 +95,11 @@ def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
         names = ", ".join(dict.fromkeys(job.stage.name for job in listed))
         problem = f"{name!r} is no stage of {files.name}"
         raise InputError("run_stage", problem, f"give one of {names}")
-    read = {path for job in wanted for path in job.stage.read_by(job.task)}
+    read = {path for job in wanted for path in job.read}
     parts = [
-        job
-        for job in listed
-        if job.stage.is_part and job not in wanted and read & set(job.stage.made_by(job.task))
+        each
+        for each in listed
+        if each.stage.is_part and each not in wanted and not read.isdisjoint(each.made)
     ]
     for job in parts + wanted:
         job.run(log)
