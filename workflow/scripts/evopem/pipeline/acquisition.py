@@ -75,10 +75,9 @@ def _read(
     measured = [read_measured(*each) for each in zip(paths, timed, strict=True)]
     recordings = [each.recording for each in measured]
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
+    names = channels.inputs, channels.outputs
     origins = [
-        describe_file(
-            *(name, each.recording, each.left_out, channels.inputs, channels.outputs, folder)
-        )
+        describe_file(name, each.recording, each.left_out, *names, folder)
         for name, each in zip(recorded, measured, strict=True)
     ]
     time_told = timed[0].time if channels.time is None else None

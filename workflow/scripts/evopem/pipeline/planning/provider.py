@@ -143,21 +143,17 @@ class Provider:
         return results_of(self.config.datasets[dataset], own, self.with_report)
 
     @property
-    def summaries(self) -> list[str]:
-        """The summaries of all data sets; those of a batch are no outputs of Snakemake's jobs."""
-        names = () if self.config.batches else self.config.datasets
-        return [DatasetFiles.of_dataset(name).summary for name in names]
-
-    @property
     def last_results(self) -> list[str]:
-        """An output of each job that no other job of a data set waits for, but for its summary.
+        """What the lists of all data sets wait for: an output of each last job, and the summaries.
 
-        Where one job makes all results of a data set, none; of batches the outputs of their jobs.
+        The results of a batch are no outputs of Snakemake's jobs.
         """
-        if self.config.run.one_job_per == "recording":
+        if self.config.batches:
             return self.batch_checksums
-        last = FILES.report if self.with_report else FILES.spectrum
-        return [last.format(dataset=name) for name in self.config.datasets]
+        last = [FILES.summary]
+        if self.config.run.one_job_per == "stage":
+            last.append(FILES.report if self.with_report else FILES.spectrum)
+        return [path.format(dataset=name) for path in last for name in self.config.datasets]
 
     def one_of(self, names: Iterable[str]) -> str:
         """A wildcard constraint that matches these names and no other data set's.
