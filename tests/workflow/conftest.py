@@ -33,6 +33,13 @@ TINY = {
     "datasets": {"truth": {"synthesis": "armax", "samples": 700}},
 }
 
+# Of a structure with few phases, where the search is not the point.
+FEW_PHASES = TINY["defaults"] | {
+    "structure": "arx",
+    "delay": {"orders": [3, 3], "nk": [2, 3]},
+    "orders": {"joint": [3, 3], "nb": [3, 3]},
+}
+
 
 @dataclass(frozen=True)
 class Folder:

@@ -13,21 +13,15 @@ import pytest
 
 from evopem.results.layout import OVERVIEW
 
-from .conftest import TINY, Folder
+from .conftest import FEW_PHASES, TINY, Folder
 
-# Of a structure with few phases: the lists are the same for all.
-DEFAULTS = TINY["defaults"] | {
-    "structure": "arx",
-    "delay": {"orders": [3, 3], "nk": [2, 3]},
-    "orders": {"joint": [3, 3], "nb": [3, 3]},
-}
 SENTENCE = 'b.csv, line 51, column 2: "oops" is not a finite number; repair or remove that sample.'
 
 
 def configure(folder, *names, **changes):
     """Name recordings in the configuration."""
     datasets = {name: {"file": f"{name}.csv", "sampling_rate": 100} for name in names}
-    keys = {"report": "none", "one_job_per": "recording", "defaults": DEFAULTS}
+    keys = {"report": "none", "one_job_per": "recording", "defaults": FEW_PHASES}
     folder.configure(keys | {"datasets": datasets} | changes)
 
 

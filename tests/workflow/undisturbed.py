@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import lfilter
 
-from .conftest import TINY, Folder
+from .conftest import FEW_PHASES, TINY, Folder
 from .interruption import listed
 
 ARGUMENTS = ("--cores", "2")
@@ -30,7 +30,7 @@ class State:
         """Write the configuration and the recordings, optionally with a time of modification."""
         for name in ("good", "bad"):
             write_recording(folder.path / f"{name}.csv", self.recording, name == "bad", modified)
-        defaults = TINY["defaults"] | {"spectrum": {"nfft": self.nfft}}
+        defaults = FEW_PHASES | {"spectrum": {"nfft": self.nfft}}
         datasets = {name: {"file": f"{name}.csv", "sampling_rate": 100} for name in self.names}
         jobs = {"one_job_per": self.one_job_per}
         if self.one_job_per == "batch":
