@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from identified import with_model, with_output_name, without_covariance
 
-from evopem.figures import REPORT_FIGURES, figure_of, svg_texts
+from evopem.figures import REPORT_FIGURES, svg_texts
 from evopem.figures.chart import Chart, Curve, Panel, rows_of
 from evopem.figures.draw import draw, unwrapped_gaps
 from evopem.figures.frequency_domain import complex_plane
@@ -39,7 +39,7 @@ def view(results):
 
 def drawn(view, name):
     """The axes of a figure, as matplotlib draws it."""
-    return draw(figure_of(name).chart(view)).axes
+    return draw(REPORT_FIGURES[name].chart(view)).axes
 
 
 def lines(axes):
@@ -246,7 +246,7 @@ def of_noise_alone(results):
 
 
 def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise_alone):
-    charts = {figure.name: figure.chart(of_noise_alone) for figure in REPORT_FIGURES}
+    charts = {name: figure.chart(of_noise_alone) for name, figure in REPORT_FIGURES.items()}
     shown = {name: chart for name, chart in charts.items() if not chart.nothing}
     assert set(FIGURES) - set(shown) == {"nyquist", "delay"}
     noise = of_noise_alone.results.frequency_response["noise_gain"].iloc[1:]
@@ -265,7 +265,7 @@ def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise
 def test_every_curve_has_its_columns_and_rows(view, of_noise_alone, kind):
     """The page draws a panel from these columns of the figure's own table or of a named one."""
     shown = view if kind == "with input" else of_noise_alone
-    charts = {figure.name: figure.chart(shown) for figure in REPORT_FIGURES}
+    charts = {name: figure.chart(shown) for name, figure in REPORT_FIGURES.items()}
     curves = 0
     for name, chart in charts.items():
         for panel in () if chart.nothing else chart.panels:
@@ -355,11 +355,11 @@ def test_what_is_missing_is_said(results):
 def test_hostile_names_are_drawn_as_text(results):
     view = view_of(with_output_name(results, HOSTILE, output_units=("V",)))
     for name in ("record", "simulation"):
-        figure = draw(figure_of(name).chart(view))
+        figure = draw(REPORT_FIGURES[name].chart(view))
         assert "<script" not in svg_text(figure)
         # A long label is folded over several lines, of which three are kept.
         assert "".join(HOSTILE.split())[:20] in "".join(words(figure).split())
-    assert "$x^2$" in words(draw(figure_of("record").chart(view)))
+    assert "$x^2$" in words(draw(REPORT_FIGURES["record"].chart(view)))
 
 
 PROGRAM = """
@@ -399,12 +399,12 @@ def test_the_settings_of_matplotlib_are_restored(view):
 
 def test_the_figures_are_those_of_the_layout(results):
     texts = svg_texts(results)
-    assert tuple(figure.name for figure in REPORT_FIGURES) == tuple(texts) == FIGURES
+    assert tuple(REPORT_FIGURES) == tuple(texts) == FIGURES
     for text in texts.values():
         assert ElementTree.fromstring(text).tag.endswith("svg")
 
 
 def test_the_data_of_every_figure_are_files_of_the_results(identified):
-    for figure in REPORT_FIGURES:
+    for figure in REPORT_FIGURES.values():
         for file in figure.data:
             assert (Path(identified.files.folder) / file).exists()

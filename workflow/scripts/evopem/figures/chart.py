@@ -6,8 +6,7 @@ chart again from its table, for a reader to zoom.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -168,33 +167,16 @@ def around(values: pd.Series, factor: float = 4.0) -> tuple[float, ...]:
 MOST_PANELS = 60
 
 
-@dataclass(frozen=True)
-class ReportFigure:
-    """One figure of the report."""
-
-    name: str  # one of :data:`evopem.results.layout.FIGURES`
-    part: str  # the part of the page that it stands in
-    title: str  # what is drawn
-    caption: str
-    data: tuple[str, ...]  # names of the files of the results that hold what is drawn
-    chart: Callable[[View], Chart]  # of a view; the page leaves out one with nothing to draw
-    # Title and caption for a model without input; empty where they are the same.
-    without_input: tuple[str, str] = ("", "")
-
-    def title_of(self, view: View) -> str:
-        """What the figure of these results is called."""
-        return self.title if view.has_input else self.without_input[0] or self.title
-
-    def caption_of(self, view: View) -> str:
-        """What is drawn of these results."""
-        return self.caption if view.has_input else self.without_input[1] or self.caption
-
-
-def columns_of(view: View, panels: int) -> int:
+def columns_of(view: View, panels: Sequence[Panel]) -> int:
     """Panels of a row: one for each input, else as many as leave them room."""
-    if 2 <= len(view.inputs) <= 4 and panels % len(view.inputs) == 0:
+    if 2 <= len(view.inputs) <= 4 and len(panels) % len(view.inputs) == 0:
         return len(view.inputs)
-    return 1 if panels == 1 else 2 if panels <= 4 else min(3, math.ceil(panels / 2))
+    return across(panels)
+
+
+def across(panels: Sequence[Panel]) -> int:
+    """Panels of a row where each is of one channel."""
+    return 1 if len(panels) == 1 else 2 if len(panels) <= 4 else 3
 
 
 def small(panels: Sequence[object], height: int) -> int:

@@ -16,7 +16,7 @@ from evopem.figures.chart import (
     Curve,
     Mark,
     Panel,
-    ReportFigure,
+    across,
     around,
     columns_of,
     nothing,
@@ -109,7 +109,7 @@ def gain(view: View) -> Chart:
     for name in ("gain_lower", "gain_upper"):
         together[name] = together.get(name, np.nan)
     panels = gain_panels(view, marks, 210 if len(view.pairs) == 1 else 150)
-    return Chart(together, tuple(panels), columns_of(view, len(panels)))
+    return Chart(together, tuple(panels), columns_of(view, panels))
 
 
 def frequency_response(view: View) -> Chart:
@@ -135,7 +135,7 @@ def frequency_response(view: View) -> Chart:
     table = view.frequency_response[view.frequency_response["frequency_hz"] > 0]
     if view.has_input and not view.is_single:
         table = table[table["source"] != "noise filter"]  # room for the responses that are drawn
-    return Chart(table, tuple(panels), columns_of(view, len(view.pairs)))
+    return Chart(table, tuple(panels), columns_of(view, panels[: len(view.pairs)]))
 
 
 def nyquist(view: View) -> Chart:
@@ -172,7 +172,7 @@ def nyquist(view: View) -> Chart:
                 height=330 if len(view.pairs) == 1 else 220,
             )
         )
-    return Chart(together, tuple(panels), columns_of(view, len(panels)))
+    return Chart(together, tuple(panels), columns_of(view, panels))
 
 
 def _reach(points: np.ndarray) -> float:
@@ -242,44 +242,4 @@ def _densities(view: View, table: pd.DataFrame, *curves: Curve) -> Chart:
         )
         for output in outputs
     )
-    count = len(panels)
-    return Chart(table, panels, 1 if count == 1 else 2 if count <= 4 else 3)
-
-
-FIGURES = (
-    ReportFigure(
-        *("gain", "summary", "Gain over the data"),
-        "Gain with 95 % band, and the estimate from the data; dotted: trusted modes.",
-        ("frequency_response.csv", "spectrum.csv"),
-        gain,
-        without_input=(
-            "Gain of the noise filter",
-            "Gain of the noise filter with 95 % band; dotted: trusted modes.",
-        ),
-    ),
-    ReportFigure(
-        *("frequency_response", "response", "Frequency response"),
-        "Model G with 95 % band; the estimate from the data with its coherence.",
-        ("frequency_response.csv", "spectrum.csv"),
-        frequency_response,
-        without_input=("", "Noise filter H with 95 % band."),
-    ),
-    ReportFigure(
-        *("nyquist", "response", "Nyquist diagram"),
-        "G in the complex plane over positive frequencies, and the estimate from the data.",
-        ("frequency_response.csv", "spectrum.csv"),
-        nyquist,
-    ),
-    ReportFigure(
-        *("residual_spectrum", "residual_tests", "Spectrum of the residuals"),
-        "One-step errors on the validation samples; flat if they are white.",
-        ("simulation.csv",),
-        residual_spectrum,
-    ),
-    ReportFigure(
-        *("spectrum", "recording", "Spectrum of the output"),
-        "Multitaper estimate with 95 % band and peaks.",
-        ("spectrum.csv",),
-        spectrum,
-    ),
-)
+    return Chart(table, panels, across(panels))

@@ -22,7 +22,6 @@ from evopem.figures.chart import (
     Curve,
     Mark,
     Panel,
-    ReportFigure,
     Role,
     Where,
     family,
@@ -277,37 +276,3 @@ def _modes_table(view: View) -> pd.DataFrame:
     rows = [(kind, *mode_values(mode)) for kind, modes in both.items() for mode in modes]
     table = pd.DataFrame(rows, columns=["kind", *MODE_COLUMNS])
     return table.replace([np.inf, -np.inf], np.nan)
-
-
-FIGURES = (
-    ReportFigure(
-        *("stabilization", "modes", "Stabilization over the orders"),
-        "The poles of every order; behind them the spectrum, of a single output.",
-        ("validation.json",),
-        stabilization,
-    ),
-    ReportFigure(
-        *("delay", "selection", "Delay"),
-        "RSS and BIC against the order for each delay.",
-        ("candidates.csv",),
-        delay,
-    ),
-    ReportFigure(
-        *("phases", "selection", "Structures and orders"),
-        "What the candidates of the order search were compared by; the selected orders are marked.",
-        ("candidates.csv",),
-        phases,
-    ),
-    ReportFigure(
-        *("convergence", "selection", "Search of the selected model"),
-        "Lowest objective after each generation and after each final descent.",
-        ("model.json",),
-        convergence,
-    ),
-    ReportFigure(
-        *("poles_zeros", "modes", "Poles and zeros"),
-        "Poles and zeros with 95 % confidence ellipses where they are known, and the modes.",
-        ("model.json",),
-        poles_zeros,
-    ),
-)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -16,8 +17,8 @@ from evopem.figures.chart import (
     Curve,
     Mark,
     Panel,
-    ReportFigure,
     Role,
+    across,
     columns_of,
     family,
     nothing,
@@ -35,6 +36,11 @@ FEWEST_SAMPLES, MOST_SAMPLES = 60, 400
 MOST_OUTPUTS, MOST_CHANNELS = 4, 8
 # Share of its largest value below which an impulse response has settled, and samples at least.
 REMAINDER, FEWEST_OF_RESPONSE = 0.01, 50
+RECORD_STAGES: tuple[tuple[str, Role], ...] = (
+    ("recorded", "ink"),
+    ("estimation", "ink"),
+    ("validation", "model"),
+)
 # Column and title of the responses to an input; without an input, of that to the innovations.
 OF_PLANT = (("step", "Step response"), ("impulse", "Impulse response (one sample of 1)"))
 OF_NOISE = (("noise_impulse", "Impulse response of the noise filter (one sample of 1)"),)
@@ -48,28 +54,35 @@ def shown_samples(modes: Sequence[Mode], sampling_rate: float) -> int | None:
     return min(max(round(PERIODS * sampling_rate / lowest), FEWEST_SAMPLES), MOST_SAMPLES)
 
 
+def _curves(view: View, kinds: Sequence[tuple[str, str, Role]], name: str) -> tuple[Curve, ...]:
+    """Curves of an output by label, kind of column and role; without an input none simulated."""
+    return tuple(
+        Curve(label, f"{kind}_{name}", role, dashed=role == "error")
+        for label, kind, role in kinds
+        if view.has_input or not kind.startswith(("simul", "recorded_simul"))
+    )
+
+
 def measured_and_simulated(view: View) -> Chart:
     """First validation samples of every output, the worst one first."""
     computed = "simulated" if view.has_input else "predicted"
     outputs = [output for output, _ in view.worst_first[:MOST_PANELS]]
-    count = len(outputs)
-    columns = [f"{kind}_{o.name}" for o in outputs for kind in ("output", computed)]
+    is_one = len(outputs) == 1
     panels = tuple(
         Panel(
-            view.pair_title(output),
-            *("time_s", VALIDATION_TIME if count == 1 else TIME),
+            *(view.pair_title(output), "time_s", VALIDATION_TIME if is_one else TIME),
             output.label if view.is_single else output.prepared_unit,
-            (
-                Curve("measured", f"output_{output.name}", "ink"),
-                Curve(computed, f"{computed}_{output.name}", "error", dashed=True),
+            _curves(
+                *(view, (("measured", "output", "ink"), (computed, computed, "error"))),
+                output.name,
             ),
-            height=210 if count == 1 else 150,
-            linked="" if count == 1 else "first",
+            height=210 if is_one else 150,
+            linked="" if is_one else "first",
         )
         for output in outputs
     )
-    rows = 1 if count == 1 else 2 if count <= 6 else 3
-    return Chart(_first_samples(view, columns), panels, rows)
+    columns = [curve.column for panel in panels for curve in panel.curves]
+    return Chart(_first_samples(view, columns), panels, across(panels))
 
 
 def _first_samples(view: View, columns: list[str]) -> pd.DataFrame:
@@ -88,105 +101,89 @@ def _first_samples(view: View, columns: list[str]) -> pd.DataFrame:
     return together.assign(time_s=time)[["time_s", *columns]]
 
 
+SIGNALS: tuple[tuple[str, str, Role], ...] = (
+    ("measured", "output", "ink"),
+    ("predicted one step ahead", "predicted", "model"),
+    ("simulated", "simulated", "error"),
+)
+ERRORS: tuple[tuple[str, str, Role], ...] = (
+    ("of simulation", "simulation_error", "error"),
+    ("of one-step prediction", "prediction_error", "model"),
+)
+AS_RECORDED = tuple((label, f"recorded_{kind}", role) for label, kind, role in SIGNALS)
+
+
 def simulation(view: View) -> Chart:
     """Measured, simulated and predicted samples, and the errors."""
-    outputs = [output for output, _ in view.worst_first[:MOST_OUTPUTS]]
     kept = shown_samples(view.modes, view.sampling_rate)
-    times = view.simulation["time_s"].iloc[: kept or len(view.simulation)]
-    panels: list[Panel] = []
-    columns = ["time_s"]
-    for output in outputs:
-        name = output.name
-        signals = [
-            Curve("measured", f"output_{name}", "ink"),
-            Curve("predicted one step ahead", f"predicted_{name}", "model"),
-        ]
-        errors = [Curve("of one-step prediction", f"prediction_error_{name}", "model")]
-        if view.has_input:
-            signals.append(Curve("simulated", f"simulated_{name}", "error", dashed=True))
-            error = Curve("of simulation", f"simulation_error_{name}", "error", dashed=True)
-            errors.insert(0, error)
-        columns += [curve.column for curve in (*signals, *errors)]
-        for title, y_label, height, curves in (
-            (view.pair_title(output), output.label, 240, signals),
-            ("Errors", "", 200, errors),
-        ):
-            panels.append(
-                Panel(
-                    *(title, "time_s", VALIDATION_TIME, y_label, tuple(curves)),
-                    height=height,
-                    linked="validation",
-                    shown=float(times.max()) if len(times) else 0.0,
-                )
+    until = float(view.simulation["time_s"].iloc[: kept or len(view.simulation)].max())
+    return _validated(
+        view,
+        *(
+            Panel(
+                *(title, "time_s", VALIDATION_TIME, label),
+                _curves(view, kinds, output.name),
+                height=height,
+                shown=until if until == until else 0.0,
             )
-    return Chart(view.simulation[columns], tuple(panels), 1 if len(outputs) == 1 else 2)
+            for output, _ in view.worst_first[:MOST_OUTPUTS]
+            for title, label, height, kinds in (
+                (view.pair_title(output), output.label, 240, SIGNALS),
+                ("Errors", "", 200, ERRORS),
+            )
+        ),
+        columns=1 if len(view.outputs) == 1 else 2,
+    )
 
 
 def simulation_as_recorded(view: View) -> Chart:
     """The same in the units of the recording."""
     if not view.changes_output:
         return nothing("The output was not transformed.")
-    kinds: tuple[tuple[str, str, Role], ...] = (
-        ("measured", "output", "ink"),
-        ("predicted one step ahead", "predicted", "model"),
-        ("simulated", "simulated", "error"),
-    )
-    panels = tuple(
+    panels = [
         Panel(
-            view.pair_title(output),
-            *("time_s", VALIDATION_TIME, with_unit(output.name, output.unit)),
-            tuple(
-                Curve(label, f"recorded_{kind}_{output.name}", role, dashed=role != "ink")
-                for label, kind, role in kinds[: 2 + view.has_input]
-            ),
+            *(view.pair_title(output), "time_s", VALIDATION_TIME),
+            with_unit(output.name, output.unit),
+            _curves(view, AS_RECORDED, output.name),
             height=240,
-            linked="validation",
         )
         for output, _ in view.worst_first[:MOST_OUTPUTS]
-    )
-    columns = [curve.column for panel in panels for curve in panel.curves]
-    return Chart(view.simulation[["time_s", *columns]], panels, min(len(panels), 2))
+    ]
+    return _validated(view, *panels, columns=min(len(panels), 2))
+
+
+def _validated(view: View, *panels: Panel, columns: int) -> Chart:
+    """Panels of all validation samples, which show the same part of them."""
+    shown = [curve.column for panel in panels for curve in panel.curves]
+    linked = tuple(replace(panel, linked="validation") for panel in panels)
+    return Chart(view.simulation[["time_s", *shown]], linked, columns)
 
 
 def record(view: View) -> Chart:
     """Every channel as recorded and as used."""
     table = view.signals
-    used: tuple[tuple[str, Role], ...] = (("estimation", "ink"), ("validation", "model"))
-    stages: list[tuple[str, tuple[tuple[str, Role], ...], str]] = [("As used", used, "used")]
-    if (table["stage"] == "recorded").any():
-        stages.insert(0, ("As recorded", (("recorded", "ink"),), "recorded"))
-    channels = [
-        *(("input", each) for each in view.inputs),
-        *(("output", each) for each in view.outputs),
-    ]
-    shown = [
-        *channels[: MOST_CHANNELS // 2],
-        *channels[MOST_CHANNELS // 2 :][-MOST_CHANNELS // 2 :],
-    ]
+    channels = [*(("input", u) for u in view.inputs), *(("output", y) for y in view.outputs)]
+    half = MOST_CHANNELS // 2
     start = float(table.loc[table["stage"] == "validation", "time_s"].min())
-    panels = tuple(
-        Panel(
-            title if place == 0 else "",
-            *(
-                "time_s",
-                TIME,
-                channel.label if linked == "used" else with_unit(channel.name, channel.unit),
-            ),
-            tuple(
-                Curve(
-                    *(stage, f"{kind}_{channel.name}", colour),
-                    where=(("stage", stage),),
-                )
-                for stage, colour in parts
-            ),
-            height=150,
-            marks=(Mark(start, "", "error"),) if linked == "used" and start == start else (),
-            linked=linked,
+    panels: list[Panel] = []
+    for kind, channel in [*channels[:half], *channels[half:][-half:]]:
+        column = f"{kind}_{channel.name}"
+        recorded, estimation, validation = (
+            Curve(stage, column, role, where=(("stage", stage),)) for stage, role in RECORD_STAGES
         )
-        for place, (kind, channel) in enumerate(shown)
-        for title, parts, linked in stages
-    )
-    return Chart(table, panels, len(stages))
+        label = with_unit(channel.name, channel.unit)
+        before = Panel("As recorded", "time_s", TIME, label, (recorded,), linked="recorded")
+        after = Panel(
+            *("As used", "time_s", TIME, channel.label, (estimation, validation)),
+            linked="used",
+            marks=(Mark(start, "", "error"),) if start == start else (),
+        )
+        titles = ("", "") if panels else ("As recorded", "As used")
+        panels += [
+            replace(panel, title=title, height=150)
+            for panel, title in zip((before, after), titles, strict=True)
+        ]
+    return Chart(table, tuple(panels), 2)
 
 
 def responses_of(view: View) -> tuple[tuple[str, str], ...]:
@@ -216,7 +213,7 @@ def step_and_impulse(view: View) -> Chart:
         for column, title in responses_of(view)
         for pair in view.pairs
     )[:MOST_PANELS]
-    return Chart(settling_part(view), panels, 1 if count == 1 else columns_of(view, count))
+    return Chart(settling_part(view), panels, 1 if count == 1 else columns_of(view, panels[:count]))
 
 
 def settling_part(view: View) -> pd.DataFrame:
@@ -260,7 +257,7 @@ def residuals(view: View) -> Chart:
         _correlation(view, output, source, title, small(titles, 200))
         for output, source, title in titles[:MOST_PANELS]
     )
-    return Chart(table, panels, 1 if view.is_single else columns_of(view, len(panels)))
+    return Chart(table, panels, 1 if view.is_single else columns_of(view, panels))
 
 
 def _correlation(view: View, output: str, source: str, title: str, height: int) -> Panel:
@@ -301,75 +298,3 @@ def horizons(view: View) -> Chart:
         decades=True,
     )
     return Chart(table, (panel,))
-
-
-FIGURES = (
-    ReportFigure(
-        *("measured_and_simulated", "summary", "Measured and simulated"),
-        "Validation samples from the first on, less the level of the estimation samples. The"
-        " simulation uses the input alone.",
-        ("simulation.csv",),
-        measured_and_simulated,
-        without_input=(
-            "Measured and predicted",
-            "Validation samples from the first on, less the level of the estimation samples. The"
-            " prediction knows the output before.",
-        ),
-    ),
-    ReportFigure(
-        *("step_and_impulse", "response", "Step and impulse"),
-        "Responses to a unit step and to one sample of 1, with 95 % bands where they are known.",
-        ("time_response.csv",),
-        step_and_impulse,
-        without_input=(
-            "Impulse response",
-            "Response of the noise filter to one sample of 1, with 95 % band.",
-        ),
-    ),
-    ReportFigure(
-        *("simulation", "errors", "Simulation"),
-        "Validation samples, simulated and predicted, and the errors. The drawing shows the first"
-        " of them.",
-        ("simulation.csv",),
-        simulation,
-        without_input=(
-            "Prediction",
-            "Validation samples, predicted one step ahead, and the errors.",
-        ),
-    ),
-    ReportFigure(
-        *("simulation_as_recorded", "errors", "In recorded units"),
-        "Validation samples with all transforms inverted.",
-        ("simulation.csv",),
-        simulation_as_recorded,
-    ),
-    ReportFigure(
-        *("record", "recording", "Signals"),
-        "Input and output as recorded and as used.",
-        ("recording.npz", "prepared.npz"),
-        record,
-        without_input=("", "Output as recorded and as used."),
-    ),
-    ReportFigure(
-        *("horizons", "errors", "Prediction over longer horizons"),
-        "Error of the prediction of the validation samples over its horizon, and of the"
-        " simulation.",
-        ("horizons.csv",),
-        horizons,
-        without_input=(
-            "",
-            "Error of the prediction of the validation samples over its horizon.",
-        ),
-    ),
-    ReportFigure(
-        *("residuals", "residual_tests", "Correlation of the residuals"),
-        "Correlations of the residuals with themselves and with the input, with 95 % bounds. At"
-        " positive lags the residual follows the input.",
-        ("residual_autocorrelation.csv", "cross_correlation.csv"),
-        residuals,
-        without_input=(
-            "Autocorrelation of the residuals",
-            "Correlations of the residuals with themselves, with 95 % bounds.",
-        ),
-    ),
-)

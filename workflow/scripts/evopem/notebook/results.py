@@ -14,7 +14,7 @@ import pandas as pd
 
 from evopem.automatic.decision import Decision
 from evopem.errors import InputError
-from evopem.figures import figure_of
+from evopem.figures import REPORT_FIGURES
 from evopem.figures.chart import Chart
 from evopem.figures.comparison import (
     Comparison,
@@ -64,16 +64,16 @@ def _drawn(chart: Chart, axes: Any) -> list[Axes]:
 
 def _plot(name: str, kind: str = "") -> Callable[..., Any]:
     """The method that plots a figure of the report, or its panels of one kind of column."""
-    figure = figure_of(name)
+    chart_of = REPORT_FIGURES[name].chart
 
     def plot(self: Results, axes: Axes | Sequence[Axes] | None = None) -> Axes | list[Axes]:
-        chart = figure.chart(self._view)
+        chart = chart_of(self._view)
         if kind and not (chart := chart.only(kind)).panels:
             raise InputError("plot", "the model has no input", "plot its impulse response")
         own = _drawn(chart, axes)
         return own if len(own) > 1 else own[0]
 
-    plot.__doc__ = f"{figure.title}. {figure.caption}"
+    plot.__doc__ = chart_of.__doc__
     return plot
 
 

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 from xml.etree import ElementTree
 
@@ -16,6 +17,9 @@ from markupsafe import Markup
 from evopem.figures import REPORT_FIGURES, style
 from evopem.figures.chart import Chart
 from evopem.figures.view import View
+
+if TYPE_CHECKING:
+    from jinja2.environment import TemplateModule
 
 SVG = "http://www.w3.org/2000/svg"
 XLINK = "http://www.w3.org/1999/xlink"
@@ -72,19 +76,19 @@ class DrawnFigure:
         )
 
 
-def drawn_figures(view: View, drawings: Mapping[str, str], part: str) -> dict[str, DrawnFigure]:
+def drawn_figures(
+    view: View, drawings: Mapping[str, str], captions: TemplateModule, part: str
+) -> dict[str, DrawnFigure]:
     """The figures of a part of the report by name; `drawings` are SVG texts by name."""
-    return {
-        figure.name: DrawnFigure.of(
-            *(chart, drawings[figure.name]),
-            (figure.name, figure.title_of(view), figure.caption_of(view)),
-            dataset=view.name,
-            data=figure.data,
-            most_cells=MOST_CELLS // (2 - view.is_single),
-        )
-        for figure in REPORT_FIGURES
-        if figure.part == part and not (chart := figure.chart(view)).nothing
-    }
+    found = {}
+    for name, figure in REPORT_FIGURES.items():
+        if figure.part == part and not (chart := figure.chart(view)).nothing:
+            title, _, caption = str(getattr(captions, name)(view)).strip().partition("\n")
+            found[name] = DrawnFigure.of(
+                *(chart, drawings[name], (name, title, caption), view.name, figure.data),
+                most_cells=MOST_CELLS // (2 - view.is_single),
+            )
+    return found
 
 
 def inline_svg(text: str, name: str, label: str) -> Markup:

@@ -53,7 +53,8 @@ def build_report(
 ) -> str:
     """One HTML page that loads no other file; `drawings`: SVG texts by name; times in seconds."""
     view = view_of(results)
-    page = environment(template_directory).get_template("report.html.j2")
+    templates = environment(template_directory)
+    page, captions = map(templates.get_template, ("report.html.j2", "captions.html.j2"))
     return page.render(
         view=view,
         results=results,
@@ -63,7 +64,7 @@ def build_report(
                 "title": section.title(view),
                 "template": f"section_{section.id if section.content else 'figures'}.html.j2",
                 "content": section.content(view) if section.content else {},
-                "figures": drawn_figures(view, drawings, section.id),
+                "figures": drawn_figures(view, drawings, captions.module, section.id),
             }
             for section in SECTIONS
             if section.applies(view)
