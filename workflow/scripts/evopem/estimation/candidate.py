@@ -171,13 +171,11 @@ def race(
     search_on: SearchOn,
     settle: Settle,
 ) -> list[Candidate]:
-    """Search on those candidates that may be selected, and say of the others why not.
-
-    How much a search may gain after its first pass is known from measurements; a candidate that
-    would need more to be selected is left then, or during its search.  ``samples``: those scored.
-    ``search_on`` takes a candidate and what its search is made for; ``settle`` returns the
-    candidates, none higher than a nested one.
-    """
+    """Search on those candidates that may be selected, and say of the others why not. How much a
+    search may gain after its first pass is known from measurements; a candidate that would need
+    more to be selected is left then, or during its search. ``samples``: those scored. ``search_on``
+    takes a candidate and what its search is made for; ``settle`` returns the candidates, none
+    higher than a nested one."""
     settled = list(candidates)
     finished = [_finished(each, settings) for each in settled]
     while True:
@@ -221,10 +219,8 @@ def _target(candidate: Candidate, excess: float, samples: int, settings: SearchS
 
 
 def _excesses(candidates: Sequence[Candidate], phase: str, gains: Sequence[float]) -> list[float]:
-    """How far each candidate's BIC lies above the lowest.
-
-    Of delays 0 or infinite: a delay has to be searched only when another one may overtake it.
-    """
+    """How far each candidate's BIC lies above the lowest. Of delays 0 or infinite: a delay has to
+    be searched only when another one may overtake it."""
     if phase != "delay":
         lowest = min(each.criteria.bic for each in candidates)
         return [each.criteria.bic - lowest for each in candidates]

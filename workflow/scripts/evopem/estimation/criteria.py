@@ -25,10 +25,8 @@ LIMIT, DEVIATIONS = 3.0, 1.4826
 
 @dataclass(frozen=True)
 class Criteria:
-    """Criteria of an estimate over the samples of its loss (chapter eq. 20 to 23).
-
-    The chapter's fit (eq. 21) is 100 minus the absolute objective.
-    """
+    """Criteria of an estimate over the samples of its loss (chapter eq. 20 to 23). The chapter's
+    fit (eq. 21) is 100 minus the absolute objective."""
 
     objective: float
     fit_percent: float
@@ -62,10 +60,8 @@ def lies_at_bound(radius: float, bound: float) -> bool:
 
 
 def log_loss(errors: Array, objective: str) -> float:
-    """Minus twice the largest log-likelihood of errors, (N, l), but for a constant.
-
-    Correlated normal ones; for the absolute objective independent ones with Laplace's distribution.
-    """
+    """Minus twice the largest log-likelihood of errors, (N, l), but for a constant. Correlated
+    normal ones; for the absolute objective independent ones with Laplace's distribution."""
     if objective == "absolute":
         with np.errstate(divide="ignore"):
             return 2.0 * float(np.sum(np.log(np.mean(np.abs(errors), axis=0))))
@@ -101,9 +97,7 @@ class Autoregression:
 
 def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregression:
     """The vector autoregression of the order of lowest BIC, by multivariate Yule-Walker equations.
-
-    Of (N, l) errors; ``bounds`` are the first samples of the segments, and N.
-    """
+    Of (N, l) errors; ``bounds`` are the first samples of the segments, and N."""
     samples, ny = errors.shape
     most = int(min(MOST_LAGS, SHARE * samples / ny))
     gamma = sample_autocovariances(errors, bounds, max(most, 1))
@@ -132,10 +126,8 @@ def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
 
 
 def _recursion(gamma: Array, most: int) -> Iterator[tuple[Array, Array]]:
-    """Coefficients and noise covariance of the orders 0 ... ``most``.
-
-    By the recursion of Levinson for several channels (Whittle 1963, Wiggins & Robinson 1965).
-    """
+    """Coefficients and noise covariance of the orders 0 ... ``most``. By the recursion of Levinson
+    for several channels (Whittle 1963, Wiggins & Robinson 1965)."""
     ny = gamma.shape[1]
     forward, backward = np.empty((0, ny, ny)), np.empty((0, ny, ny))
     ahead, behind = gamma[0], gamma[0]

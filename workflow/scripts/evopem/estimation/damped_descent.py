@@ -1,10 +1,8 @@
 """Damped Gauss-Newton descents (Marquardt 1963, Nielsen 1999) of squares and of absolute errors.
-
 The corner of the absolute value is smoothed, ``sqrt(e**2 + width**2)``, and the width falls to a
-millionth of the errors.  Newton's matrix is nearly singular then, and reweighted least squares is
-slow.  The primal-dual matrix (Chan, Golub & Mulet 1999) lies between both: its weights are
-``(1 - d e / h) / h``, h the smoothed value, and a *dual* d follows ``e / h`` by its linearisation.
-"""
+millionth of the errors. Newton's matrix is nearly singular then, and reweighted least squares is
+slow. The primal-dual matrix (Chan, Golub & Mulet 1999) lies between both: its weights are ``(1 - d
+e / h) / h``, h the smoothed value, and a *dual* d follows ``e / h`` by its linearisation."""
 
 from __future__ import annotations
 
@@ -92,10 +90,8 @@ class AbsoluteErrors(Problem, Protocol):
 
 
 def descend(problem: Squares, start: Array, steps: int, tolerance: float) -> Optimum:
-    """Minimise a criterion from a point by at most some accepted steps.
-
-    Converged when a step promises less than a tenth of the tolerance, or twice gains less than it.
-    """
+    """Minimise a criterion from a point by at most some accepted steps. Converged when a step
+    promises less than a tenth of the tolerance, or twice gains less than it."""
     point = problem.begun(start)
     if not np.isfinite(point).all():
         return Optimum(point, np.inf, False, 0)
@@ -142,10 +138,8 @@ class Damping:
     def step(
         self, gradient: Array, hessian: Array, least: float, tried: Callable[[Array], float]
     ) -> float | None:
-        """Damp a step until it gains something, and what it gained; ``tried`` takes a step.
-
-        None where no step promises more than ``least``, or none gains.
-        """
+        """Damp a step until it gains something, and what it gained; ``tried`` takes a step. None
+        where no step promises more than ``least``, or none gains."""
         scale = np.sqrt(np.maximum(np.diag(hessian), 0.0))
         scale = np.where(scale > 1e-12 * scale.max(initial=1e-300), scale, 1.0)
         gradient, hessian = gradient / scale, hessian / np.outer(scale, scale)
@@ -182,9 +176,7 @@ def damped_step(hessian: Array, gradient: Array, damping: float) -> Array | None
 
 def absolute_criterion(errors: Array, weighing: Weighing) -> float:
     """The mean over outputs of the logarithms of mean absolute errors, or (``power``) of the mean.
-
-    ``noise`` is the maximum likelihood of independent errors with Laplace's distribution.
-    """
+    ``noise`` is the maximum likelihood of independent errors with Laplace's distribution."""
     if not np.isfinite(errors).all():
         return float("inf")
     return _criterion(np.mean(np.abs(errors), axis=0), weighing)
@@ -208,10 +200,8 @@ def _weights(sizes: Array, weighing: Weighing) -> Array:
 
 
 def polish_absolute(problem: AbsoluteErrors, start: Array) -> Optimum:
-    """Minimise the criterion to the last digits, and never above the start.
-
-    A pass from wide smoothing may end at another optimum; the last one begins at the lower point.
-    """
+    """Minimise the criterion to the last digits, and never above the start. A pass from wide
+    smoothing may end at another optimum; the last one begins at the lower point."""
     first = descend_absolute(problem, start, SEARCH_WIDTH)
     before = absolute_criterion(problem.errors(start), problem.weighing)
     stays = before < first.value and problem.stable(problem.projection(start))
@@ -236,10 +226,8 @@ def descend_absolute(
 
 
 def linear_coefficients(regressors: Array, outputs: Array) -> Array:
-    """Coefficients of nearly the least sum of absolute errors, (q, l), of orthonormal (N, q).
-
-    By iteratively reweighted least squares, each output with weights of its own.
-    """
+    """Coefficients of nearly the least sum of absolute errors, (q, l), of orthonormal (N, q). By
+    iteratively reweighted least squares, each output with weights of its own."""
     found = regressors.T @ outputs
     ridge = 1e-12 * np.eye(regressors.shape[1])
     width = FIRST_WIDTH

@@ -79,17 +79,14 @@ def estimate_delays(
 def delays_by_criterion(
     segments: Sequence[Segment], limits: Sequence[tuple[int, int]]
 ) -> list[tuple[int, Array]]:
-    """Delay of each input by the BIC of ARX models, the other inputs at their own delays.
-
-    The models of a delay have orders na of :data:`ORDERS` and nb <= na; the lowest BIC among them
-    counts.  The best of many delays of an input that explains nothing lowers the criterion by up to
+    """Delay of each input by the BIC of ARX models, the other inputs at their own delays. The
+    models of a delay have orders na of :data:`ORDERS` and nb <= na; the lowest BIC among them
+    counts. The best of many delays of an input that explains nothing lowers the criterion by up to
     twice the logarithm of their number, so that much is added to all but short delays, and as much
-    for the number of those to the best.  An input without which BIC is lower has the smallest
-    delay, and so have too few samples for models of order 1, whose criterion is NaN.
-
-    ``limits``: delays tried of each input, in samples.  Returns list of (int, (M,) array): delay of
-    each input, and the lowest BIC of a sample at each of its M delays.
-    """
+    for the number of those to the best. An input without which BIC is lower has the smallest delay,
+    and so have too few samples for models of order 1, whose criterion is NaN. ``limits``: delays
+    tried of each input, in samples. Returns list of (int, (M,) array): delay of each input, and the
+    lowest BIC of a sample at each of its M delays."""
     lags = max((high for _, high in limits), default=0) + max(ORDERS)
     # As many rows as lags are left, whatever delays are asked for.
     lags = max(min(lags, max(each.samples for each in segments) // 2), 1)
@@ -117,10 +114,8 @@ def delays_by_criterion(
 
 
 class _Regression:
-    """All columns of the ARX models, reduced to a triangle of ``count`` rows.
-
-    Past outputs by lag, lags of each input, constants of the recordings, and outputs.
-    """
+    """All columns of the ARX models, reduced to a triangle of ``count`` rows. Past outputs by lag,
+    lags of each input, constants of the recordings, and outputs."""
 
     def __init__(self, segments: Sequence[Segment], lags: int) -> None:
         self.lags = lags
@@ -205,10 +200,8 @@ def refine_delay(
     start: Fit, samples: int, shortest_delay: int, estimate: Callable[[Orders], Fit]
 ) -> DelayRefinement:
     """Follow the smallest BIC from a model to its neighbours, with other lags of B, while it falls.
-
     With one coefficient of B too many, delays nk and nk + 1 both contain the true model.
-    ``estimate``: makes a model of some orders on the same scored samples.
-    """
+    ``estimate``: makes a model of some orders on the same scored samples."""
     best = start
     tried: dict[Orders, float] = {}
     while True:

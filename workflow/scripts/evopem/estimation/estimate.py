@@ -277,21 +277,17 @@ def estimate_polynomial(
     log: Callable[[str], None] | None = None,
     target: Target | None = None,
 ) -> PolynomialEstimate:
-    """Find the polynomial model of given orders with the smallest errors in focus, globally.
-
-    One objective over all segments, each with initial states, and each recording with a level where
-    one is estimated: ``A y = (B/F) u + (C/D) e + level``.  Draws come from ``SeedSequence(seed,
+    """Find the polynomial model of given orders with the smallest errors in focus, globally. One
+    objective over all segments, each with initial states, and each recording with a level where one
+    is estimated: ``A y = (B/F) u + (C/D) e + level``. Draws come from ``SeedSequence(seed,
     spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``, without nd, nf and level for ARMAX models of
-    one input and segment, whose searches alone use ``n_initial_discard``.
-    ``earlier``: a search of the same problem to combine with this one.  ``optimum``: of one-step
-    prediction without constraints, where these or a focus are given.  ``target``: what the search
-    is made for; it ends once it is unlikely to get so low.
-
-    Criteria and residuals are those of one step.  The covariance is zero across active constraints,
-    counts priors as observations, and is None for absolute errors of several steps.  InputError
-    when constraints contradict each other, the structure or the focus; ValueError when the record
-    is too short, or a setting is outside its range.
-    """
+    one input and segment, whose searches alone use ``n_initial_discard``. ``earlier``: a search of
+    the same problem to combine with this one. ``optimum``: of one-step prediction without
+    constraints, where these or a focus are given. ``target``: what the search is made for; it ends
+    once it is unlikely to get so low. Criteria and residuals are those of one step. The covariance
+    is zero across active constraints, counts priors as observations, and is None for absolute
+    errors of several steps. InputError when constraints contradict each other, the structure or the
+    focus; ValueError when the record is too short, or a setting is outside its range."""
     settings = settings or SearchSettings()
     # Output-error models of several inputs have more optima than 20,000 evaluations tell apart.
     many = settings.evaluations * max(data.inputs.shape[1], 1) ** 2

@@ -137,9 +137,7 @@ def describe(
     errors: PolynomialErrors, result: SearchResult, sampling_rate: float, *, shortest: bool = False
 ) -> PolynomialEstimate:
     """The model at a search's best point, with its criteria, residuals and covariance.
-
-    ``shortest``: whether B is the shortest of those with equal residuals.
-    """
+    ``shortest``: whether B is the shortest of those with equal residuals."""
     point, parts = result.point, errors.parts()
     triangle = triangle_of(errors.jacobian_blocks(point))
     if shortest:
@@ -201,10 +199,8 @@ def searched_objective(errors: PolynomialErrors, point: Array) -> float:
 def _step_beyond(
     errors: PolynomialErrors, point: Array, residuals: Array, triangle: Array
 ) -> Array:
-    """From a point that a bound holds to the optimum beyond, to first order, (n,).
-
-    It counts as an error of the estimates: they cannot follow the samples across the bound.
-    """
+    """From a point that a bound holds to the optimum beyond, to first order, (n,). It counts as an
+    error of the estimates: they cannot follow the samples across the bound."""
     scores = scores_of(residuals, errors.dimension, errors.objective)
     inverse, _ = pseudo_inverse_factor(triangle)
     gradient, first = np.zeros(errors.dimension), 0
@@ -217,10 +213,8 @@ def _step_beyond(
 
 def minimum_norm_point(errors: PolynomialErrors, point: Array, triangle: Array) -> Array:
     """The point of smallest ||b|| among those of equal residuals with the same A, C, D and F.
-
     Residuals are linear in B, levels and states; an input that excites fewer directions than B has
-    coefficients leaves B undetermined.  ``triangle``: R of the QR decomposition of the Jacobian.
-    """
+    coefficients leaves B undetermined. ``triangle``: R of the QR decomposition of the Jacobian."""
     parts = errors.parts()
     of_b = parts["b"]
     linear = np.r_[of_b, parts["level"].start : len(point)]
@@ -255,10 +249,8 @@ def covariance_of(
     triangle: Array | None = None,
 ) -> ParameterCovariance | None:
     """Covariance of the coefficients, for residuals of any colour where nothing whitens them.
-
     ``counts``: residuals of each of several stretches; ``triangle``: R of the Jacobian, where
-    known.
-    """
+    known."""
     orders = errors.orders
     if orders.structure in WITHOUT_NOISE_MODEL and is_coloured(residuals):
         return coloured_covariance(

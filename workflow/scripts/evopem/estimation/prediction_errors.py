@@ -21,11 +21,8 @@ Array = NDArray[np.float64]
 
 
 def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
-    """The window of an estimate that is not compared with models of other orders.
-
-    From the first residual that has all its measured past; for ARMAX models ``n_initial_discard``
-    later.
-    """
+    """The window of an estimate that is not compared with models of other orders. From the first
+    residual that has all its measured past; for ARMAX models ``n_initial_discard`` later."""
     if orders.structure != "armax":
         return ScoringWindow(orders.first_residual, orders.first_residual)
     first = max(orders.first_residual, orders.nc)
@@ -118,11 +115,9 @@ def check_search_settings(settings: SearchSettings) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """Units of the points of a scaled problem, and the input means that it leaves out.
-
-    A large mean would ask for states and a level so large that their weak priors count, and that
-    hide the rest: in ``F x = -B u + g`` and ``v = A y + x - level`` it adds a constant to x.
-    """
+    """Units of the points of a scaled problem, and the input means that it leaves out. A large mean
+    would ask for states and a level so large that their weak priors count, and that hide the rest:
+    in ``F x = -B u + g`` and ``v = A y + x - level`` it adds a constant to x."""
 
     errors: PolynomialErrors  # scaled
     scales: Array  # (n,)

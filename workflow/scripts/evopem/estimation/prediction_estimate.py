@@ -1,8 +1,6 @@
-"""Estimates for predictions one or more samples ahead, under constraints.
-
-The optimum without constraints is the result where it meets them; else descents in coordinates that
-cannot leave the region start from it, from linear estimates and from random points.
-"""
+"""Estimates for predictions one or more samples ahead, under constraints. The optimum without
+constraints is the result where it meets them; else descents in coordinates that cannot leave the
+region start from it, from linear estimates and from random points."""
 
 from __future__ import annotations
 

@@ -1,7 +1,5 @@
-"""Estimates for errors of simulation: the plant first, then the noise model given the plant.
-
-C and D follow by one-step errors, for each way to divide the plant's poles between A and F.
-"""
+"""Estimates for errors of simulation: the plant first, then the noise model given the plant. C and
+D follow by one-step errors, for each way to divide the plant's poles between A and F."""
 
 from __future__ import annotations
 

@@ -36,9 +36,8 @@ def constrained_parameters(
     levels: Sequence[float] | Array = (),
 ) -> ConstrainedParameters:
     """Coordinates of the points that meet checked constraints; InputError where no polynomial does.
-
-    ``radius``: largest of poles where stability is required.  ``b_scales``: what B_i of a point are
-    to be multiplied by.  ``rest``: levels and states of a point, of which ``levels`` are fixed."""
+    ``radius``: largest of poles where stability is required. ``b_scales``: what B_i of a point are
+    to be multiplied by. ``rest``: levels and states of a point, of which ``levels`` are fixed."""
     o = orders
     names = tuple(names) or ("",) * o.inputs
     paths = [(constraints.of_input(name), o.of_input(k)) for k, name in enumerate(names)]

@@ -1,6 +1,5 @@
-"""Where the poles of a plant may lie, and second-order sections that cannot leave that region.
-
-Two *shares* in [0, 1] say where the poles lie: of the largest angle and, at that angle, between the
+"""Where the poles of a plant may lie, and second-order sections that cannot leave that region. Two
+*shares* in [0, 1] say where the poles lie: of the largest angle and, at that angle, between the
 smallest and the largest radius; or of two real poles between their bounds."""
 
 from __future__ import annotations
