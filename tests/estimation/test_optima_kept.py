@@ -7,12 +7,14 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
+from evopem.automatic.chosen import described_by_search, window_of
 from evopem.errors import InputError
+from evopem.estimation.order_selection import complete_estimate
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import describe, searched_objective
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import orders_of
-from evopem.signals.recording import Segment
+from evopem.signals.recording import Recording, Segment
 
 QUICK = SearchSettings(objective="quadratic", evaluations=2000)
 ONE = np.ones(1)
@@ -66,6 +68,21 @@ def test_an_estimate_has_the_objective_of_its_search_or_is_refused(structure):
         lower = replace(found.search, value=value / (1.0 + excess))
         with pytest.raises(InputError, match="objective"):
             describe(errors, lower, 1.0, shortest=True)
+
+
+def test_a_model_with_states_of_least_squares_has_their_objective():
+    """Its search, of absolute errors beside outliers, ended at a lower one."""
+    generator = np.random.default_rng(6)
+    u = generator.standard_normal((400, 1))
+    y = lfilter([0.0, 1.0], [1.0, -0.5], u, axis=0) + 0.1 * generator.standard_normal((400, 1))
+    y[::20] += 10.0
+    data, search = Recording(u, y, 1.0), replace(QUICK, objective="absolute")
+    found = estimate(data, orders=(1, 1, 1), structure="arx", level=True, settings=search)
+    given = found.model, found.model.orders, found.search, search, data
+    candidate = described_by_search(*given)
+    assert candidate.minimum > 1.001 * found.search.value
+    complete = complete_estimate(candidate, data, search, window_of(candidate.orders))
+    assert complete.objective == pytest.approx(candidate.minimum, rel=1e-9)
 
 
 def test_a_standard_error_at_the_bound_covers_what_the_bound_takes_away():

@@ -33,7 +33,7 @@ from evopem.estimation.order_scan import OrderLimits as InputLimits
 from evopem.estimation.order_scan import joint_orders, refitted_estimate
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
+from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe, searched_objective
 from evopem.estimation.search.certificate import is_certified
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
 from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
@@ -302,12 +302,12 @@ def estimate_chosen(
     assert isinstance(found.estimate, PolynomialEstimate)
     if plant_kept:
         model = replace(model, C=known.C, D=known.D, structure=orders.structure)
-    described = _described_by_search(model, orders, found.estimate.search, search, data)
+    described = described_by_search(model, orders, found.estimate.search, search, data)
     reason = f"{orders} was chosen among all structures. {about.sentence}"
     return PhaseSelection(CHOSEN, orders, reason, (described,)), about
 
 
-def _described_by_search(
+def described_by_search(
     model: PolynomialModel,
     orders: Orders,
     result: SearchResult,
@@ -320,7 +320,8 @@ def _described_by_search(
         *(data.segments, orders, search.objective, radius, min(radius, NOISE_RADIUS), True),
         window=window_of(orders),
     )
-    at_states = replace(result, point=errors.completed_by_states(model))
+    point = errors.completed_by_states(model)
+    at_states = replace(result, point=point, value=searched_objective(errors, point))
     return Candidate.of(describe(errors, at_states, data.sampling_rate), CHOSEN)
 
 
