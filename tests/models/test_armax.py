@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.states import estimate_prediction_states
 from evopem.models.structures import armax_orders
 from evopem.synthesis.armax import true_model
 
@@ -110,7 +109,7 @@ def test_an_estimated_noise_state_leaves_no_transient():
     y = slow.simulate(u) + lfilter(slow.c, slow.a, e)
     u, y, e = u[1000:], y[1000:], e[1000:]
     plain = slow.residuals(u, y)
-    state = estimate_prediction_states(slow, u, y)[1]
+    state = slow.prediction_state(u, y)[1]
     settled = slow.residuals(u, y, state)
     assert np.std(plain[100:] - e[100:]) > 0.5
     # Two states are estimated from 2000 samples of unit variance.

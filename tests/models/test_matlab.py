@@ -10,8 +10,8 @@ from scipy.io import loadmat
 import evopem
 from evopem.errors import InputError
 from evopem.files.json_form import save
-from evopem.models.conversions import save_model_mat
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import save_model_mat
 from evopem.synthesis.armax import true_model
 
 

@@ -5,9 +5,6 @@ import pytest
 from scipy import signal
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.states import (
-    estimate_prediction_states,
-)
 from evopem.models.structures import STRUCTURES, Orders, orders_of
 
 ONE = np.ones(1)
@@ -31,7 +28,7 @@ def record(model, samples=300, noise=0.2, seed=1):
 
 def test_residuals_are_the_innovations_that_made_the_output():
     u, y, e = record(MODEL, 2000)
-    plant, noise = estimate_prediction_states(MODEL, u, y)
+    plant, noise = MODEL.prediction_state(u, y)
     residuals = MODEL.residuals(u, y, plant, noise)
     assert np.isnan(residuals[:4]).all()
     np.testing.assert_allclose(residuals[200:], e[200:], atol=1e-9)
@@ -66,7 +63,7 @@ def test_one_step_prediction_leaves_the_residuals():
 
 def test_a_prediction_over_a_long_horizon_is_the_simulation():
     u, y, _ = record(MODEL, 600)
-    plant, noise = estimate_prediction_states(MODEL, u, y)
+    plant, noise = MODEL.prediction_state(u, y)
     far = MODEL.predict(u, y, 500, plant, noise)
     np.testing.assert_allclose(far[-50:], MODEL.simulate(u)[-50:], atol=1e-6)
 
@@ -99,8 +96,8 @@ def test_responses_are_scipys():
     np.testing.assert_allclose(MODEL.noise_response(frequencies)[:, 0, 0], expected, rtol=1e-9)
     _, (impulse,) = signal.dimpulse(plant, n=40)
     _, (step,) = signal.dstep(plant, n=40)
-    np.testing.assert_allclose(MODEL.impulse_response(40), impulse[:, 0], atol=1e-9)
-    np.testing.assert_allclose(MODEL.step_response(40), step[:, 0], atol=1e-9)
+    np.testing.assert_allclose(MODEL.impulse_response(40)[:, 0], impulse, atol=1e-9)
+    np.testing.assert_allclose(MODEL.step_response(40)[:, 0], step, atol=1e-9)
 
 
 def test_poles_and_zeros_of_plant_and_noise():

@@ -5,7 +5,6 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.states import estimate_prediction_states
 
 ONE = np.ones(1)
 MODEL = PolynomialModel(ONE, np.array([1.0, 0.5]), ONE, ONE, np.array([1.0, -1.5, 0.7]), nk=1)
@@ -78,7 +77,7 @@ def test_states_of_clustered_poles_are_no_worse_than_rest():
     )
     u, _, y = signals(model, 3500, 0.1)
     first = model.orders.first_residual
-    states = estimate_prediction_states(model, u, y)
+    states = model.prediction_state(u, y)
     fitted = np.sum(model.residuals(u, y, *states)[first:] ** 2)
     assert fitted <= np.sum(model.residuals(u, y)[first:] ** 2)
     assert np.abs(states[0]).max() < 1e6

@@ -232,7 +232,7 @@ def test_a_model_without_input_simulates_its_level_and_has_no_participation():
 def test_arguments_of_idss_can_be_saved_and_loaded(tmp_path):
     from scipy.io import loadmat
 
-    from evopem.models.conversions import save_model_mat
+    from evopem.models.polynomial import save_model_mat
 
     m = model()
     save_model_mat(m, tmp_path / "model.mat")

@@ -8,7 +8,6 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.states import estimate_prediction_states
 from evopem.signals.prepared_data import PreparedData, StretchOrigin, Transforms
 from evopem.signals.recording import Recording
 from evopem.validation.validate import validate
@@ -150,7 +149,7 @@ def test_prediction_continues_the_recursion_over_the_cut():
     u, y = response(model, 400, noise=0.1)
     e = np.zeros(400)
     start = model.orders.first_residual
-    state = estimate_prediction_states(model, u[:300], y[:300])[1]
+    state = model.prediction_state(u[:300], y[:300])[1]
     b = model.delayed_b()
     for t in range(start, 400):
         e[t] = sum(model.a[i] * y[t - i] for i in range(model.a.size))
@@ -174,7 +173,7 @@ def test_an_independent_recording_has_unscored_samples():
     assert result.samples == 1000 - first
     assert tables.simulation["simulated_output"].isna().sum() == first
     assert tables.simulation["predicted_output"].isna().sum() == first
-    states = estimate_prediction_states(model, u[2000:], y[2000:])
+    states = model.prediction_state(u[2000:], y[2000:])
     restarted = model.predict(u[2000:], y[2000:], 1, *states)[first:]
     np.testing.assert_array_equal(tables.simulation["predicted_output"][first:], restarted)
 

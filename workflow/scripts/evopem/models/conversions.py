@@ -1,55 +1,23 @@
-"""Other forms of models: polynomials in state space, plant beside noise, MATLAB's structures."""
+"""Other forms of models: polynomials in state space, plant beside noise."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from evopem.files.atomic import atomic_write
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
-
-if TYPE_CHECKING:
-    from evopem.models.polynomial import PolynomialModel
 
 Array = NDArray[np.float64]
 
 # Steps in the imaginary direction have no cancellation: the derivative is exact to rounding.
 _COMPLEX_STEP = 1e-30
-
-
-def matlab_cells(arrays: Sequence[Array]) -> NDArray[Any]:
-    """A row, nothing, or a row of arrays that MATLAB reads as a cell array."""
-    if len(arrays) < 2:
-        return arrays[0][None, :] if arrays else np.zeros((0, 0))
-    cells = np.empty((1, len(arrays)), dtype=object)
-    for place, array in enumerate(arrays):
-        cells[0, place] = array[None, :]
-    return cells
-
-
-def save_model_mat(model: PolynomialModel | StateSpaceModel, path: str | os.PathLike[str]) -> None:
-    """Write the arguments of MATLAB's ``idpoly`` or ``idss`` to a v5 MAT file.
-
-    The level of the outputs, which they do not have, is stored beside them.
-    """
-    from scipy.io import savemat
-
-    with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
-        savemat(stream, model.matlab_arguments())
-        # SciPy stamps the header with the time of writing; the same model must give the same
-        # bytes.  The first 116 bytes are free text (MATLAB Level 5 MAT-file format).
-        stream.seek(0)
-        stream.write(b"MATLAB 5.0 MAT-file, written by evopem".ljust(116))
 
 
 def innovations_form(

@@ -96,25 +96,10 @@ def _slopes(pole: complex, d_pole: NDArray, sampling_rate: float) -> Array:
     return np.vstack([d_modulus / (2.0 * np.pi), d_damping])
 
 
-def modes_of(
-    coefficients: Array, sampling_rate: float, covariance: ParameterCovariance | None = None
-) -> list[Mode]:
-    """Modes of ``A = 1 + a_1 q^-1 + ...`` from ``s = ln(z) fs``, by frequency.
-
-    ``coefficients`` (na,): ``a_1 ... a_na``, with their covariance, which is propagated to first
-    order.  ``sampling_rate``: Hz.
-    """
-    modes = []
-    for z in roots(coefficients):
-        if z.imag <= 0.0:
-            continue
-        frequency_se = damping_se = float("nan")
-        if covariance is not None:
-            slopes = _root_slopes(coefficients, z, sampling_rate)
-            frequency_se, damping_se = map(float, covariance.standard_errors(slopes))
-        modes.append(
-            Mode(*frequency_and_damping(z, sampling_rate), complex(z), frequency_se, damping_se)
-        )
+def modes_of(coefficients: Array, sampling_rate: float) -> list[Mode]:
+    """Modes of ``A = 1 + a_1 q^-1 + ...``, (na,) coefficients, by frequency."""
+    poles = [complex(z) for z in roots(coefficients) if z.imag > 0.0]
+    modes = [Mode(*frequency_and_damping(z, sampling_rate), z) for z in poles]
     return sorted(modes, key=lambda mode: mode.frequency_hz)
 
 
@@ -127,14 +112,9 @@ def pole_mode(coefficients: Array, pole: complex, sampling_rate: float) -> tuple
     if pole == 0.0:
         return np.array([sampling_rate, 1.0]), np.zeros((2, len(coefficients)))
     values = np.array(frequency_and_damping(pole, sampling_rate))
-    slopes = _root_slopes(coefficients, pole, sampling_rate)
-    return values, np.where(np.isfinite(slopes), slopes, 0.0)
-
-
-def _root_slopes(coefficients: Array, pole: complex, sampling_rate: float) -> Array:
-    """Derivatives of frequency and damping of a root by the coefficients, (2, na)."""
     gradient = root_gradient(np.concatenate([[1.0], coefficients]), pole)[1:]
-    return _slopes(pole, gradient, sampling_rate)
+    slopes = _slopes(pole, gradient, sampling_rate)
+    return values, np.where(np.isfinite(slopes), slopes, 0.0)
 
 
 def state_space_modes(

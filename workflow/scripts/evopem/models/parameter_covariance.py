@@ -88,9 +88,9 @@ class ParameterCovariance:
     def identifiable(self, jacobian: ArrayLike) -> NDArray[np.bool_]:
         """Whether functions with gradients (m, n) are free of unidentifiable directions, (m,)."""
         gradients = np.asarray(jacobian, dtype=float)
-        terms = gradients[:, :, None] * self.null_space[: gradients.shape[1]]
-        magnitude = np.abs(terms).sum(axis=1)
-        return np.all(np.abs(terms.sum(axis=1)) <= CANCELLATION * magnitude, axis=1)
+        directions = self.null_space[: gradients.shape[1]]
+        magnitude = np.abs(gradients) @ np.abs(directions)
+        return np.all(np.abs(gradients @ directions) <= CANCELLATION * magnitude, axis=1)
 
     def standard_errors(self, jacobian: ArrayLike) -> Array:
         """Standard errors of functions with gradients (m, n) to first order, (m,).

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.models.conversions import block_sizes, has_own_noise, innovations_form, matlab_cells
-from evopem.models.modes import Mode, modes_of
-from evopem.models.polynomial_form import Polynomials
-from evopem.models.polynomials import powers_of_z, residue
+from evopem.files.atomic import atomic_write
+from evopem.models.conversions import block_sizes, has_own_noise, innovations_form
+from evopem.models.modes import Mode
+from evopem.models.polynomial_form import Polynomials, impulse_response
+from evopem.models.polynomials import powers_of_z, roots
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 
@@ -116,37 +120,19 @@ class PolynomialModel(Polynomials):
         With standard errors where the model knows its covariance, and with participations of the
         inputs, each delayed by all but one of its nk samples, and of the innovations.
         """
-        of_all = [self._driven(mode) for mode in self._modes_of("a")]
-        of_one = [
-            self._driven(mode, place)
-            for place in range(self.inputs)
-            for mode in self._modes_of("f", place)
-        ]
-        return _by_frequency([*of_all, *of_one])
-
-    def _driven(self, mode: Mode, place: int | None = None) -> Mode:
-        """A mode of A, or of the F of an input, with what drives it: residues at its pole."""
-        of_inputs = np.zeros(self.inputs, dtype=complex)
-        for i, (b, f, nk) in enumerate(zip(self.B, self.F, self.nk, strict=True)):
-            if place in (None, i):
-                found = residue(b, np.convolve(self.A, f), mode.pole)
-                of_inputs[i] = found if nk else found * mode.pole
-        of_noise = 0.0 if place is not None else residue(self.C, self.noise_denominator, mode.pole)
-        return replace(
-            mode,
-            input_participation=of_inputs,
-            noise_participation=np.array([of_noise * mode.pole], dtype=complex),
-        )
+        return self._modes_but([self.D])
 
     def noise_modes(self) -> list[Mode]:
         """Natural frequencies and damping ratios of the noise filter's oscillating poles."""
-        return _by_frequency([*self._modes_of("a"), *self._modes_of("d")])
+        return self._modes_but(self.F)
 
-    def _modes_of(self, letter: str, place: int = 0) -> list[Mode]:
-        """Modes of one of the polynomials a, d and f, by frequency."""
-        part = self.part(letter, place)
-        covariance = None if self.covariance is None else self.covariance.part(part)
-        return modes_of(self.parameters[part], self.sampling_rate, covariance)
+    def _modes_but(self, left_out: Sequence[Array]) -> list[Mode]:
+        """The modes without those of some polynomials."""
+        modes = self.state_space().modes()
+        for pole in np.concatenate([np.empty(0), *(roots(each[1:]) for each in left_out)]):
+            if pole.imag > 0.0:
+                modes.remove(min(modes, key=lambda mode: abs(mode.pole - pole)))
+        return modes
 
     def plant(self) -> PolynomialModel:
         """The model without noise poles of its own: those of D, or C where there is no A."""
@@ -185,10 +171,10 @@ class PolynomialModel(Polynomials):
         """
         return {
             "A": self.A[None, :],
-            "B": matlab_cells([self.delayed_b(place) for place in range(self.inputs)]),
+            "B": _cells([self.delayed_b(place) for place in range(self.inputs)]),
             "C": self.C[None, :],
             "D": self.D[None, :],
-            "F": matlab_cells(self.F),
+            "F": _cells(self.F),
             "NoiseVariance": self.noise_variance,
             "Ts": 1.0 / self.sampling_rate,
             "Level": self.level,
@@ -214,7 +200,7 @@ class PolynomialModel(Polynomials):
         y = np.asarray(output, dtype=float)
         e = self.residuals(inputs, output, plant_state, noise_state)
         first = int(np.isnan(e).sum())
-        response = self.noise_impulse_response(horizon)
+        response = self.noise_impulse_response(horizon)[:, 0, 0]
         predicted = np.full(len(y), np.nan)
         # Of long responses the product of spectra is faster than the sum.
         unknown = (
@@ -251,19 +237,18 @@ class PolynomialModel(Polynomials):
         z = self._backward_shift(frequencies)
         return _ratio(self.C, self.noise_denominator, z)[..., None, None]
 
-    def impulse_response(self, samples: int, place: int = 0) -> Array:
-        """Response of the plant to a unit impulse of an input at sample 0, (samples,)."""
-        if not self.has_input:
-            return np.zeros(samples)
-        return _impulse_response(*self._path(place), samples)
+    def impulse_response(self, samples: int) -> Array:
+        """Responses of the plant to unit impulses at sample 0, (samples, 1, m)."""
+        responses = [impulse_response(*self._path(i), samples) for i in range(self.inputs)]
+        return np.reshape(responses, (self.inputs, samples)).T[:, None, :]
 
-    def step_response(self, samples: int, place: int = 0) -> Array:
-        """Response of the plant to a unit step of an input at sample 0, (samples,)."""
-        return np.cumsum(self.impulse_response(samples, place))
+    def step_response(self, samples: int) -> Array:
+        """Responses of the plant to unit steps at sample 0, (samples, 1, m)."""
+        return np.cumsum(self.impulse_response(samples), axis=0)
 
     def noise_impulse_response(self, samples: int) -> Array:
-        """Response of the noise filter to a unit impulse at sample 0, (samples,)."""
-        return _impulse_response(self.C, self.noise_denominator, samples)
+        """Response of the noise filter to a unit impulse at sample 0, (samples, 1, 1)."""
+        return impulse_response(self.C, self.noise_denominator, samples)[:, None, None]
 
     def to_control(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``control.TransferFunction``; needs python-control.
@@ -332,8 +317,29 @@ def model_of(orders: Orders, parameters: Array, **attributes: Any) -> Polynomial
     )
 
 
-def _by_frequency(modes: list[Mode]) -> list[Mode]:
-    return sorted(modes, key=lambda mode: mode.frequency_hz)
+def save_model_mat(model: Model, path: str | os.PathLike[str]) -> None:
+    """Write the arguments of MATLAB's ``idpoly`` or ``idss`` to a v5 MAT file.
+
+    The level of the outputs, which they do not have, is stored beside them.
+    """
+    from scipy.io import savemat
+
+    with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
+        savemat(stream, model.matlab_arguments())
+        # SciPy stamps the header with the time of writing; the same model must give the same
+        # bytes.  The first 116 bytes are free text (MATLAB Level 5 MAT-file format).
+        stream.seek(0)
+        stream.write(b"MATLAB 5.0 MAT-file, written by evopem".ljust(116))
+
+
+def _cells(arrays: Sequence[Array]) -> NDArray[Any]:
+    """A row, nothing, or a row of arrays that MATLAB reads as a cell array."""
+    if len(arrays) < 2:
+        return arrays[0][None, :] if arrays else np.zeros((0, 0))
+    cells = np.empty((1, len(arrays)), dtype=object)
+    for place, array in enumerate(arrays):
+        cells[0, place] = array[None, :]
+    return cells
 
 
 def _ratio(above: Array, below: Array, z: Complex) -> Complex:
@@ -341,12 +347,3 @@ def _ratio(above: Array, below: Array, z: Complex) -> Complex:
     # At a pole on the unit circle the response is infinite.
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(polyval(z, above) / polyval(z, below), dtype=complex)
-
-
-def _impulse_response(above: Array, below: Array, samples: int) -> Array:
-    from scipy.signal import lfilter
-
-    impulse = np.zeros(samples)
-    impulse[:1] = 1.0
-    response: Array = lfilter(above, below, impulse)
-    return response

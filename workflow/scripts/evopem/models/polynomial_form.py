@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -15,6 +15,11 @@ from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+# Singular values below the first share of the largest one are left out, and more of them where the
+# errors are larger than the fit says by this factor: a filter with clustered poles amplifies
+# rounding.
+RANKS, ROUNDING = (1e-10, 1e-7, 1e-4), 1.01
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -239,6 +244,50 @@ class Polynomials:
         e[first:] = lfilter([1.0], self.C, by_d)
         return e
 
+    def prediction_state(self, inputs: ArrayLike, output: ArrayLike) -> tuple[Array, Array]:
+        """Plant state (nf,) and noise state (max(nc, nd),) with the smallest prediction errors.
+
+        Least squares over the whole stretch, (N, m) and (N,), for :meth:`residuals` and
+        :meth:`.PolynomialModel.predict`; never worse than states at rest.
+        """
+        first = self.orders.first_residual
+        residuals = self.residuals(inputs, output)[first:]
+        columns, plant = self._through_states(len(residuals)), sum(self.orders.nf)
+        best: NDArray = np.zeros(columns.shape[1])
+        lowest = float(residuals @ residuals)
+        for rcond in RANKS if columns.shape[1] else ():
+            states: NDArray = -np.linalg.lstsq(columns, residuals, rcond=rcond)[0]
+            expected = residuals + columns @ states
+            found = self.residuals(inputs, output, states[:plant], states[plant:])[first:]
+            reached = float(np.sum(found**2))
+            if reached < lowest:
+                best, lowest = states, reached
+            if reached <= ROUNDING * float(expected @ expected):
+                break
+        return best[:plant], best[plant:]
+
+    def fitted_level(self, inputs: ArrayLike, output: ArrayLike) -> float:
+        """The level with which prediction errors are smallest, states fitted as well."""
+        from scipy.signal import lfilter
+
+        residuals = replace(self, level=0.0).residuals(inputs, output)
+        residuals = residuals[self.orders.first_residual :]
+        level = lfilter(self.D, self.C, -np.ones(len(residuals)))
+        columns = np.column_stack([level, self._through_states(len(residuals))])
+        return float(-np.linalg.lstsq(columns, residuals, rcond=RANKS[0])[0][0])
+
+    def _through_states(self, samples: int) -> Array:
+        """Residuals after an initial state of one at each state of plant and noise."""
+        parts = [(np.convolve(self.C, f), self.D, len(f) - 1) for f in self.F]
+        parts.append((self.C, np.ones(1), self.orders.noise_states))
+        columns = [
+            np.pad(response, (k, 0))[:samples]
+            for below, above, count in parts
+            for response in [impulse_response(above, below, samples)]
+            for k in range(count)
+        ]
+        return np.reshape(columns, (len(columns), samples)).T
+
     def _columns(self, inputs: ArrayLike) -> Array:
         """The inputs as columns, (N, m)."""
         u = np.asarray(inputs, dtype=float)
@@ -266,3 +315,13 @@ def _with_impulses(signal: Array, impulses: ArrayLike | None) -> Array:
     changed = signal.copy()
     changed[: len(added)] += added
     return changed
+
+
+def impulse_response(above: Array, below: Array, samples: int) -> Array:
+    """Response of a filter to a unit impulse at sample 0, (samples,)."""
+    from scipy.signal import lfilter
+
+    impulse = np.zeros(samples)
+    impulse[:1] = 1.0
+    response: Array = lfilter(above, below, impulse)
+    return response

@@ -81,14 +81,6 @@ def root_gradient(coefficients: Array, root: complex) -> NDArray[np.complex128]:
         return -powers / np.polyval(np.polyder(coefficients), root)
 
 
-def residue(above: Array, below: Array, pole: complex) -> complex:
-    """``r`` in the term ``r / (1 - pole w)`` of the partial fractions of above/below, w = q^-1."""
-    polyval, w = np.polynomial.polynomial.polyval, 1.0 / pole
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        slope = polyval(w, np.polynomial.polynomial.polyder(below))
-        return complex(-polyval(w, above) / (w * slope))
-
-
 def uncertain_roots(
     coefficients: Array, covariance: ParameterCovariance | None
 ) -> list[tuple[complex, Array]]:

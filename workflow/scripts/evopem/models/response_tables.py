@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode
-from evopem.models.polynomial import Model, PolynomialModel
-from evopem.models.polynomials import max_root_radius
+from evopem.models.polynomial import Model
 from evopem.models.state_space import StateSpaceModel
 
 NORMAL_95 = 1.959963984540054
@@ -22,9 +21,6 @@ Column = list[float] | list[str] | list[int] | Array
 
 # Frequencies, and those of each of several pairs of channels.
 FREQUENCIES, FREQUENCIES_OF_PAIRS = 2049, 513
-# Samples of the responses of several channels.
-RESPONSE_SAMPLES = 500
-_RESPONSES = ("impulse", "step", "noise_impulse")
 # Samples of a time response: until it has settled to this share, within limits.
 SETTLED = 1e-3
 FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
@@ -74,7 +70,7 @@ def response_interval(
     The parameter covariance is propagated to ``ln G``, whose real part is ``ln |G|`` and whose
     imaginary part is the phase, to first order (Ljung 1999, section 9.4), so that an interval has
     the same width in decibels above and below.  Of ``G`` at (M,) frequencies in Hz, or with
-    ``noise`` of the ``H`` of polynomials, (M, 1, 1).  NaN where the gain is zero, where the
+    ``noise`` of ``H``, (M, l, l).  NaN where the gain is zero, where the
     covariance is not known, and where the response depends on a direction that the data do not
     determine, as between the lines of a periodic input.  The upper end is infinite where it leaves
     the range of numbers.
@@ -89,77 +85,49 @@ def response_interval(
     (array([[[3.842]]]), array([[[4.165]]]))
     """
     frequencies = np.asarray(frequencies, dtype=float)
-    gain = np.abs((model.noise_response if noise else model.frequency_response)(frequencies))
-    errors = np.full((2, *gain.shape), np.nan)
+    response = (model.noise_response if noise else model.frequency_response)(frequencies)
+    gain, errors = np.abs(response), np.full((2, *response.shape), np.nan)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        if model.covariance is None:
-            pass
-        elif isinstance(model, PolynomialModel):
-            for place in range(gain.shape[2]):
-                errors[:, :, 0, place] = _polynomial_errors(model, frequencies, noise, place)
-        elif not noise:
-            for place, frequency in enumerate(frequencies):
-                errors[:, place] = _state_space_errors(model, float(frequency))
+        form = model if isinstance(model, StateSpaceModel) else model.state_space()
+        if form.covariance is not None:
+            slopes = response_slopes(form, frequencies, noise) / response[..., None]
+            rows = slopes.reshape(-1, slopes.shape[-1])
+            errors[:] = [
+                form.covariance.standard_errors(each).reshape(gain.shape)
+                for each in (rows.real, rows.imag)
+            ]
         errors[~np.isfinite(errors)] = np.nan
         spread = np.exp(NORMAL_95 * errors[0])
         return gain / spread, gain * spread, errors[1]
 
 
-def _polynomial_errors(
-    model: PolynomialModel, frequencies: Array, noise: bool, place: int
-) -> tuple[Array, Array]:
-    """Standard errors of ``ln |G|`` and of the phase, (M,) each.
+def response_slopes(
+    model: StateSpaceModel, frequencies: Array, noise: bool
+) -> NDArray[np.complex128]:
+    """Derivatives of ``G``, or of ``H``, by all entries but the level, (M, l, m, entries).
 
-    ``d ln G / da_i = -q^-i / A`` and ``d ln G / db_j = q^-(nk+j) / B``.
-    """
-    assert model.covariance is not None
-    delay = np.exp(-2j * np.pi * frequencies / model.sampling_rate)[:, None]
-    nk = 0 if noise else model.nk[place]
-    parts = (
-        (("c", model.C, 1, 1.0), ("a", model.A, 1, -1.0), ("d", model.D, 1, -1.0))
-        if noise
-        else (
-            ("b", model.delayed_b(place), nk, 1.0),
-            ("a", model.A, 1, -1.0),
-            ("f", model.F[place], 1, -1.0),
-        )
-    )
-    slopes = np.zeros((len(frequencies), model.orders.parameters), dtype=complex)
-    for letter, coefficients, first, sign in parts:
-        part = model.part(letter, place)
-        lags = np.arange(first, first + part.stop - part.start)
-        value = np.polynomial.polynomial.polyval(delay, coefficients)
-        slopes[:, part] = sign * delay**lags / value
-    of_gain, of_phase = (model.covariance.standard_errors(x) for x in (slopes.real, slopes.imag))
-    return of_gain, of_phase
-
-
-def _state_space_errors(model: StateSpaceModel, frequency: float) -> Array:
-    """Standard errors of ``ln |G|`` and of the phase at one frequency, (2, l, m).
-
-    ``dG = C R dA R B + dC R B + C R dB + dD`` with ``R = (zI - A)^-1``; delays are known.
+    ``dG = C R dA R B + dC R B + C R dB + dD`` with ``R = (zI - A)^-1``, turned by the delays.
     """
     n, ny, nu = model.order, model.outputs, model.inputs
-    assert model.covariance is not None
-    z = np.exp(2j * np.pi * frequency / model.sampling_rate)
-    resolvent = np.linalg.inv(z * np.eye(n) - model.A)
-    left, right = model.C @ resolvent, resolvent @ model.B
-    ends = np.cumsum([0, n * n, n * nu, ny * n, ny * nu])
-    shapes = ((n, n), (n, nu), (ny, n), (ny, nu))
-    dA, dB, dC, dD = (
-        model.covariance.factor[begin:end].reshape(*shape, model.covariance.factor.shape[1])
-        for (begin, end), shape in zip(pairwise(ends), shapes, strict=True)
-    )
-    change = np.einsum("ik,klr,lj->ijr", left, dA, right, optimize=True)
-    change += np.einsum("ik,kjr->ijr", left, dB, optimize=True)
-    change += np.einsum("ikr,kj->ijr", dC, right, optimize=True)
-    change = (change + dD) / (left @ model.B + model.D)[:, :, None]
-    return np.linalg.norm([change.real, change.imag], axis=3)
+    z = np.exp(2j * np.pi * frequencies / model.sampling_rate)
+    left, right = model.resolvent(z, np.eye(n)), model.state_response(z, noise)
+    columns = right.shape[2]
+    slopes = np.zeros((len(z), ny, columns, n * n + n * nu + ny * n + ny * nu + n * ny), complex)
+    slopes[..., : n * n] = np.einsum("fia,fbj->fijab", left, right).reshape(*slopes.shape[:3], -1)
+    of_input = n * n + n * (nu + ny) + ny * nu if noise else n * n
+    of_output = n * n + n * nu
+    of_direct = of_output + ny * n
+    turned = np.ones(columns) if noise else z[:, None] ** -np.array(model.input_delays or [0] * nu)
+    for i in range(ny):
+        slopes[:, i, :, of_output + i * n : of_output + (i + 1) * n] = np.swapaxes(right, 1, 2)
+    for j in range(columns):
+        slopes[:, :, j, of_input + j : of_input + n * columns : columns] = left
+        for i in range(0 if noise else ny):
+            slopes[:, i, j, of_direct + i * nu + j] = 1.0
+    return slopes * np.broadcast_to(turned, (len(z), columns))[:, None, :, None]
 
 
-def response_standard_errors(
-    model: PolynomialModel, response: Callable[[PolynomialModel], Array]
-) -> Array:
+def response_standard_errors(model: Model, response: Callable[[Any], Array]) -> Array:
     """Standard errors of a real function of a model, to first order (Ljung 1999, section 9.4).
 
     ``model``: with a covariance, ValueError without.  ``response``: for instance ``lambda model:
@@ -240,63 +208,47 @@ def _unwrapped(angles: Array) -> Array:
 
 
 def time_response_table(
-    model: PolynomialModel | StateSpaceModel,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
-    plant: StateSpaceModel | PolynomialModel,
+    model: Model, inputs: Sequence[str], outputs: Sequence[str], plant: Model
 ) -> dict[str, Array | list[str]]:
     """Impulse and step response of the plant and impulse response of the noise filter.
 
-    A row for each sample of each pair of output and input.  Polynomials of at most one input have
-    95 % intervals, to first order in the coefficients, and the noise filter; NaN elsewhere.
+    A row for each sample of each pair of output and input, beside the noise filter from the
+    innovations of an output to itself, with 95 % intervals to first order in the coefficients;
+    without an input one for each output, NaN for the plant.
     """
-    if isinstance(model, PolynomialModel) and model.inputs <= 1:
-        table = _responses_of_one(model)
-        labels = {"output": outputs[:1], "input": inputs[:1]}
-        count = len(table["time_s"])
-        return {name: [*own] * count for name, own in labels.items() if own} | table
-    pairs = [(row, column) for row in range(len(outputs)) for column in range(len(inputs))]
-    impulse = plant.impulse_response(RESPONSE_SAMPLES) if pairs else np.empty((0, 0, 0))
-    impulses = np.concatenate([np.empty(0), *(impulse[:, i, j] for i, j in pairs)])
-    steps = np.concatenate([np.empty(0), *(np.cumsum(impulse[:, i, j]) for i, j in pairs)])
-    times = np.arange(RESPONSE_SAMPLES) / model.sampling_rate
-    unknown = np.full(len(impulses), np.nan)
-    bands = {f"{name}{end}": unknown for name in _RESPONSES for end in ("", "_lower", "_upper")}
-    return {
-        "output": [outputs[i] for i, _ in pairs for _ in times],
-        "input": [inputs[j] for _, j in pairs for _ in times],
-        "time_s": np.tile(times, len(pairs)),
-        **(bands | {"impulse": impulses, "step": steps}),
+    samples, pairs = response_length(model), [(o, i) for o in outputs for i in inputs or ("",)]
+    responses: dict[str, tuple[Model, Callable[[Any], Array]]] = {
+        "impulse": (plant, lambda m: m.impulse_response(samples)),
+        "step": (plant, lambda m: m.step_response(samples)),
+        "noise_impulse": (model, lambda m: m.noise_impulse_response(samples)),
     }
-
-
-def _responses_of_one(model: PolynomialModel) -> dict[str, Array | list[str]]:
-    samples = response_length(model)
-    table: dict[str, Array | list[str]] = {"time_s": np.arange(samples) / model.sampling_rate}
-    responses = {
-        "impulse": (model.has_input, lambda m: m.impulse_response(samples)),
-        "step": (model.has_input, lambda m: m.step_response(samples)),
-        "noise_impulse": (True, lambda m: m.noise_impulse_response(samples)),
-    }
-    for name, (exists, response) in responses.items():
-        values = response(model) if exists else np.full(samples, np.nan)
-        errors = np.full(samples, np.nan)
-        if exists and model.covariance is not None:
-            errors = response_standard_errors(model, response)
+    columns: dict[str, Array] = {}
+    for name, (own, response) in responses.items():
+        values = response(own)
+        errors = np.full(values.shape, np.nan)
+        if own.covariance is not None and values.size:
+            errors = response_standard_errors(own, response)
             errors[~np.isfinite(errors)] = np.nan
-        table |= {
-            name: values,
-            f"{name}_lower": values - NORMAL_95 * errors,
-            f"{name}_upper": values + NORMAL_95 * errors,
-        }
-    return table
+        for end, sign in (("", 0.0), ("_lower", -1.0), ("_upper", 1.0)):
+            found = values + sign * NORMAL_95 * errors if sign else values
+            if name == "noise_impulse":
+                found = np.repeat(np.einsum("tii->ti", found)[..., None], len(inputs) or 1, axis=2)
+            columns[name + end] = np.moveaxis(found, 0, 2).ravel()
+    unknown = np.full(samples * len(pairs), np.nan)
+    return {
+        "output": [output for output, _ in pairs for _ in range(samples)],
+        "input": [source for _, source in pairs for _ in range(samples)],
+        "time_s": np.tile(np.arange(samples) / model.sampling_rate, len(pairs)),
+        **{name: column if column.size else unknown for name, column in columns.items()},
+    }
 
 
-def response_length(model: PolynomialModel) -> int:
+def response_length(model: Model) -> int:
     """Number of samples in which the responses of a model settle, within limits."""
-    radius = max(max_root_radius(getattr(model, letter)[1:]) for letter in "adf")
+    form = model if isinstance(model, StateSpaceModel) else model.state_space()
+    radius = float(np.abs(form.poles()).max(initial=0.0))
     settling = MOST_SAMPLES
     if radius < 1.0:
         settling = math.ceil(math.log(SETTLED) / math.log(radius)) if radius > 0.0 else 0
-    memory = len(model.delayed_b()) + len(model.c)
+    memory = form.order + max(form.input_delays, default=0)
     return min(max(settling + memory, FEWEST_SAMPLES), MOST_SAMPLES)

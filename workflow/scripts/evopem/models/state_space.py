@@ -265,11 +265,11 @@ class StateSpaceModel:
         z = self._circle(frequencies)
         delays = np.asarray(self._delays, dtype=float)
         shift = z[..., None, None] ** -delays
-        return (self._resolvent(z, self.B) + self.D) * shift
+        return (self.resolvent(z, self.B) + self.D) * shift
 
     def noise_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         """``H = C (zI - A)^-1 K + I`` at frequencies in Hz, (..., ny, ny)."""
-        return self._resolvent(self._circle(frequencies), self.K) + np.eye(self.outputs)
+        return self.resolvent(self._circle(frequencies), self.K) + np.eye(self.outputs)
 
     def _circle(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
         angles = np.asarray(frequencies, dtype=float) / self.sampling_rate
@@ -281,6 +281,13 @@ class StateSpaceModel:
         impulses[:, :1] = np.eye(self.inputs)[:, None]
         responses = [self.simulate(impulse) - self.level for impulse in impulses]
         return np.stack(responses, axis=2) if responses else np.zeros((samples, self.outputs, 0))
+
+    def noise_impulse_response(self, samples: int) -> Array:
+        """Responses of the outputs to unit innovations at sample 0, (samples, ny, ny)."""
+        noise = replace(
+            self, B=self.K, D=np.eye(self.outputs), input_delays=(), input_names=(), covariance=None
+        )
+        return noise.impulse_response(samples)
 
     def step_response(self, samples: int) -> Array:
         """Responses to unit steps at sample 0, (samples, ny, nu)."""
@@ -377,8 +384,16 @@ class StateSpaceModel:
             )
         return responses
 
-    def _resolvent(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
-        """``C (zI - A)^-1 right``, (..., ny, columns)."""
+    def resolvent(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
+        """``C (zI - A)^-1 right``, (..., ny, columns); NaN at a pole."""
+        return np.asarray(self.C @ self._solved(z, right), dtype=complex)
+
+    def state_response(self, z: NDArray[np.complex128], noise: bool) -> NDArray[np.complex128]:
+        """``(zI - A)^-1 B``, or of ``K``, (..., n, columns)."""
+        return self._solved(z, self.K if noise else self.B)
+
+    def _solved(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
         matrices = z[..., None, None] * np.eye(self.order) - self.A
+        matrices[np.linalg.det(matrices) == 0.0] = np.nan
         solved = np.linalg.solve(matrices, np.broadcast_to(right, (*z.shape, *right.shape)))
-        return np.asarray(self.C @ solved, dtype=complex)
+        return np.asarray(solved, dtype=complex)

@@ -30,7 +30,7 @@ from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
-from evopem.models.conversions import save_model_mat
+from evopem.models.polynomial import save_model_mat
 from evopem.models.response_tables import (
     frequency_response_table,
     time_response_table,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from evopem.models.polynomial import Model, PolynomialModel, simulated_form
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.states import estimate_level, estimate_prediction_states, first_samples
+from evopem.models.states import first_samples
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
 
@@ -135,14 +135,14 @@ def stretches_of(
     for each in recording.separated:
         own = model
         if own_levels and isinstance(model, PolynomialModel):
-            own = replace(model, level=estimate_level(model, each.inputs, each.output))
+            own = replace(model, level=model.fitted_level(each.inputs, each.output))
         found.append(HeldOut(own, each, None, _states(own, each)))
     return tuple(found)
 
 
 def _states(model: Model, record: Recording) -> tuple[Array, ...]:
     if isinstance(model, PolynomialModel):
-        return estimate_prediction_states(model, record.inputs, record.output)
+        return model.prediction_state(record.inputs, record.output)
     return (model.prediction_state(record.inputs, record.outputs),)
 
 

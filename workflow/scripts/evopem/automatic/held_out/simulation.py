@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from evopem.models.polynomial import Model, PolynomialModel, simulated_form
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.states import estimate_prediction_states, first_samples
+from evopem.models.states import first_samples
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
     u, y = stretch.inputs, stretch.outputs
     with np.errstate(all="ignore"):
         if isinstance(model, PolynomialModel) and states is None:
-            initial = estimate_prediction_states(model, u[:known], y[:known, 0])
+            initial = model.prediction_state(u[:known], y[:known, 0])
             errors = model.residuals(u, y[:, 0], *initial)[:, None]
         else:
             assert states is not None
