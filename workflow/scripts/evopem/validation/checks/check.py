@@ -1,8 +1,11 @@
-"""The outcome of one check, what it is judged by, and what the checks share."""
+"""The outcome of one check, what it is judged by, and what the checks share.
+
+A check is a function of the evidence with :func:`check` in one of the modules beside this one.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -61,6 +64,35 @@ class Evidence:
     recording: RecordingInfo
     ranges: tuple[OrderRange, ...] = field(default=())  # of all orders that were searched
     is_automatic: bool = False  # whether the automatic recipe has tried what advice would be
+
+
+Found = tuple[bool | None, str] | tuple[bool | None, str, str]
+"""Whether a check passed, the statement, and other advice than usual."""
+
+
+@dataclass(frozen=True)
+class Judge:
+    """A check of every model: calls give its outcome, or None where it does not apply."""
+
+    name: str
+    advice: str
+    grade: Literal["defect", "caution", "note"]
+    found: Callable[[Evidence], Found | None]
+
+    def __call__(self, evidence: Evidence) -> Check | None:
+        """The outcome for a model."""
+        if (found := self.found(evidence)) is None:
+            return None
+        passed, statement, *advice = found
+        advised = "" if passed else (advice or [self.advice])[0]
+        return Check(self.name, passed, statement, advised, self.grade)
+
+
+def check(
+    name: str, advice: str = "", grade: Literal["defect", "caution", "note"] = "defect"
+) -> Callable[[Callable[[Evidence], Found | None]], Judge]:
+    """Make a check of a function that finds whether it passed, and says why."""
+    return lambda found: Judge(name, advice, grade, found)
 
 
 def failed_checks(checks: Iterable[Check]) -> list[Check]:

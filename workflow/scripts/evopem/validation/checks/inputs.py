@@ -5,12 +5,22 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from evopem.validation.checks.check import LISTED, SIGNIFICANCE, Check, Evidence, listed, p_text
+import numpy as np
+
+from evopem.validation.checks.check import (
+    LISTED,
+    SIGNIFICANCE,
+    Evidence,
+    Found,
+    check,
+    listed,
+    p_text,
+)
 from evopem.validation.excitation import FEWEST_SAMPLES
 
 if TYPE_CHECKING:
     from evopem.validation.held_out_tests import HeldOutTest
-    from evopem.validation.validation import InputValidation, Validation
+    from evopem.validation.validation import Validation
 
 EXCITATION_ADEQUATE = "Excitation adequate"
 RESPONSE_SIGNIFICANT = "Response to the input significant"
@@ -18,10 +28,6 @@ INPUT_COMPARABLE = "Validation input comparable"
 INDEPENDENT_OF_STATE = "Simulation independent of its initial state"
 # A fitted state may lower the simulation error to this part, beside a margin in percent.
 STATE_FACTOR, STATE_MARGIN = 1.5, 2.0
-CHECK_THE_MODEL = (
-    "Slow poles, or poles near the unit circle that zeros nearly cancel, let a fitted state imitate"
-    " a drift. Try lower orders, or look for a trend in the record."
-)
 # Percentage of the samples at a channel's limits above which the channel counts as saturated.
 MAX_SATURATED_PERCENT = 0.1
 # Two slow signals that are not related have some course alike, but of a size that no model gives.
@@ -33,7 +39,12 @@ EXCITE_AGAIN = (
 )
 
 
-def excitation(evidence: Evidence) -> Check | None:
+@check(
+    EXCITATION_ADEQUATE,
+    "Trust the model only at frequencies where the input has power. Record with a broader input, or"
+    " resample to a lower rate.",
+)
+def excitation(evidence: Evidence) -> Found | None:
     """The order of excitation of each input at least the number of coefficients of its plant.
 
     Of polynomials: the states of a state-space model are shared by inputs and outputs.
@@ -43,50 +54,42 @@ def excitation(evidence: Evidence) -> Check | None:
         return None
     worst = min(inputs, key=lambda each: each.excitation_order - each.excitation_needed)
     orders = evidence.model.polynomials.orders
-    nf = any(orders.nf)
-    terms = [name for name, has in (("na", orders.na), ("nf", nf), ("nb", True)) if has]
-    passed = worst.excitation_order >= worst.excitation_needed
+    terms = [name for name in ("na", "nf", "nb") if np.any(getattr(orders, name))]
     called = "The input" if len(inputs) == 1 else f"The input {worst.name}"
-    return Check(
-        EXCITATION_ADEQUATE,
-        passed,
+    return (
+        worst.excitation_order >= worst.excitation_needed,
         f"{called} is persistently exciting of order {worst.excitation_order}, and the model needs"
         f" {worst.excitation_needed} ({' + '.join(terms)}). Directions more than 40 dB below the"
         " strongest are not counted.",
-        "Trust the model only at frequencies where the input has power. Record with a broader"
-        " input, or resample to a lower rate.",
     )
 
 
-def response_to_input(evidence: Evidence) -> Check | None:
+@check(
+    RESPONSE_SIGNIFICANT,
+    "The model does not describe a response to this input. Check that the channels belong to the"
+    " same system and have the same time axis, and search longer delays (“delay.nk”).",
+)
+def response_to_input(evidence: Evidence) -> Found | None:
     """The response to the inputs significant on samples that were not used for estimation."""
-    name, validation = RESPONSE_SIGNIFICANT, evidence.validation
+    validation, test = evidence.validation, evidence.validation.input_test
     if not validation.inputs:
         return None
-    test = validation.input_test
     passed = responds(test)
     if passed is None and input_rests(validation):
-        return Check(name, None, f"Not tested: {RESTING}.", EXCITE_AGAIN)
+        return None, f"Not tested: {RESTING}.", EXCITE_AGAIN
     if passed is None:
-        return Check(
-            name,
+        statement = f"could not be tested on {test.samples} validation samples."
+        return (
             None,
-            f"The response to the input could not be tested on {test.samples} validation samples.",
+            f"The response to the input {statement}",
             "Leave at least 50 samples to validation.",
         )
-    return Check(
-        name,
+    too_large = " A coefficient above 2 is not that of the model's response."
+    return (
         passed,
-        "Regression of the measured on the simulated output over"
-        f" {test.samples} validation samples: coefficient {test.coefficient:.3g},"
-        f" {p_text(test.p_value)}."
-        + (
-            " A coefficient above 2 is not that of the model's response."
-            if test.coefficient > LARGEST_COEFFICIENT
-            else ""
-        ),
-        "The model does not describe a response to this input. Check that the channels belong"
-        " to the same system and have the same time axis, and search longer delays (“delay.nk”).",
+        f"Regression of the measured on the simulated output over {test.samples} validation"
+        f" samples: coefficient {test.coefficient:.3g}, {p_text(test.p_value)}."
+        + (too_large if test.coefficient > LARGEST_COEFFICIENT else ""),
     )
 
 
@@ -102,94 +105,82 @@ def input_rests(validation: Validation) -> bool:
     return enough and all(each.split.comparable is None for each in validation.inputs)
 
 
-def independent_of_state(evidence: Evidence) -> Check | None:
+@check(
+    INDEPENDENT_OF_STATE,
+    "Slow poles, or poles near the unit circle that zeros nearly cancel, let a fitted state imitate"
+    " a drift. Try lower orders, or look for a trend in the record.",
+    "caution",
+)
+def independent_of_state(evidence: Evidence) -> Found | None:
     """Simulations do as well without a state that is fitted to the validation samples."""
-    name, validation = INDEPENDENT_OF_STATE, evidence.validation
+    validation = evidence.validation
     if not validation.inputs:
         return None
     simulated = validation.simulation_error_percent
     fitted = validation.fitted_state_error_percent
     if not (math.isfinite(simulated) and math.isfinite(fitted)):
-        return Check(name, None, "One of the simulation errors is not known.", CHECK_THE_MODEL)
-    passed = simulated <= STATE_FACTOR * fitted + STATE_MARGIN
-    return Check(
-        name,
-        passed,
+        return None, "One of the simulation errors is not known."
+    return (
+        simulated <= STATE_FACTOR * fitted + STATE_MARGIN,
         f"The simulation error is {simulated:.3g} % with the state that earlier samples give, and"
         f" {fitted:.3g} % with the initial state that fits the validation samples best.",
-        CHECK_THE_MODEL,
-        "caution",
     )
 
 
-def comparable_split(evidence: Evidence) -> Check | None:
+@check(
+    INPUT_COMPARABLE,
+    "The validation errors measure extrapolation. Divide the recording differently (“split”), or"
+    " give an independent recording with the same kind of input (“validation_file”).",
+)
+def comparable_split(evidence: Evidence) -> Found | None:
     """The validation inputs have power only where the estimation inputs have power as well."""
-    name, inputs = INPUT_COMPARABLE, evidence.validation.inputs
+    inputs = evidence.validation.inputs
     if not inputs:
         return None
     if input_rests(evidence.validation):
-        return Check(
-            name,
+        rests = f"{RESTING[0].upper()}{RESTING[1:]}."
+        return (
             None,
-            f"{RESTING[0].upper()}{RESTING[1:]}. The simulation error there is that of the free"
-            " response.",
+            f"{rests} The simulation error there is that of the free response.",
             EXCITE_AGAIN,
         )
     known = [each for each in inputs if each.split.comparable is not None]
     if not known:
-        return Check(
-            name,
+        return (
             None,
             "The spectra of the input in the two parts could not be compared: a part is too short.",
             "Leave more samples to validation.",
         )
     worst = max(known, key=lambda each: each.split.share_outside)
     failed = [each.name for each in known if not each.split.comparable]
-    return Check(
-        name,
-        not failed,
-        _outside(worst, len(inputs) > 1) + (f" Also of {listed(failed)}." if failed[1:] else ""),
-        "The validation errors measure extrapolation. Divide the recording differently"
-        " (“split”), or give an independent recording with the same kind of input"
-        " (“validation_file”).",
-    )
-
-
-def _outside(worst: InputValidation, is_named: bool) -> str:
-    split = worst.split
-    bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in split.bands_hz[:4])
+    bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in worst.split.bands_hz[:4])
     return (
-        f"{100 * split.share_outside:.2g} % of the power of the validation input"
-        f"{f' {worst.name}' if is_named else ''} lies where the estimation input has none"
+        not failed,
+        f"{100 * worst.split.share_outside:.2g} % of the power of the validation input"
+        f"{f' {worst.name}' if inputs[1:] else ''} lies where the estimation input has none"
         f"{f' ({bands})' if bands else ''}."
+        + (f" Also of {listed(failed)}." if failed[1:] else ""),
     )
 
 
-def saturation(evidence: Evidence) -> Check:
+@check(
+    "Record not saturated",
+    "A linear model does not describe saturation. Record again within the range of the instrument.",
+)
+def saturation(evidence: Evidence) -> Found:
     """No channel saturated: at its smallest or largest value for several samples."""
-    name, recording = "Record not saturated", evidence.recording
-    percent = {}
+    recording, percent = evidence.recording, {}
     for role, channels in (("input", recording.inputs), ("output", recording.outputs)):
         for channel in channels:
             called = role if len(channels) == 1 else f"{role} {channel.name}"
             percent[called] = channel.saturated_percent
     if any(math.isnan(each) for each in percent.values()):
-        return Check(
-            name,
-            None,
-            "The share of saturated samples could not be computed.",
-            "Inspect the record.",
-        )
+        unknown = "The share of saturated samples could not be computed."
+        return None, unknown, "Inspect the record."
     saturated = {channel: each for channel, each in percent.items() if each > MAX_SATURATED_PERCENT}
     if not saturated:
-        return Check(name, True, "No channel stays at its smallest or largest value.")
+        return True, "No channel stays at its smallest or largest value."
     shares = [f"{each:.2g} % of the {channel}" for channel, each in saturated.items()]
     more = f" and {len(shares) - LISTED} more channels" if len(shares) > LISTED else ""
-    return Check(
-        name,
-        False,
-        f"{' and '.join(shares[:LISTED])}{more} is saturated: it stays at its smallest or largest"
-        " value.",
-        "A linear model does not describe saturation. Record again within the range of the"
-        " instrument.",
-    )
+    stays = "is saturated: it stays at its smallest or largest value."
+    return False, f"{' and '.join(shares[:LISTED])}{more} {stays}"

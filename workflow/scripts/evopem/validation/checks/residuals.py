@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 from scipy.special import ndtri
 
 from evopem.config.structures import phases_of
-from evopem.estimation.model_record import ModelRecord
 from evopem.signals.peaks import line_spacing
 from evopem.validation.checks.check import (
+    LISTED,
     SIGNIFICANCE,
-    Check,
     Evidence,
+    Found,
+    check,
     largest_by_chance,
     listed,
     p_text,
@@ -36,8 +37,6 @@ SHARE_LEVEL = 0.00135
 MAX_OUTLIER_PERCENT = 0.1
 MAX_OUTLIER_PERCENT_ABSOLUTE = 5.0
 
-# Missed peaks that a statement lists.
-MAX_LISTED = 6
 # A mode accounts for no peak farther away than this share of its frequency.
 MAX_RELATIVE_DISTANCE = 0.1
 # Share of the variance of whitened residuals below which a dependence matters to no use of a model.
@@ -45,8 +44,10 @@ SMALL_SHARE = 0.01
 
 WHITE = "White residuals"
 INDEPENDENT_OF_INPUT = "Residuals independent of the input"
-# Structures that claim nothing of the noise.
-WITHOUT_NOISE_MODEL = ("fir", "oe")
+BETTER = "Every simulation error is below 100 %."
+LONGER_RECORD = "Use a longer record or fewer parameters."
+# Key of the orders of a state-space model.
+STATES = "“orders.nx”"
 
 
 def are_white(p_value: float, share: float, lags: int, outputs: int = 1) -> bool | None:
@@ -96,68 +97,56 @@ def _verdicts(validation: Validation) -> list[bool | None]:
     ]
 
 
-def whiteness(evidence: Evidence) -> Check:
+@check(WHITE)
+def whiteness(evidence: Evidence) -> Found:
     """Residual autocorrelations as small as those of white noise, jointly and one by one."""
     model, validation = evidence.model, evidence.validation
     outputs, lags = validation.outputs, validation.lags
     verdicts = _verdicts(validation)
     if None in verdicts:
         test = outputs[verdicts.index(None)].ljung_box
-        return Check(
-            WHITE,
+        return (
             None,
             "The residual autocorrelation or its Ljung-Box test could not be computed: there are"
             f" {validation.residual_samples} residuals, and their fit leaves an expected statistic"
             f" of {test.expected:.3g}.",
-            "Use a longer record or fewer parameters.",
+            LONGER_RECORD,
         )
     coloured = [each.name for each, white in zip(outputs, verdicts, strict=True) if not white]
     worst = min(outputs, key=lambda each: each.ljung_box.p_value)
     share = min(each.autocorrelation_share_inside95 for each in outputs)
     tested = f"over {worst.ljung_box.lags} lags: {p_text(worst.ljung_box.p_value)}"
     if not model.has_noise_model:
-        return Check(
-            WHITE,
+        claimless = "output-error" if model.orders is None else model.structure.upper()
+        return (
             True,
-            f"Not asked of {_claimless(model)} models, which claim nothing of the noise. The"
-            f" residuals are {'coloured' if coloured else 'white'} (Ljung-Box test {tested}); the"
-            " intervals of the plant model take the colour into account."
-            " The cross-correlation with the input is the test that counts.",
+            f"Not asked of {claimless} models, which claim nothing of the noise. The residuals are"
+            f" {'coloured' if coloured else 'white'} (Ljung-Box test {tested}); the intervals of"
+            " the plant model take the colour into account. The cross-correlation with the input is"
+            " the test that counts.",
         )
     of_all = f", {SIGNIFICANCE / len(outputs):.2g} allowed for {len(outputs)} outputs"
-    return Check(
-        WHITE,
+    phases = phases_of(model.structure) if model.orders else ()
+    keys = [f"“orders.{phase}”" for phase in ("nc", "nd", "joint") if phase in phases]
+    return (
         not coloured,
         f"Ljung-Box test of whiteness {tested}{of_all if outputs[1:] else ''}."
         f" {100 * share:.1f} % of {lags} autocorrelations lie inside their 95 % bounds (at least"
         f" {100 * _least_share(lags, len(outputs)):.1f} % required)."
         + (f" Coloured: {listed(coloured)}." if coloured and outputs[1:] else ""),
-        f"The noise model is incomplete: raise the upper end of {_noise_keys(model)}, or"
+        f"The noise model is incomplete: raise the upper end of {' or '.join(keys) or STATES}, or"
         " look for trends, mains hum or nonlinearity in the record.",
     )
 
 
-def _claimless(model: ModelRecord) -> str:
-    return "output-error" if model.orders is None else model.structure.upper()
-
-
-def _noise_keys(model: ModelRecord) -> str:
-    """The keys of the ranges of orders that the noise model has."""
-    if model.orders is None:
-        return "“orders.nx”"
-    phases = phases_of(model.structure)
-    return " or ".join(f"“orders.{phase}”" for phase in ("nc", "nd", "joint") if phase in phases)
-
-
-def input_independence(evidence: Evidence) -> Check | None:
+@check(INDEPENDENT_OF_INPUT)
+def input_independence(evidence: Evidence) -> Found | None:
     """No significant cross-correlation of residuals and inputs."""
-    name, validation = INDEPENDENT_OF_INPUT, evidence.validation
-    pairs, lags = validation.pairs, validation.correlation_lags
+    pairs, lags = evidence.validation.pairs, evidence.validation.correlation_lags
     if not pairs:
         return None
     if any(math.isnan(each.share_inside95) or math.isnan(each.max_in_bounds) for each in pairs):
-        return Check(
-            name,
+        return (
             None,
             "The cross-correlation of residuals and input could not be computed: one of them is"
             " constant.",
@@ -172,170 +161,105 @@ def input_independence(evidence: Evidence) -> Check | None:
     share = min(each.share_inside95 for each in pairs)
     count = (2 * lags + 1) * len(pairs)
     of_pair = f", of {worst.output} and {worst.input}," if pairs[1:] else ""
-    states = evidence.model.orders is None
-    return Check(
-        name,
+    keys = "“orders.nb” or “orders.joint”" if evidence.model.orders else STATES
+    return (
         not dependent,
         f"{100 * share:.1f} % of {count} cross-correlations (lags −{lags} to"
         f" {lags}) lie inside their 95 % bounds. The largest{of_pair} is"
         f" {worst.max_in_bounds:.2f} times its bound; up to {largest_by_chance(count):.2f} times is"
         f" not significant (Bonferroni, {100 * SIGNIFICANCE:g} %)."
         + (f" Dependent: {listed(dependent)}." if dependent and pairs[1:] else ""),
-        "If positive lags are significant, raise the upper end of "
-        + ("“orders.nx”" if states else "“orders.nb” or “orders.joint”")
-        + ", or search further delays (“delay.nk”). Significant negative lags indicate"
-        " feedback from output to input.",
+        f"If positive lags are significant, raise the upper end of {keys}, or search further delays"
+        " (“delay.nk”). Significant negative lags indicate feedback from output to input.",
     )
 
 
-def better_than_mean(evidence: Evidence) -> Check | None:
-    """Each of several outputs simulated better than by its mean.
-
-    Of one output :func:`.inputs.response_to_input` is the sharper statement.
-    """
-    outputs = evidence.validation.outputs
-    if not evidence.validation.inputs or len(outputs) == 1:
-        return None
-    bad = [each.name for each in outputs if not each.simulation_error_percent < 100.0]
-    return Check(
-        "Every output simulated better than by its mean",
-        not bad,
-        f"Worse than the mean: {listed(bad)}." if bad else "Every simulation error is below 100 %.",
-        "The inputs may not reach these outputs, or not linearly; leave them out." if bad else "",
-    )
-
-
-def outliers(evidence: Evidence) -> Check:
-    """Few residual outliers, or an objective that is robust against them."""
-    name, outputs = "Few residual outliers", evidence.validation.outputs
-    if any(math.isnan(each.outlier_percent) for each in outputs):
-        return Check(
-            name,
-            None,
-            "The share of residual outliers could not be computed.",
-            "Use a longer record or fewer parameters.",
-        )
-    worst = max(outputs, key=lambda each: each.outlier_percent)
-    percent = worst.outlier_percent
-    of_output = f" of {worst.name}" if outputs[1:] else ""
-    statement = (
-        f"{percent:.2g} % of the residuals{of_output} lie beyond five robust standard deviations"
-    )
-    if percent <= MAX_OUTLIER_PERCENT:
-        return Check(name, True, f"{statement}.")
-    absolute = evidence.model.search.settings.objective == "absolute"
-    if absolute and percent <= MAX_OUTLIER_PERCENT_ABSOLUTE:
-        return Check(
-            name, True, f"{statement}. The absolute objective is robust against so few outliers."
-        )
-    return Check(
-        name,
-        False,
-        f"{statement}, so they may bias the estimate.",
-        "Inspect them in the record, and repair spikes and drop-outs."
-        + ("" if absolute else " The objective “absolute” gives outliers less weight."),
-    )
-
-
-def constant_in_time(evidence: Evidence) -> Check:
-    """The response of the system as it is at the beginning until the end."""
-    return _of_class(
-        "Constant in time",
-        evidence.validation.model_class.constant,
-        "polynomials in time multiplied by the response",
-        "The system changed during the record: a gain, frequency or damping of the model is a mean."
-        " Identify parts of the record one by one, and compare them.",
-    )
-
-
-def linear(evidence: Evidence) -> Check:
-    """No squares and cubes of the response and of the inputs in the residuals."""
-    return _of_class(
-        "Linear",
-        evidence.validation.model_class.linear,
-        "squares and cubes of the response and of the inputs",
-        "The model describes one amplitude, and its intervals are too narrow. Record with a smaller"
-        " input, or take the root or logarithm of a channel that is no linear measure.",
-    )
-
-
-def without_feedback(evidence: Evidence) -> Check | None:
-    """No dependence of later inputs on the residuals."""
-    if not evidence.validation.inputs:
-        return None
-    return _of_class(
-        "Free of feedback",
-        evidence.validation.model_class.without_feedback,
-        "later samples of an input",
-        "The input depends on the output, as of a controller: the model may be that of the"
-        " controller, or carry its bias. Use a structure with a noise model and a delay of one"
-        " sample at least, or record without the controller.",
-    )
-
-
-def _of_class(name: str, test: ResidualTest, what: str, advice: str) -> Check:
+def _of_class(test: ResidualTest, what: str) -> Found:
     """A test of what every model assumes."""
     if math.isnan(test.p_value):
-        return Check(name, None, "There are too few samples to test it.", "Use a longer record.")
-    passed = test.p_value >= SIGNIFICANCE or test.share < SMALL_SHARE
-    return Check(
-        name,
-        passed,
+        return None, "There are too few samples to test it.", "Use a longer record."
+    return (
+        test.p_value >= SIGNIFICANCE or test.share < SMALL_SHARE,
         f"The whitened residuals and {what}: {p_text(test.p_value)}, {100 * test.share:.2g} % of"
         f" their variance ({100 * SIGNIFICANCE:g} % significance and a share of"
         f" {100 * SMALL_SHARE:g} % are needed to object).",
-        advice,
     )
 
 
-def spectral_peaks(evidence: Evidence) -> Check:
+@check(
+    "Constant in time",
+    "The system changed during the record: a gain, frequency or damping of the model is a mean."
+    " Identify parts of the record one by one, and compare them.",
+)
+def constant_in_time(evidence: Evidence) -> Found:
+    """The response of the system as it is at the beginning until the end."""
+    what = "polynomials in time multiplied by the response"
+    return _of_class(evidence.validation.model_class.constant, what)
+
+
+@check(
+    "Linear",
+    "The model describes one amplitude, and its intervals are too narrow. Record with a smaller"
+    " input, or take the root or logarithm of a channel that is no linear measure.",
+)
+def linear(evidence: Evidence) -> Found:
+    """No squares and cubes of the response and of the inputs in the residuals."""
+    what = "squares and cubes of the response and of the inputs"
+    return _of_class(evidence.validation.model_class.linear, what)
+
+
+@check(
+    "Free of feedback",
+    "The input depends on the output, as of a controller: the model may be that of the controller,"
+    " or carry its bias. Use a structure with a noise model and a delay of one sample at least, or"
+    " record without the controller.",
+)
+def without_feedback(evidence: Evidence) -> Found | None:
+    """No dependence of later inputs on the residuals."""
+    test = evidence.validation.model_class.without_feedback
+    return _of_class(test, "later samples of an input") if evidence.validation.inputs else None
+
+
+@check("Every spectral peak modelled")
+def spectral_peaks(evidence: Evidence) -> Found:
     """A mode near every peak of the outputs' spectra, or a density there that the model gives."""
-    name, outputs = "Every spectral peak modelled", evidence.validation.outputs
+    outputs = evidence.validation.outputs
     count = sum(len(each.peaks) for each in outputs)
     if not count:
-        return Check(name, True, "The output's spectrum has no distinct peaks.")
+        return True, "The output's spectrum has no distinct peaks."
     spacings = [line_spacing([peak.frequency_hz for peak in each.peaks]) for each in outputs]
     resolution = evidence.validation.resolution_hz
     modes = (*evidence.model.modes, *evidence.model.noise_modes)
-    lines = [k for k, spacing in enumerate(spacings) if spacing is not None]
-    if len(lines) == len(outputs):
-        spacing = spacings[0] or 0.0
-        return Check(
-            name,
+    if None not in spacings:
+        return (
             None,
-            f"The spectrum has {len(outputs[0].peaks)} peaks about {spacing:.3g} Hz apart. These"
-            " are the lines of a periodic input, among which resonances do not show as peaks.",
+            f"The spectrum has {len(outputs[0].peaks)} peaks about {spacings[0]:.3g} Hz apart."
+            " These are the lines of a periodic input, among which resonances do not show as"
+            " peaks.",
             "Compare the gain of the model with the multitaper estimate at the lines.",
         )
     # A NaN is no density that the model gives.
     missed = [
-        (peak, each.name)
-        for k, each in enumerate(outputs)
-        if k not in lines
-        for peak in each.peaks
+        _stated(peak) + (f" of {output.name}" if outputs[1:] else "")
+        for output, spacing in zip(outputs, spacings, strict=True)
+        for peak in (output.peaks if spacing is None else ())
         if not peak.excess <= peak.chance
         and not any(_accounts_for(mode, peak.frequency_hz, resolution) for mode in modes)
     ]
     if not missed:
-        return Check(
-            name,
+        return (
             True,
             f"Each of the {count} spectral peaks has a mode within the resolution of the"
             f" spectrum ({resolution:.2g} Hz) or within the mode's own bandwidth and uncertainty,"
             " or is no higher than the model and chance make it.",
         )
-    stated = [
-        _stated(peak) + (f" of {output}" if outputs[1:] else "")
-        for peak, output in missed[:MAX_LISTED]
-    ]
-    more = f" and {len(missed) - MAX_LISTED} more" if len(missed) > MAX_LISTED else ""
-    return Check(
-        name,
+    more = f" and {len(missed) - LISTED} more" if len(missed) > LISTED else ""
+    return (
         False,
-        f"{count - len(missed)} of {count} spectral peaks have a mode or"
-        " a density that follows from the model. The output has more power than the model gives it"
-        f" at {', '.join(stated)}{more}.",
-        f"Raise the upper end of “orders.{'joint' if evidence.model.orders else 'nx'}”, or check"
+        f"{count - len(missed)} of {count} spectral peaks have a mode or a density that follows"
+        " from the model. The output has more power than the model gives it at"
+        f" {', '.join(missed[:LISTED])}{more}.",
+        f"Raise the upper end of {'“orders.joint”' if evidence.model.orders else STATES}, or check"
         " whether the peak is in the input already or caused by a transform.",
     )
 
@@ -359,3 +283,46 @@ def _accounts_for(mode: Mode, frequency: float, resolution: float) -> bool:
     error = mode.frequency_se_hz if math.isfinite(mode.frequency_se_hz) else 0.0
     width = min(max(damping * centre, 2.0 * error), MAX_RELATIVE_DISTANCE * centre)
     return abs(centre - frequency) <= max(resolution, width)
+
+
+@check(
+    "Every output simulated better than by its mean",
+    "The inputs may not reach these outputs, or not linearly; leave them out.",
+)
+def better_than_mean(evidence: Evidence) -> Found | None:
+    """Each of several outputs simulated better than by its mean.
+
+    Of one output :func:`.inputs.response_to_input` is the sharper statement.
+    """
+    outputs = evidence.validation.outputs
+    if not evidence.validation.inputs or len(outputs) == 1:
+        return None
+    bad = [each.name for each in outputs if not each.simulation_error_percent < 100.0]
+    return not bad, f"Worse than the mean: {listed(bad)}." if bad else BETTER
+
+
+@check(
+    "Few residual outliers",
+    "Inspect them in the record, and repair spikes and drop-outs.",
+)
+def outliers(evidence: Evidence) -> Found:
+    """Few residual outliers, or an objective that is robust against them."""
+    outputs = evidence.validation.outputs
+    if any(math.isnan(each.outlier_percent) for each in outputs):
+        return None, "The share of residual outliers could not be computed.", LONGER_RECORD
+    worst = max(outputs, key=lambda each: each.outlier_percent)
+    percent = worst.outlier_percent
+    of_output = f" of {worst.name}" if outputs[1:] else ""
+    found = f"{percent:.2g} % of the residuals{of_output} lie beyond five robust standard"
+    if percent <= MAX_OUTLIER_PERCENT:
+        return True, f"{found} deviations."
+    biased = f"{found} deviations, so they may bias the estimate."
+    if evidence.model.search.settings.objective != "absolute":
+        repair = "Inspect them in the record, and repair spikes and drop-outs."
+        return False, biased, f"{repair} The objective “absolute” gives outliers less weight."
+    if percent <= MAX_OUTLIER_PERCENT_ABSOLUTE:
+        return (
+            True,
+            f"{found} deviations. The absolute objective is robust against so few outliers.",
+        )
+    return False, biased

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evopem.config.structures import STRUCTURES, plant_order
 from evopem.models.polynomials import CHI_SQUARE_95, root_gradient, roots
-from evopem.validation.checks.check import Check, Evidence
+from evopem.validation.checks.check import Evidence, Found, check
 
 if TYPE_CHECKING:
     from evopem.estimation.model_record import ModelRecord
@@ -28,40 +28,37 @@ DISTINCT = "Poles and zeros distinct"
 INSIDE_BOUND = "Roots inside the stability bound"
 
 
-def stability(evidence: Evidence) -> Check:
+UNSTABLE = "Errors of the initial state and of the input do not decay in a simulation."
+
+
+@check(
+    "Stable",
+    "Do not simulate with this model. Estimate again with a smaller “search.max_root_radius”.",
+)
+def stability(evidence: Evidence) -> Found:
     """All poles of the plant inside the unit circle, unless constraints allow them outside."""
     model = evidence.model
-    check = _inside_unit_circle(
-        "Stable",
-        f"roots of {_letters(model, 'af')}" if model.orders else "eigenvalues of A",
-        model.poles,
-        "Do not simulate with this model. Estimate again with a smaller “search.max_root_radius”.",
-    )
-    if check.passed is not False or not model.may_be_unstable:
-        return check
-    return Check(
-        check.name,
-        None,
-        f"{check.statement} The constraints require or allow such a pole.",
-        "Errors of the initial state and of the input do not decay in a simulation.",
-    )
+    what = f"roots of {_letters(model, 'af')}" if model.orders else "eigenvalues of A"
+    passed, statement = _inside_unit_circle(what, model.poles)
+    if passed is False and model.may_be_unstable:
+        return None, f"{statement} The constraints require or allow such a pole.", UNSTABLE
+    return passed, statement
 
 
-def invertibility(evidence: Evidence) -> Check | None:
+@check(
+    "Invertible",
+    "The one-step predictor diverges. Estimate again with a smaller “search.max_root_radius” or"
+    " smaller orders of the noise model.",
+)
+def invertibility(evidence: Evidence) -> Found | None:
     """All roots of C and D, or eigenvalues of the predictor, inside the unit circle."""
     model = evidence.model
-    if model.orders is None and not model.has_noise_model:
-        return None
-    found = model.noise_zeros
-    if model.orders is not None:
-        found = np.concatenate([found, roots(model.polynomials.D[1:])])
-    return _inside_unit_circle(
-        "Invertible",
-        f"roots of {_letters(model, 'cd')}" if model.orders else "eigenvalues of A − K C",
-        found,
-        "The one-step predictor diverges. Estimate again with a smaller “search.max_root_radius”"
-        " or smaller orders of the noise model.",
-    )
+    if model.orders is None:
+        if not model.has_noise_model:
+            return None
+        return _inside_unit_circle("eigenvalues of A − K C", model.noise_zeros)
+    found = np.concatenate([model.noise_zeros, roots(model.polynomials.D[1:])])
+    return _inside_unit_circle(f"roots of {_letters(model, 'cd')}", found)
 
 
 def _letters(model: ModelRecord, letters: str) -> str:
@@ -71,52 +68,53 @@ def _letters(model: ModelRecord, letters: str) -> str:
     return " and ".join([", ".join(own[:-1]), own[-1]] if len(own) > 1 else own)
 
 
-def _inside_unit_circle(name: str, what: str, found: Roots, advice: str) -> Check:
+def _inside_unit_circle(what: str, found: Roots) -> tuple[bool | None, str]:
     if found.size == 0:
-        return Check(name, True, "The model has no such roots.")
+        return True, "The model has no such roots."
     largest = float(np.max(np.abs(found)))
     if not np.isfinite(largest):
-        return Check(name, None, f"The {what} are not finite.", advice)
-    passed = largest < 1.0
-    where = "inside" if passed else "not inside"
-    return Check(
-        name,
-        passed,
-        f"The largest radius of the {what} is {largest:.5f}, {where} the unit circle.",
-        advice,
-    )
+        return None, f"The {what} are not finite."
+    where = "inside" if largest < 1.0 else "not inside"
+    statement = f"The largest radius of the {what} is {largest:.5f}, {where} the unit circle."
+    return largest < 1.0, statement
 
 
-def stability_bound(evidence: Evidence) -> Check:
+@check(
+    INSIDE_BOUND,
+    "A root of C at the bound indicates overdifferencing: lower “transforms.difference”. A pole"
+    " there indicates drift or very low damping: remove the drift, or raise"
+    " “search.max_root_radius” towards 1. With a short record, lower the orders.",
+)
+def stability_bound(evidence: Evidence) -> Found:
     """No root of A, C, D or F, and no eigenvalue, at the largest radius that the search allows."""
-    name, model = INSIDE_BOUND, evidence.model
+    model = evidence.model
     bound = f"the stability bound (radius {model.search.settings.max_root_radius:g})"
     letters = _letters(model, "acdf").replace(" and ", " or ") if model.orders else ""
     if model.orders and not letters:
-        return Check(name, True, f"The model has no roots that could lie at {bound}.")
+        return True, f"The model has no roots that could lie at {bound}."
     what = f"root of {letters}" if letters else "eigenvalue of A or of A − K C"
     if not model.search.at_stability_bound:
-        return Check(name, True, f"No {what} lies at {bound}.")
-    a = "A" if letters else "An"
+        return True, f"No {what} lies at {bound}."
+    a = f"{'A' if letters else 'An'} {what} lies at"
     if model.may_be_unstable:
-        return Check(
-            name,
+        return (
             None,
-            f"{a} {what} lies at or beyond {bound}, and the constraints fix or allow such roots.",
+            f"{a} or beyond {bound}, and the constraints fix or allow such roots.",
+            "",
         )
-    return Check(
-        name,
-        False,
-        f"{a} {what} lies at {bound}: the bound and not the data determines its radius.",
-        "A root of C at the bound indicates overdifferencing: lower “transforms.difference”."
-        " A pole there indicates drift or very low damping: remove the drift, or raise"
-        " “search.max_root_radius” towards 1. With a short record, lower the orders.",
-    )
+    return False, f"{a} {bound}: the bound and not the data determines its radius."
 
 
-def cancellation(evidence: Evidence) -> Check | None:
+LOWER_THE_ORDERS = (
+    "The parameters of a model of too high order are not all determined: lower the orders, or use a"
+    " longer record."
+)
+
+
+@check(DISTINCT, grade="caution")
+def cancellation(evidence: Evidence) -> Found | None:
     """No pole and zero of B_i/(A F_i) that their joint 95 % uncertainty cannot distinguish."""
-    name, record = DISTINCT, evidence.model
+    record = evidence.model
     if record.orders is None or not record.has_input:
         return None
     model = record.polynomials
@@ -128,41 +126,26 @@ def cancellation(evidence: Evidence) -> Check | None:
         if pole.imag >= 0 and zero.imag >= 0
     ]
     if not pairs:
-        return Check(name, True, "The model has no pair of a pole and a zero.")
-    distance, pole, zero = min(pairs)
-    nearest = f"The nearest pair, pole {_root_text(pole)} and zero {_root_text(zero)}, is"
-    order = plant_order(record.structure)
+        return True, "The model has no pair of a pole and a zero."
+    distance, *pair = min(pairs)
+    pole, zero = map(_root_text, pair)
+    nearest = f"The nearest pair, pole {pole} and zero {zero}, is"
     advice = (
-        f"The pair hardly affects the frequency response: lower {order} and nb by one (a real pair)"
-        " or two (a complex pair) and compare the BIC."
+        f"The pair hardly affects the frequency response: lower {plant_order(record.structure)} and"
+        " nb by one (a real pair) or two (a complex pair) and compare the BIC."
     )
-    covariance = model.covariance
-    if covariance is None:
+    if model.covariance is None:
         if distance < COINCIDENT_DISTANCE:
-            return Check(name, False, f"{nearest} only {distance:.2g} apart.", advice, "caution")
-        return Check(
-            name,
-            None,
-            f"{nearest} {distance:.2g} apart. Without a parameter covariance, this distance cannot"
-            " be compared with its uncertainty.",
-            "The parameters of a model of too high order are not all determined: lower the orders,"
-            " or use a longer record.",
-        )
+            return False, f"{nearest} only {distance:.2g} apart.", advice
+        unknown = "Without a parameter covariance, this distance cannot be compared with its"
+        return None, f"{nearest} {distance:.2g} apart. {unknown} uncertainty.", LOWER_THE_ORDERS
     indistinct = [
-        f"{_root_text(pole)} and {_root_text(zero)}"
-        for pole, zero in cancelling_pairs(model, covariance)
+        " and ".join(map(_root_text, each)) for each in cancelling_pairs(model, model.covariance)
     ]
     if indistinct:
-        return Check(
-            name,
-            False,
-            "A pole and a zero do not differ significantly at the 95 % level:"
-            f" {'; '.join(indistinct)}.",
-            advice,
-            "caution",
-        )
-    return Check(
-        name,
+        found = "A pole and a zero do not differ significantly at the 95 % level"
+        return False, f"{found}: {'; '.join(indistinct)}.", advice
+    return (
         True,
         f"{nearest} {distance:.2g} apart. No pair closer than {MAX_CANCELLATION_DISTANCE:g} is"
         " within its joint 95 % uncertainty.",

@@ -12,11 +12,10 @@ from evopem.estimation.search.certificate import (
     STATE_SPACE,
     is_certified,
 )
-from evopem.validation.checks.check import Check, Evidence, OrderRange
+from evopem.validation.checks.check import Evidence, Found, OrderRange, check
 
 if TYPE_CHECKING:
     from evopem.estimation.candidate import PhaseSelection
-    from evopem.estimation.search.problem import SearchDiagnostics
 
 # The configuration key of the range of each phase, and the smallest value of what it varies.
 RANGES = {
@@ -55,20 +54,17 @@ def ranges_of_phases(phases: Mapping[str, PhaseSelection]) -> tuple[OrderRange, 
     return tuple(ranges)
 
 
-def search_ranges(evidence: Evidence) -> Check:
+@check("Orders inside their search ranges", grade="note")
+def search_ranges(evidence: Evidence) -> Found:
     """No selected order at an end of its range, unless the order cannot go beyond that end.
 
     The automatic recipe's ranges begin at 1 and grow until nothing is gained.
     """
-    name, model = "Orders inside their search ranges", evidence.model
+    model = evidence.model
     if not evidence.ranges:
-        return Check(
-            name,
-            None,
-            f"{model.text} came of a remedy: no range of {model.structure.upper()} models was"
-            " searched.",
-            "Compare it with the candidates of the other structures.",
-        )
+        kind = model.structure.upper()
+        statement = f"{model.text} came of a remedy: no range of {kind} models was searched."
+        return None, statement, "Compare it with the candidates of the other structures."
     at_end, inside, fixed = [], [], []
     for each in evidence.ranges:
         text = f"{each.name} = {each.value}"
@@ -81,70 +77,55 @@ def search_ranges(evidence: Evidence) -> Check:
     at_end += [(f"{place}, in {model.text}", "orders") for place in model.at_upper_ends]
     if at_end:
         keys = dict.fromkeys(f"“{key}”" for _, key in at_end)
-        return Check(
-            name,
+        return (
             False,
             f"At an end of the range: {'; '.join(text for text, _ in at_end)}.",
             f"Widen {', '.join(keys)}: a better model may lie outside.",
-            "note",
         )
     if not inside:
-        return Check(
-            name,
+        return (
             None,
             f"The configuration fixes every order: {', '.join(fixed)}.",
             "Give at least one order a range, if the orders are not known.",
         )
     remark = f" Fixed by the configuration: {', '.join(fixed)}." if fixed else ""
-    return Check(name, True, f"Inside: {'; '.join(inside)}.{remark}")
+    return True, f"Inside: {'; '.join(inside)}.{remark}"
 
 
-def repeatability(evidence: Evidence) -> Check:
+@check(
+    REPEATABLE,
+    "Raise “search.evaluations”, and compare the model with one of another “search.seed”. A model"
+    " of lower order has fewer local minima.",
+    "note",
+)
+def repeatability(evidence: Evidence) -> Found:
     """A certified minimum: random points or restarts agree on it as the certificate requires."""
-    name, diagnostics = REPEATABLE, evidence.model.search.diagnostics
+    diagnostics = evidence.model.search.diagnostics
     # How often searches of this kind were wrong.
     measured = STATE_SPACE if evidence.model.orders is None else POLYNOMIALS
-    advice = (
-        "Raise “search.evaluations”, and compare the model with one of another “search.seed”. A"
-        " model of lower order has fewer local minima."
-    )
     others, confirming = diagnostics.n_restarts - 1, diagnostics.n_confirming
     if others < 1:
-        return Check(
-            name,
-            None,
-            "The search ended after one restart: no independent restart could confirm its minimum.",
-            advice,
-        )
+        ended = "The search ended after one restart"
+        return None, f"{ended}: no independent restart could confirm its minimum."
     restarts = f"{others} other independent restart{'' if others == 1 else 's'}"
     if is_certified(diagnostics):
-        rate = 100.0 * measured.largest_error_rate
-        return Check(
-            name,
+        return (
             True,
             f"Certified: {confirming} of {restarts} reached the same minimum. Of"
             f" {measured.certified} such searches of test problems {measured.wrong or 'none'}"
-            f" missed a lower minimum (at most {rate:.2g} % with 95 % confidence).",
-            "",
+            f" missed a lower minimum (at most {100.0 * measured.largest_error_rate:.2g} % with"
+            " 95 % confidence).",
         )
-    reached = f"{confirming or 'none'} of {restarts} reached the lowest minimum"
-    return Check(
-        name,
-        False,
-        f"Not certified: {reached} that was found, too few for a certificate."
-        f"{_other_minima(diagnostics)} In 95 % of such test problems a minimum found elsewhere was"
-        f" at most {measured.lower_elsewhere:g} % lower.",
-        advice,
-        "note",
-    )
-
-
-def _other_minima(diagnostics: SearchDiagnostics) -> str:
-    """How many minima there are beside those that were found, where there are many."""
-    if not diagnostics.n_multistart or diagnostics.undiscovered_probability <= MANY_OPTIMA:
-        return ""
+    others_found = ""
+    if diagnostics.n_multistart and diagnostics.undiscovered_probability > MANY_OPTIMA:
+        others_found = (
+            " There are many others: with probability"
+            f" {diagnostics.undiscovered_probability:.2g} a further descent from a random point"
+            " leads to one that was not found."
+        )
     return (
-        " There are many others: with probability"
-        f" {diagnostics.undiscovered_probability:.2g} a further descent from a random point leads"
-        " to one that was not found."
+        False,
+        f"Not certified: {confirming or 'none'} of {restarts} reached the lowest minimum that was"
+        f" found, too few for a certificate.{others_found} In 95 % of such test problems a minimum"
+        f" found elsewhere was at most {measured.lower_elsewhere:g} % lower.",
     )
