@@ -63,12 +63,13 @@ def problem(recording, structure="ss", horizon=1, constraints=None):
 )
 def test_derivatives_agree_with_finite_differences(structure, horizon, constraints):
     made, point, _ = problem(recorded(2, 2, 120), structure, horizon, constraints)
-    derivatives = made.projection(point).derivatives
+    derivatives = made.derivatives(made.projection(point))
     generator = np.random.default_rng(1)
     for _ in range(3):
         step = 1e-6 * generator.standard_normal(len(point))
         step[[k for k, code in enumerate(_codes(made)) if code == 3]] = 0.0
-        difference = made.projection(point + step).errors - made.projection(point - step).errors
+        moved = (made.projection(made.moved(point, sign * step)).errors for sign in (1, -1))
+        difference = next(moved) - next(moved)
         expected = 2.0 * derivatives @ step
         np.testing.assert_allclose(difference, expected, atol=1e-6 * np.abs(expected).max())
 
@@ -79,9 +80,10 @@ def _codes(made):
 
 def test_errors_of_a_point_are_those_of_its_model():
     made, point, _ = problem(recorded(2, 2), horizon=4)
-    model, found = made.model(point), made.projection(point)
+    found = made.projection(point)
+    model = made.model(found)
     data = made.plain.data.recording
-    ahead = data.outputs - model.predict(data.inputs, data.outputs, 4, found.parts["initial"][:, 0])
+    ahead = data.outputs - model.predict(data.inputs, data.outputs, 4, found.matrices.drives[:, -1])
     np.testing.assert_allclose(ahead / made.plain.data.output_scales, found.errors, atol=1e-9)
 
 

@@ -31,9 +31,8 @@ from evopem.estimation.state_space.point_model import (
     filtered,
     sandwich,
 )
-from evopem.estimation.state_space.problem import (
-    absolute_scores,
-)
+from evopem.estimation.state_space.pole_coordinates import poles_of
+from evopem.estimation.state_space.problem import absolute_scores
 from evopem.estimation.state_space.starting_points import from_poles
 from evopem.models.constraint_checks import check_constraints, check_named_inputs
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -138,10 +137,11 @@ def _allowed(problem: EntryProblem, point: Array, settings: SearchSettings) -> I
     plant = replace(errors, structure="ss_oe")
     key = (errors.order, int(errors.innovations), CONSTRAINED)
     generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-    own = zip(problem.blocks, problem.own, strict=True)
-    allowed = [[block.poles(point[at]) for block, at in own]]
-    allowed += [[b.random_poles(generator) for b in problem.blocks] for _ in range(RANDOM_STARTS)]
-    for poles in map(np.concatenate, allowed):
+    allowed = [[point[at] for at in problem.own]]
+    allowed += [[block.random(generator) for block in problem.blocks] for _ in range(RANDOM_STARTS)]
+    for coordinates in allowed:
+        own = zip(problem.blocks, coordinates, strict=True)
+        poles = np.concatenate([poles_of(b.values(z)[0])[: b.states] for b, z in own])
         # Exactly conjugate pairs, and real poles without an imaginary part.
         upper, real = poles[poles.imag > 0.0], poles[poles.imag == 0.0].real.astype(complex)
         pairs = np.concatenate([upper, upper.conj(), real])
@@ -171,14 +171,17 @@ def _described(
 ) -> StateSpaceEstimate:
     """The estimate at a point."""
     errors, data = problem.plain, problem.plain.data
-    found, model = problem.projection(result.point), problem.model(result.point)
+    found = problem.projection(result.point)
+    model = problem.model(found)
     radius = float(np.abs(np.concatenate([model.poles(), model.noise_zeros()])).max())
     names, unheld = problem.active(result.point)
     given = sum(len(block.known) for block in problem.blocks)
     given += sum(not gain.codes for gain in problem.gains.values())
     levels = np.zeros((data.segments, data.outputs.shape[1]))
     if data.levels:
-        levels = data.output_offsets + data.output_scales * found.parts["R"][:, : data.levels].T
+        at = errors.order + int(data.feedthrough.sum())
+        own = found.matrices.outputs[:, at : at + data.levels].T
+        levels = data.output_offsets + data.output_scales * own
         levels = levels[data.level_of]
     objective = "absolute" if problem.absolute else "quadratic"
     return replace(
@@ -186,7 +189,7 @@ def _described(
         model=replace(model, covariance=_covariance(problem, found, unheld)),
         objective=problem.percent(found.one_step),
         focus_objective=result.value,
-        initial_states=found.parts["initial"].T.copy(),
+        initial_states=found.matrices.drives[:, errors.driving :].T.copy(),
         segment_levels=levels,
         search=result,
         constraints=_effect(constraints, result.value, free.objective, names),
@@ -204,8 +207,8 @@ def _covariance(
     the absolute objective.
     """
     plain, data = problem.plain, problem.plain.data
-    J, scores, weights = found.derivatives[:, :, unheld], found.errors, None
-    of_one_step = problem.horizon == 1 or not plain.innovations
+    J, scores, weights = problem.derivatives(found)[:, :, unheld], found.errors, None
+    of_one_step = problem.horizon == 1
     if not problem.absolute:
         weights = plain.weights(found.covariance)
     elif of_one_step and (of_signs := absolute_scores(plain, scores, problem.weighing)):

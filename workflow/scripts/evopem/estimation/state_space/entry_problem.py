@@ -1,14 +1,17 @@
 """Models whose entries are all part of a point: errors of k steps, and hard constraints.
 
-C, D and levels cannot be eliminated there.  A point holds the coordinates of the poles
-(:mod:`.pole_coordinates`), then B, K, initial states, C, D, levels and drift, and static gains.
+The *entries* are the sections of A (:mod:`.sections`), which B, K and the initial states drive, and
+then C, D, levels and drift of each output, which cannot be eliminated there.  A point holds the
+coordinates of the sections (:mod:`.pole_coordinates`), the other entries, and static gains.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +21,9 @@ from evopem.estimation import damped_descent
 from evopem.estimation.damped_descent import Optimum, Places, Weighing, descend
 from evopem.estimation.pem.constrained_parameters import Gain
 from evopem.estimation.state_space.errors import ScaledRecording, StateSpaceErrors
-from evopem.estimation.state_space.kernels import entry_derivatives
-from evopem.estimation.state_space.point_model import COMPLEX_STEP, recorded_model
-from evopem.estimation.state_space.pole_coordinates import blocks_of, coupling_of, modal_basis
+from evopem.estimation.state_space.kernels import driven_states
+from evopem.estimation.state_space.point_model import in_units, recorded_model
+from evopem.estimation.state_space.pole_coordinates import blocks_of, poles_of
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
@@ -28,23 +31,39 @@ from evopem.estimation.state_space.problem import (
     TOLERANCE,
     percent_of_absolute,
 )
+from evopem.estimation.state_space.sections import (
+    Layout,
+    Sections,
+    input_matrix,
+    normalised,
+    scale_of,
+    sections_of,
+    state_matrix,
+)
+from evopem.estimation.state_space.starting_points import point_of
 from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
 
-# By the kinds of entries of the kernel; R are the coefficients of levels and drift.
-PARTS = ("A", "B", "K", "initial", "C", "D", "R")
+
+class Matrices(NamedTuple):
+    """Of scaled signals; or their derivatives, with a last axis of coordinates."""
+
+    A: Array
+    drives: Array  # [B, K, initial states], (n, drives)
+    outputs: Array  # [C, D, levels, drift], (l, n + regressors)
 
 
 @dataclass(frozen=True, eq=False)
 class EntryErrors:
-    """Entries and errors of a point, for scaled signals."""
+    """Errors of a point, for scaled signals."""
 
-    parts: dict[str, Array]
-    by_point: Array  # (entries, n): derivatives of the entries of EntryProblem.places
+    point: Array
+    matrices: Matrices
+    changes: Matrices
+    states: Array  # (N, n)
     one_step: Array  # (N, l)
     errors: Array  # (N, l): in focus
-    derivatives: Array  # (N, l, n)
     covariance: Array
 
 
@@ -58,141 +77,159 @@ class EntryProblem:
         constraints: Constraints | None = None,
         absolute: bool = False,
     ) -> None:
-        self.plain, self.horizon, self.absolute = plain, horizon, absolute
-        data, n = plain.data, plain.order
-        self.blocks = blocks_of(
-            n, constraints, data.recording.sampling_rate, plain.radius, plain.innovations
-        )
+        self.plain, self.absolute, self.layout = plain, absolute, plain.layout
+        self.horizon = horizon if plain.innovations else 1
+        data, layout = plain.data, plain.layout
+        rate = data.recording.sampling_rate
+        self.blocks = blocks_of(plain.order, constraints, rate, plain.radius, plain.innovations)
         self.gains = {} if constraints is None else _gains_of(constraints, data)
-        m, outputs = data.inputs.shape[1], data.outputs.shape[1]
-        self.regressors = np.ascontiguousarray(np.hstack([data.constants, data.drift]))
-        self.shapes = {
-            "A": (n, n),
-            "B": (n, m),
-            "K": (n, outputs),
-            "initial": (n, data.segments),
-            "C": (outputs, n),
-            "D": (outputs, m),
-            "R": (outputs, self.regressors.shape[1]),
-        }
-        rows = [(0, *place) for k in range(0, n, 2) for place in _of_section(k, n)]
-        self._poles = len(rows)
-        given = {"D": data.feedthrough, "K": np.full(outputs, plain.innovations)}
-        for kind, name in enumerate(PARTS[1:], start=1):
-            height, width = self.shapes[name]
-            columns = np.flatnonzero(given.get(name, np.ones(width)))
-            rows += [(kind, i, int(j)) for i in range(height) for j in columns]
-        self.places = np.array(rows, dtype=np.int64)
-        ends = np.cumsum([0, *(len(block.codes) for block in self.blocks)])
-        self.own = [slice(*pair) for pair in pairwise(ends)]
-        at = int(ends[-1]) + len(rows) - self._poles
-        self._free = slice(int(ends[-1]), at)
-        self.gain_at = {}
-        for column, gain in self.gains.items():
-            self.gain_at[column] = slice(at, at + len(gain.codes))
-            at += len(gain.codes)
-        self.dimension = at
+        self.regressors = np.hstack(plain.direct)
+        self._outputs = data.outputs.shape[1], plain.order + self.regressors.shape[1]
+        # Which entries are coordinates themselves: neither poles, nor without effect.
+        free = layout.free()
+        free[:, :2] = False
+        self._rest = np.append(free.ravel(), np.ones(np.prod(self._outputs), dtype=bool))
+        sizes = [*(len(block.codes) for block in self.blocks), int(self._rest.sum())]
+        sizes += [len(gain.codes) for gain in self.gains.values()]
+        slices = [slice(*pair) for pair in pairwise(np.cumsum([0, *sizes]).tolist())]
+        self.own, self._free = slices[: len(self.blocks)], slices[len(self.blocks)]
+        self.gain_at = dict(zip(self.gains, slices[len(self.blocks) + 1 :], strict=True))
+        self.dimension = sum(sizes)
         self.weighing: Weighing = "power" if plain.weighting == "power" else "noise"
         self.sizes = data.absolute_sizes
-        self._coupling = np.ones(n // 2)
-        self._latest: tuple[Array, EntryErrors] | None = None
+        self._latest: EntryErrors | None = None
+        self._derivatives: tuple[EntryErrors, Array] | None = None
 
-    def _parts(self, values: NDArray, coupling: Array | None = None) -> dict[str, NDArray]:
-        """Matrices with some entries, (..., entries), at the places, and s of the sections of A."""
-        parts = {}
-        for kind, name in enumerate(PARTS):
-            parts[name] = np.zeros((*values.shape[:-1], *self.shapes[name]), dtype=values.dtype)
-            chosen = self.places[:, 0] == kind
-            rows, columns = self.places[chosen, 1:].T
-            parts[name][..., rows, columns] = values[..., chosen]
-        if coupling is not None:
-            first = 2 * np.arange(len(coupling))
-            parts["A"][..., first, first + 1] = coupling
-        return parts
-
-    def entries(self, point: Array) -> tuple[Array, Array]:
-        """Entries at the places, and their derivatives by the point, (entries, n)."""
-        values, by_point = np.empty(len(self.places)), np.zeros((len(self.places), self.dimension))
-        values[self._poles :] = point[self._free]
-        by_point[self._poles :, self._free] = np.eye(len(values) - self._poles)
-        at = 0
-        for k, (block, own) in enumerate(zip(self.blocks, self.own, strict=True)):
-            of_block, by_own = block.values(point[own])
-            if block.states == 1:
-                values[at], by_point[at, own] = of_block[0], by_own[0]
-                continue
-            scale = np.array([1.0, 1.0, self._coupling[k]])
-            values[at : at + 3] = of_block[[0, 0, 1]] / scale
-            by_point[at : at + 3, own] = by_own[[0, 0, 1]] / scale[:, None]
-            at += 3
+    def matrices(self, point: Array) -> tuple[Matrices, Matrices]:
+        """The matrices of a point, and their derivatives by it, s of each section held."""
+        layout, dimension = self.layout, self.layout.dimension
+        entries = np.zeros(len(self._rest))
+        by_point = np.zeros((len(entries), self.dimension))
+        entries[self._rest] = point[self._free]
+        by_point[self._rest, self._free] = np.eye(int(self._rest.sum()))
+        places = np.arange(dimension).reshape(layout.sections, -1)
+        for at, block, own in zip(places[:, :2], self.blocks, self.own, strict=True):
+            entries[at], by_point[at, own] = block.values(point[own])
+        found = self._matrices(entries, by_point)
         for column, gain in self.gains.items():
-            self._give(values, by_point, column, *gain.value(point[self.gain_at[column]]))
-        return values, by_point
-
-    def _give(
-        self, values: Array, by_point: Array, column: int, gain: float, by_own: float
-    ) -> None:
-        """Change a column of B so that the static gain from its input is the given one."""
-        of_b = np.flatnonzero((self.places[:, 0] == 1) & (self.places[:, 2] == column))
-
-        def changed(values: NDArray) -> NDArray:
-            parts, b = self._parts(values[..., :-1], self._coupling), values[..., of_b]
-            transposed = np.swapaxes(np.eye(len(of_b)) - parts["A"], -2, -1)
-            v = np.linalg.solve(transposed, parts["C"][..., :1, :].swapaxes(-2, -1))[..., 0]
-            missing = values[..., -1] - parts["D"][..., 0, column] - np.sum(v * b, axis=-1)
-            return np.asarray(b + v * (missing / np.sum(v * v, axis=-1))[..., None])
-
-        given = np.append(values, gain)
-        steps = 1j * COMPLEX_STEP * np.eye(len(given))
-        by_given = changed(given + steps).imag.T / COMPLEX_STEP
-        by_point[of_b] = by_given[:, :-1] @ by_point
-        by_point[of_b, self.gain_at[column]] += by_own * by_given[:, -1:]
-        values[of_b] = changed(given)
-
-    def projection(self, point: Array) -> EntryErrors:
-        """Errors of a point and their derivatives."""
-        if self._latest is not None and np.array_equal(self._latest[0], point):
-            return self._latest[1]
-        data, (values, by_point) = self.plain.data, self.entries(point)
-        parts = self._parts(values, self._coupling)
-        with np.errstate(all="ignore"):
-            one_step, by_entries = entry_derivatives(
-                *(parts[name] for name in ("A", "B", "K", "C", "D", "R", "initial")),
-                *(np.ascontiguousarray(column) for column in self.places.T),
-                *(data.inputs, data.outputs, self.regressors, data.bounds),
-            )
-            errors, by_entries = self._ahead(parts, one_step, by_entries)
-            covariance = errors.T @ errors / len(errors)
-            derivatives = by_entries @ by_point
-        found = EntryErrors(parts, by_point, one_step, errors, derivatives, covariance)
-        self._latest = (point.copy(), found)
+            own = self.gain_at[column]
+            at = places[:, [2 + column, 2 + layout.drives + column]].ravel()[: layout.order]
+            entries[at], by_point[at] = self._given(*found, column, own, *gain.value(point[own]))
+            found = self._matrices(entries, by_point)
         return found
 
-    def _ahead(
-        self, parts: dict[str, Array], errors: Array, derivatives: Array
+    def _matrices(self, entries: Array, by_point: Array) -> tuple[Matrices, Matrices]:
+        """Those of entries, and their derivatives from those of the entries."""
+        layout, dimension = self.layout, self.layout.dimension
+        now = sections_of(layout, entries)
+        rows = by_point[:dimension].reshape(layout.sections, -1, self.dimension)
+        back = rows[:, 1] / now.scale[:, None]
+        b1, b2 = np.split(rows[:, 2:], 2, axis=1)
+        moves = Sections(rows[:, 0], now.scale, np.zeros_like(back), back, b1, b2)
+        outputs = entries[dimension:].reshape(self._outputs)
+        by_outputs = by_point[dimension:].reshape(*self._outputs, -1)
+        return (
+            Matrices(state_matrix(now, layout), input_matrix(now, layout), outputs),
+            Matrices(state_matrix(moves, layout), input_matrix(moves, layout), by_outputs),
+        )
+
+    def _given(
+        self, now: Matrices, by: Matrices, column: int, own: slice, gain: float, by_own: float
     ) -> tuple[Array, Array]:
-        """Errors of predictions ``horizon`` samples ahead, and their derivatives."""
-        if self.horizon == 1 or not self.plain.innovations:
-            return errors, derivatives
-        A, K, C = parts["A"], parts["K"], parts["C"]
-        kinds, rows, columns = self.places.T
-        ahead, by_entries = errors.copy(), derivatives.copy()
-        G, dG = K, np.zeros((len(kinds), *K.shape))
-        of_a, of_k, of_c = (np.flatnonzero(kinds == PARTS.index(name)) for name in "AKC")
-        dG[of_k, rows[of_k], columns[of_k]] = 1.0
-        for lag in range(1, self.horizon):
-            H, dH = C @ G, C @ dG
-            dH[of_c, rows[of_c]] += G[columns[of_c]]
-            for first, stop in pairwise(self.plain.data.bounds):
-                now, before = slice(first + lag, stop), slice(first, max(stop - lag, first))
-                if first + lag < stop:
-                    ahead[now] += errors[before] @ H.T
-                    by_entries[now] += np.einsum("ij,tjp->tip", H, derivatives[before])
-                    by_entries[now] += np.einsum("pij,tj->tip", dH, errors[before])
-            dG = A @ dG
-            dG[of_a, rows[of_a]] += G[columns[of_a]]
+        """The least change of a column of B to a given static gain, and its derivatives."""
+        n, feedthrough = self.layout.order, self.plain.data.feedthrough
+        inverse = np.linalg.inv(np.eye(n) - now.A)
+        b, v = now.drives[:, column], now.outputs[0, :n] @ inverse
+        dv = inverse.T @ (np.tensordot(by.A, v, ([0], [0])) + by.outputs[0, :n])
+        db, size = by.drives[:, column], v @ v
+        missing, by_missing = gain - v @ b, -(b @ dv + v @ db)
+        by_missing[own] += by_own
+        if feedthrough[column]:
+            at = n + int(feedthrough[:column].sum())
+            missing, by_missing = missing - now.outputs[0, at], by_missing - by.outputs[0, at]
+        share, by_share = missing / size, (by_missing - 2.0 * missing / size * (v @ dv)) / size
+        return b + share * v, db + share * dv + np.outer(v, by_share)
+
+    def projection(self, point: Array) -> EntryErrors:
+        """Errors of a point."""
+        if self._latest is not None and np.array_equal(self._latest.point, point):
+            return self._latest
+        data, (now, by) = self.plain.data, self.matrices(point)
+        driving = self.plain.driving
+        C, K = self._output_and_gain(now)
+        with np.errstate(all="ignore"):
+            # e = left - C x
+            left = data.outputs - self.regressors @ now.outputs[:, self.layout.order :].T
+            inputs = data.inputs @ now.drives[:, : data.inputs.shape[1]].T + left @ K.T
+            initial = now.drives[:, driving:].T[:, :, None]
+            states = driven_states(now.A - K @ C, initial, inputs[:, :, None], data.bounds)[:, :, 0]
+            one_step = left - states @ C.T
+            errors = self._ahead(now, one_step)
+            covariance = errors.T @ errors / len(errors)
+        self._latest = EntryErrors(point.copy(), now, by, states, one_step, errors, covariance)
+        return self._latest
+
+    def derivatives(self, found: EntryErrors) -> Array:
+        """Derivatives of the errors by the point, (N, l, n)."""
+        if self._derivatives is None or self._derivatives[0] is not found:
+            data, now, by = self.plain.data, found.matrices, found.changes
+            driving = self.plain.driving
+            C, K = self._output_and_gain(now)
+            signals = np.hstack([found.states, data.inputs, found.one_step])
+            signals = signals[:, : self.layout.order + driving]
+            of_states = np.concatenate([by.A, by.drives[:, :driving]], axis=1)
+            with np.errstate(all="ignore"):
+                seen = np.hstack([found.states, self.regressors])
+                direct = np.tensordot(seen, by.outputs, ([1], [1]))
+                inputs = np.tensordot(signals, of_states, ([1], [1])) - K @ direct
+                initial = np.moveaxis(by.drives[:, driving:], 1, 0)
+                states = driven_states(now.A - K @ C, initial, inputs, data.bounds)
+                made = self._derivatives_ahead(found, -(C @ states + direct))
+            self._derivatives = found, made
+        return self._derivatives[1]
+
+    @cached_property
+    def _lags(self) -> list[list[tuple[slice, slice]]]:
+        """Of each lag below the horizon the samples of segments with it, and those before."""
+        return [
+            [
+                (slice(first + lag, stop), slice(first, stop - lag))
+                for first, stop in pairwise(self.plain.data.bounds)
+                if first + lag < stop
+            ]
+            for lag in range(1, self.horizon)
+        ]
+
+    def _ahead(self, now: Matrices, errors: Array) -> Array:
+        """Errors of predictions ``horizon`` samples ahead from those of one step."""
+        ahead, (C, G) = errors.copy(), self._output_and_gain(now)
+        for segments in self._lags:
+            for after, before in segments:
+                ahead[after] += errors[before] @ (C @ G).T
+            G = now.A @ G
+        return ahead
+
+    def _derivatives_ahead(self, found: EntryErrors, derivatives: Array) -> Array:
+        """Their derivatives from those of the errors of one step."""
+        ahead, A, dA = derivatives.copy(), found.matrices.A, found.changes.A
+        C, G = self._output_and_gain(found.matrices)
+        dC, dG = self._output_and_gain(found.changes)
+        for segments in self._lags:
+            dH = np.tensordot(C, dG, 1) + np.einsum("inp,nj->ijp", dC, G)
+            for after, before in segments:
+                ahead[after] += (C @ G) @ derivatives[before]
+                ahead[after] += np.tensordot(found.one_step[before], dH, ([1], [1]))
+            dG = np.tensordot(A, dG, 1) + np.einsum("mnp,nj->mjp", dA, G)
             G = A @ G
-        return ahead, by_entries
+        return ahead
+
+    def _output_and_gain(self, matrices: Matrices) -> tuple[Array, Array]:
+        """C and K."""
+        n, outputs = self.layout.order, self._outputs[0]
+        K = matrices.drives[:, self.plain.data.inputs.shape[1] : self.plain.driving]
+        if not self.plain.innovations:
+            K = np.zeros((n, outputs, *K.shape[2:]))
+        return matrices.outputs[:, :n], K
 
     def descend(self, point: Array) -> Optimum:
         """The optimum that a descent ends at."""
@@ -220,7 +257,7 @@ class EntryProblem:
         return self.moved(start, np.zeros_like(start))
 
     def moved(self, point: Array, step: Array) -> Array:
-        """A point after a step, within the bounds of its coordinates."""
+        """A point after a step, within the bounds of its coordinates; s of sections follows."""
         after = point + step
         for block, own in zip(self.blocks, self.own, strict=True):
             after[own] = block.repaired(after[own])
@@ -228,7 +265,18 @@ class EntryProblem:
             own = self.gain_at[column]
             upper = 1.0 if gain.lower is not None and gain.upper is not None else np.inf
             after[own] = np.clip(after[own], 0.0, upper)
+        ratio = self._scales(after) / self._scales(point)
+        factors, dimension = np.ones(len(self._rest)), self.layout.dimension
+        self.layout.rows(factors)[:, 2 + self.layout.drives :] /= ratio[:, None]
+        of_outputs = factors[dimension:].reshape(self._outputs)
+        of_outputs[:, 1 : self.layout.order : 2] *= ratio[: self.layout.pairs]
+        after[self._free] *= factors[self._rest]
         return after
+
+    def _scales(self, point: Array) -> Array:
+        """s of each section."""
+        blocks = zip(self.blocks, self.own, strict=True)
+        return scale_of(np.array([block.values(point[own])[0][1] for block, own in blocks]))
 
     def criterion(self, covariance: Array) -> float:
         """As of the plain problem."""
@@ -236,34 +284,31 @@ class EntryProblem:
 
     def stable(self, projection: EntryErrors) -> bool:
         """Whether the predictor is stable; the poles of A are within their bounds."""
-        parts = projection.parts
-        matrix = parts["A"] - parts["K"] @ parts["C"]
+        C, K = self._output_and_gain(projection.matrices)
+        matrix = projection.matrices.A - K @ C
         if not np.isfinite(matrix).all():
             return False
         return bool(np.abs(np.linalg.eigvals(matrix)).max() <= self.plain.radius)
 
     def normal_equations(self, projection: EntryErrors) -> tuple[Array, Array]:
         """Gradient and Gauss-Newton Hessian; coordinates held at a bound have none."""
-        weights = self.plain.weights(projection.covariance)
-        weighted = np.einsum("ij,tjp->tip", weights, projection.derivatives)
-        flat = (-1, self.dimension)
-        J, WJ = projection.derivatives.reshape(flat), weighted.reshape(flat)
+        derivatives = self.derivatives(projection)
+        J = derivatives.reshape(-1, self.dimension)
+        WJ = (self.plain.weights(projection.covariance) @ derivatives).reshape(J.shape)
         per_sample = 2.0 / self.plain.data.samples
         gradient = per_sample * (WJ.T @ projection.errors.ravel())
         hessian = per_sample * (J.T @ WJ)
-        held = self._held(gradient)
+        held = self._held(projection.point, gradient)
         gradient[held] = 0.0
         hessian[held], hessian[:, held] = 0.0, 0.0
         return gradient, hessian
 
-    def _held(self, gradient: Array) -> NDArray[np.bool_]:
+    def _held(self, point: Array, gradient: Array) -> NDArray[np.bool_]:
         """Coordinates at a bound, beyond which the criterion falls; those of kinds."""
-        assert self._latest is not None
-        point = self._latest[0]
         after = self.moved(point, -1e-6 * np.sign(gradient))
         shares = np.zeros(self.dimension, dtype=bool)
         for block, own in zip(self.blocks, self.own, strict=True):
-            shares[own] = block.region is not None or bool(block.known)
+            shares[own] = block.restricted
         shares[self._free.stop :] = True
         return shares & (after == point)
 
@@ -278,74 +323,76 @@ class EntryProblem:
     def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
         """Derivatives of the errors of each output."""
         found = self.projection(point)
-        scores = np.sign(found.errors) / self.sizes
-        held = self._held(np.einsum("ti,tip->p", scores, found.derivatives))
+        derivatives, scores = self.derivatives(found), np.sign(found.errors) / self.sizes
+        held = self._held(point, np.tensordot(scores, derivatives, 2))
         for k, size in enumerate(self.sizes):
-            columns = found.derivatives[:, k] / size
+            columns = derivatives[:, k] / size
             columns[:, held] = 0.0
             yield columns, slice(None)
 
     # To and from models.
 
     def point_of(self, model: StateSpaceModel, initial: Array, levels: Array) -> Array:
-        """The point nearest to a model with states (segments, n) and levels (segments, l).
-
-        It fixes s of each section: points of one problem all stem from one model.
-        """
-        data = self.plain.data
+        """The point nearest to a model with states (segments, n) and levels (segments, l)."""
+        data, n = self.plain.data, self.plain.order
         u, y = data.input_scales, data.output_scales
-        basis, poles = modal_basis(model.A, self.blocks)
-        point = np.zeros(self.dimension)
-        for k, (block, own, of_block) in enumerate(zip(self.blocks, self.own, poles, strict=True)):
-            point[own] = block.coordinates(of_block)
-            if block.states == 2:
-                self._coupling[k] = coupling_of(block.values(point[own])[0])
-        parts = {
-            "B": np.linalg.lstsq(basis, model.B * u, rcond=None)[0],
-            "K": np.linalg.lstsq(basis, model.K * y, rcond=None)[0],
-            "initial": np.linalg.lstsq(basis, initial.T, rcond=None)[0],
-            "C": model.C @ basis / y[:, None],
-            "D": model.D * u / y[:, None],
-            "R": np.zeros(self.shapes["R"]),
-        }
+        gain = [model.K * y] if self.plain.innovations else []
+        # The states of the sections from those of the model, as further drives.
+        drives = np.hstack([model.B * u, *gain, initial.T, np.eye(n)])
+        wide = Layout(n, drives.shape[1])
+        rows = wide.rows(normalised(wide, point_of(wide, model.A, drives)))
+        rows = rows[self._matched(rows[:, :2])]
+        into = input_matrix(sections_of(wide, rows.ravel()), wide)
+        outputs = np.zeros(self._outputs)
+        outputs[:, :n] = model.C @ np.linalg.inv(into[:, -n:]) / y[:, None]
+        ends = np.cumsum([n, data.feedthrough.sum(), data.levels])
+        outputs[:, n : ends[1]] = (model.D * u / y[:, None])[:, data.feedthrough]
         if data.levels:
             _, firsts = np.unique(data.level_of, return_index=True)
-            parts["R"][:, : data.levels] = ((levels[firsts] - data.output_offsets) / y).T
-        sizes = np.maximum(np.linalg.norm(np.hstack([parts["B"], parts["K"]]), axis=1), 1e-12)
-        pairs = self.plain.order // 2 * 2
-        sizes[:pairs] = np.repeat(np.max(sizes[:pairs].reshape(-1, 2), axis=1), 2)
-        for name in ("B", "K", "initial"):
-            parts[name] /= sizes[:, None]
-        parts["C"] *= sizes
-        free = [parts[PARTS[kind]][i, j] for kind, i, j in self.places[self._poles :]]
-        point[self._free] = free
-        for column, gain in self.gains.items():
-            at_rest = np.linalg.solve(np.eye(model.order) - model.A, model.B[:, column])
-            found = float(model.C[0] @ at_rest + model.D[0, column]) * u[column] / float(y[0])
-            point[self.gain_at[column]] = gain.coordinates(found)
-        self._latest = None
+            outputs[:, ends[1] : ends[2]] = ((levels[firsts] - data.output_offsets) / y).T
+        b1, b2 = np.split(rows[:, 2:], 2, axis=1)
+        entries = np.hstack([rows[:, :2], b1[:, :-n], b2[:, :-n]])
+        point = np.zeros(self.dimension)
+        point[self._free] = np.append(entries, outputs)[self._rest]
+        for block, own, row in zip(self.blocks, self.own, rows, strict=True):
+            point[own] = block.coordinates(row[:2])
+        for column, gain_of in self.gains.items():
+            found = float(model.frequency_response(0.0)[0, column].real) * u[column] / float(y[0])
+            point[self.gain_at[column]] = gain_of.coordinates(found)
         return point
 
-    def model(self, point: Array) -> StateSpaceModel:
+    def _matched(self, sections: Array) -> list[int]:
+        """Which sections the blocks are, those with given poles the nearest ones."""
+        left, order = list(range(self.layout.pairs)), []
+        for block in self.blocks[: self.layout.pairs]:
+            known = np.array(block.known or (np.inf,))[:, None]
+            order.append(min(left, key=lambda k: np.abs(known - poles_of(sections[k])).min()))
+            left.remove(order[-1])
+        return order + list(range(self.layout.pairs, self.layout.sections))
+
+    def model(self, found: EntryErrors) -> StateSpaceModel:
         """The model of a point in the units of the recording, without covariance."""
-        found = self.projection(point)
-        *matrices, level = self._recorded(found.parts)
+        *matrices, level = self._recorded(found.matrices)
         level = self.plain.data.output_offsets + level
         return recorded_model(self.plain, (*matrices, level), found.one_step)
 
     def model_derivatives(self, found: EntryErrors) -> Array:
         """Derivatives of ``[A, B, C, D, K, level]`` by the point."""
-        changes = self._recorded(self._parts(np.eye(len(self.places))))
-        by_entries = np.hstack([part.reshape(len(part), -1) for part in changes])
-        return np.asarray(by_entries.T @ found.by_point)
+        by_coordinate = (
+            self._recorded(Matrices(*(each[..., k] for each in found.changes)))
+            for k in range(self.dimension)
+        )
+        return np.array([np.concatenate([e.ravel() for e in each]) for each in by_coordinate]).T
 
-    def _recorded(self, parts: dict[str, Array]) -> tuple[Array, ...]:
+    def _recorded(self, matrices: Matrices) -> tuple[Array, ...]:
         """A, B, C, D, K and level, less the offset of the outputs, in the recording's units."""
-        data = self.plain.data
-        u, y = data.input_scales, data.output_scales
-        level = y * (parts["R"][..., : data.levels] @ data.level_shares)
-        C, D = parts["C"] * y[:, None], parts["D"] * y[:, None] / u
-        return parts["A"], parts["B"] / u, C, D, parts["K"] / y, level
+        data, m = self.plain.data, self.plain.data.inputs.shape[1]
+        C, K = self._output_and_gain(matrices)
+        D = np.zeros((len(C), m))
+        ends = np.cumsum([self.layout.order, data.feedthrough.sum(), data.levels])
+        D[:, data.feedthrough] = matrices.outputs[:, ends[0] : ends[1]]
+        level = matrices.outputs[:, ends[1] : ends[2]] @ data.level_shares
+        return in_units(data, matrices.A, matrices.drives[:, :m], C, D, K, level)
 
     def active(self, point: Array) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
         """Active inequalities, and the coordinates that they leave free, (n,) of bool."""
@@ -373,8 +420,3 @@ def _gains_of(constraints: Constraints, data: ScaledRecording) -> dict[int, Gain
             ends = [None if end is None else end * scale for end in bounds or (given, given)]
             gains[column] = Gain(*ends)
     return gains
-
-
-def _of_section(k: int, order: int) -> list[tuple[int, int]]:
-    """Entries of A of a section that depend on its poles."""
-    return [(k, k)] if k + 1 == order else [(k, k), (k + 1, k + 1), (k + 1, k)]

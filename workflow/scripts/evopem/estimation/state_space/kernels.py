@@ -96,65 +96,20 @@ def derivative_signals(sigma, coupling, back, driven_by, pulses, signals, ratio,
     return out
 
 
-@njit
-def _add_product(total, sign, matrix, vector):
-    """Add a matrix times a vector, or subtract it."""
-    for i in range(len(total)):
-        row = total[i]
-        for j in range(len(vector)):
-            row += sign * matrix[i, j] * vector[j]
-        total[i] = row
-
-
 @cached_njit
-def entry_derivatives(A, B, K, C, D, R, initial, kinds, rows, columns, u, y, regressors, bounds):
-    """One-step errors, (N, l), of ``x+ = A x + B u + K e, y = C x + D u + R r + e``.
-
-    And their derivatives, (N, l, p), by the entries ``rows``, ``columns`` of A (kind 0), B (1),
-    K (2), the initial states, (n, segments), (3), C (4), D (5) and R (6).  The regressors r are
-    (N, q), ``bounds`` the first samples of the segments, and N.
-    """
-    n, outputs, count = len(A), len(C), len(kinds)
-    errors = np.empty(y.shape)
-    derivatives = np.zeros((len(y), outputs, count))
-    x, after = np.empty(n), np.empty(n)
-    dx, de, dafter = np.empty((count, n)), np.empty(outputs), np.empty(n)
+def driven_states(A, initial, inputs, bounds):
+    """``x+ = A x + inputs``, (N, n, p), from initial states (segments, n, p)."""
+    states = np.empty(inputs.shape)
+    n, count = inputs.shape[1:]
+    x, after = np.empty((n, count)), np.empty((n, count))
     for segment in range(len(bounds) - 1):
-        x[:] = initial[:, segment]
-        dx[:] = 0.0
-        for p in range(count):
-            if kinds[p] == 3 and columns[p] == segment:
-                dx[p, rows[p]] = 1.0
+        x[:] = initial[segment]
         for t in range(bounds[segment], bounds[segment + 1]):
-            e = errors[t]
-            e[:] = y[t]
-            _add_product(e, -1.0, C, x)
-            _add_product(e, -1.0, D, u[t])
-            _add_product(e, -1.0, R, regressors[t])
-            for p in range(count):
-                kind, row, column = kinds[p], rows[p], columns[p]
-                de[:] = 0.0
-                _add_product(de, -1.0, C, dx[p])
-                if kind == 4:
-                    de[row] -= x[column]
-                elif kind == 5:
-                    de[row] -= u[t, column]
-                elif kind == 6:
-                    de[row] -= regressors[t, column]
-                dafter[:] = 0.0
-                _add_product(dafter, 1.0, A, dx[p])
-                _add_product(dafter, 1.0, K, de)
-                if kind == 0:
-                    dafter[row] += x[column]
-                elif kind == 1:
-                    dafter[row] += u[t, column]
-                elif kind == 2:
-                    dafter[row] += e[column]
-                derivatives[t, :, p] = de
-                dx[p] = dafter
-            after[:] = 0.0
-            _add_product(after, 1.0, A, x)
-            _add_product(after, 1.0, B, u[t])
-            _add_product(after, 1.0, K, e)
-            x[:] = after
-    return errors, derivatives
+            states[t] = x
+            after[:] = inputs[t]
+            for i in range(n):
+                for j in range(n):
+                    for p in range(count):
+                        after[i, p] += A[i, j] * x[j, p]
+            x, after = after, x
+    return states

@@ -10,7 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.criteria import coloured_autocovariances
-from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
+from evopem.estimation.state_space.errors import (
+    Projection,
+    ScaledRecording,
+    StateSpaceErrors,
+)
 from evopem.estimation.state_space.sections import input_matrix, sections_of, state_matrix
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
@@ -51,6 +55,20 @@ def recorded_model(
         input_names=recording.input_names,
         output_names=recording.output_names,
     )
+
+
+def in_units(
+    data: ScaledRecording,
+    A: NDArray,
+    B: NDArray,
+    C: NDArray,
+    D: NDArray,
+    K: NDArray,
+    level: NDArray,
+) -> tuple[NDArray, ...]:
+    """The matrices of scaled signals in the units of the recording, and the level."""
+    u, y = data.input_scales, data.output_scales
+    return A, B / u, C * y[:, None], D * y[:, None] / u, K / y, level * y
 
 
 class PointModel:
@@ -116,10 +134,10 @@ class PointModel:
     ) -> tuple[NDArray, ...]:
         """A, B, C, D, K and level in the units of the recording."""
         data = self._errors.data
-        u, y = data.input_scales, data.output_scales
         B = drives[:, : data.inputs.shape[1]] + K @ D
-        level = data.output_offsets + y * self._level(predictor, K, C, data.level_shares @ c)
-        return predictor + K @ C, B / u, C * y[:, None], D * y[:, None] / u, K / y, level
+        level = self._level(predictor, K, C, data.level_shares @ c)
+        *matrices, level = in_units(data, predictor + K @ C, B, C, D, K, level)
+        return *matrices, data.output_offsets + level
 
     def _level(self, predictor: NDArray, K: NDArray, C: NDArray, constant: NDArray) -> NDArray:
         """Mean of scaled outputs at rest from the constant of the predictor."""

@@ -160,17 +160,17 @@ def inside(layout: Layout, point: Array, radius: float) -> Array:
 
 
 def state_matrix(sections: Sections, layout: Layout) -> Array:
-    """Block-diagonal state matrix of a point, (n, n)."""
+    """Block-diagonal state matrix of a point, (n, n), or its derivatives with a last axis."""
     first = np.arange(0, 2 * layout.sections, 2)
-    A = np.zeros((2 * len(first), 2 * len(first)), dtype=sections.sigma.dtype)
+    A = np.zeros((2 * len(first), 2 * len(first), *sections.sigma.shape[1:]), sections.sigma.dtype)
     A[first, first] = A[first + 1, first + 1] = sections.sigma
     A[first, first + 1], A[first + 1, first] = sections.coupling, sections.back
     return A[: layout.order, : layout.order]
 
 
 def input_matrix(sections: Sections, layout: Layout) -> Array:
-    """Columns by which the drives enter the states, (n, drives)."""
-    B = np.hstack([sections.b1, sections.b2]).reshape(-1, layout.drives)
+    """Columns by which the drives enter the states, (n, drives); derivatives as above."""
+    B = np.stack([sections.b1, sections.b2], axis=1).reshape(-1, *sections.b1.shape[1:])
     return B[: layout.order]
 
 
