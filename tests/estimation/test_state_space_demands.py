@@ -13,6 +13,7 @@ from evopem.estimation.damped_descent import descend
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import StateSpaceTask
+from evopem.estimation.state_space.point_model import PointModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 
@@ -48,7 +49,8 @@ def problem(recording, structure="ss", horizon=1, constraints=None):
     free = estimated(recording, structure=structure)
     errors = StateSpaceTask(structure).errors(recording, 4)
     found = EntryProblem(errors, horizon, constraints)
-    return found, found.point_of(free.model, free.initial_states, free.segment_levels), free
+    start = errors.projection(free.search.point)
+    return found, found.begun(found.point_of(PointModel(errors, start).matrices)), free
 
 
 @pytest.mark.parametrize(
@@ -81,7 +83,7 @@ def _codes(made):
 def test_errors_of_a_point_are_those_of_its_model():
     made, point, _ = problem(recorded(2, 2), horizon=4)
     found = made.projection(point)
-    model = made.model(found)
+    model = made.scaled(point).model()
     data = made.plain.data.recording
     ahead = data.outputs - model.predict(data.inputs, data.outputs, 4, found.matrices.drives[:, -1])
     np.testing.assert_allclose(ahead / made.plain.data.output_scales, found.errors, atol=1e-9)

@@ -21,7 +21,7 @@ from evopem.estimation.state_space.local_estimates import (
     descend_from,
     described,
 )
-from evopem.estimation.state_space.point_model import PointModel, model_of, parameter_covariance
+from evopem.estimation.state_space.point_model import PointModel, parameter_covariance
 from evopem.estimation.state_space.search import Rung, converted, descended, reductions, searched
 from evopem.estimation.state_space.sections import (
     Layout,
@@ -137,7 +137,7 @@ def test_the_model_of_a_point_has_the_errors_of_the_point(structure):
     errors, point = problem(structure, 5)
     record = errors.data
     found = errors.projection(point)
-    model = model_of(errors, found)
+    model = PointModel(errors, found).model()
     y = record.outputs * record.output_scales + record.output_offsets
     u = record.inputs * record.input_scales
     point_model = PointModel(errors, found)
@@ -171,7 +171,7 @@ def test_poles_pass_smoothly_from_complex_to_real():
     record = scaled_recording(record_of([u], [truth.simulate(u)]), [1], False)
     errors = StateSpaceErrors(record, 2, "ss_oe")
     found = descend(errors, from_poles(errors, np.array([0.7 + 0.3j, 0.7 - 0.3j])), 200, 1e-12)
-    model = model_of(errors, errors.projection(found.point))
+    model = PointModel(errors, errors.projection(found.point)).model()
     np.testing.assert_allclose(np.sort(model.poles().real), [0.6, 0.9], atol=1e-6)
 
 
@@ -238,7 +238,7 @@ def test_the_covariance_is_that_of_a_numerical_jacobian(structure):
     errors = StateSpaceErrors(record, 2, structure)
     point = descend(errors, from_poles(errors, truth.noise_zeros()), 300, 1e-13).point
     found = errors.projection(point)
-    model = model_of(errors, found)
+    model = PointModel(errors, found).model()
     covariance = parameter_covariance(errors, found, errors.weights(found.covariance))
     state = np.zeros(2)
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.criteria import coloured_autocovariances, lies_at_bound
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import (
     SearchDiagnostics,
@@ -22,25 +21,17 @@ from evopem.estimation.search.problem import (
     count_confirming,
     count_distinct,
 )
-from evopem.estimation.state_space.entry_problem import EntryErrors, EntryProblem
+from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors
-from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, criteria_of
-from evopem.estimation.state_space.point_model import (
-    PointModel,
-    degrees_of_freedom,
-    filtered,
-    sandwich,
-)
+from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, described
+from evopem.estimation.state_space.point_model import Matrices, PointModel
 from evopem.estimation.state_space.pole_coordinates import poles_of
-from evopem.estimation.state_space.problem import absolute_scores
+from evopem.estimation.state_space.search import problem_for
 from evopem.estimation.state_space.starting_points import from_poles
 from evopem.models.constraint_checks import check_constraints, check_named_inputs
-from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
-Start = tuple[StateSpaceModel, Array, Array]
 
 # Models of random allowed poles that are descended from.
 RANDOM_STARTS = 8
@@ -98,42 +89,45 @@ def meeting(
     ``free``: that of one step without constraints.  ValueError when no allowed model has finite
     errors.
     """
-
-    def problem_at(start: Start) -> tuple[EntryProblem, Array]:
-        problem = EntryProblem(errors, horizon, constraints, settings.objective == "absolute")
-        return problem, problem.begun(problem.point_of(*start))
-
-    problem, point = problem_at((free.model, free.initial_states, free.segment_levels))
+    problem = EntryProblem(errors, horizon, constraints, settings.objective == "absolute")
+    found = problem_for(errors, settings).projection(free.search.point)
+    point = problem.begun(problem.point_of(PointModel(errors, found).matrices))
     begun = problem.percent(problem.projection(point).errors)
     if horizon == 1 and abs(begun - free.objective) <= SAME * free.objective:
         names, _ = problem.active(point)
         return replace(free, constraints=_effect(constraints, begun, free.objective, names))
-    begins = [(problem, point)]
+    begins = [point]
     if constraints is not None and errors.data.inputs.shape[1]:
-        begins += map(problem_at, _allowed(problem, point, settings))
-    optima = [(each, each.descend(at)) for each, at in begins]
-    optima = [(each, optimum) for each, optimum in optima if np.isfinite(optimum.value)]
+        begins += [problem.begun(each) for each in _allowed(problem, point, settings)]
+    optima = [each for each in map(problem.descend, begins) if np.isfinite(each.value)]
     if not optima:
         raise ValueError("no model that meets the constraints has finite errors")
-    problem, optimum = min(optima, key=lambda each: each[1].value)
-    best = problem.polish(optimum.point)
-    values = tuple(each.percent(each.projection(o.point).errors) for each, o in optima)
-    value = problem.percent(problem.projection(best.point).errors)
-    spent = sum(optimum.evaluations for _, optimum in optima) + best.evaluations
+    best = problem.polish(min(optima, key=lambda each: each.value).point)
+    *values, value = (
+        problem.percent(problem.projection(each.point).errors) for each in (*optima, best)
+    )
+    spent = sum(each.evaluations for each in (*optima, best))
     diagnostics = replace(
         SearchDiagnostics.of_descents(
-            value, free.search.diagnostics.evaluations + spent, count_distinct(list(values))
+            value, free.search.diagnostics.evaluations + spent, count_distinct(values)
         ),
         restart_minima=(*values, value),
-        n_confirming=count_confirming(values, value),
+        n_confirming=count_confirming(tuple(values), value),
     )
-    result = SearchResult(best.point, value, diagnostics)
-    return _described(problem, result, free, constraints)
+    made = described(problem, SearchResult(best.point, value, diagnostics))
+    names, _ = problem.active(best.point)
+    return replace(
+        made,
+        order=free.order,
+        objective=problem.percent(problem.projection(best.point).one_step),
+        focus_objective=value,
+        constraints=_effect(constraints, value, free.objective, names),
+    )
 
 
-def _allowed(problem: EntryProblem, point: Array, settings: SearchSettings) -> Iterator[Start]:
-    """Models of allowed poles, those of a point and random ones, whose inputs fit."""
-    errors = problem.plain
+def _allowed(problem: EntryProblem, point: Array, settings: SearchSettings) -> Iterator[Array]:
+    """Points of allowed poles, those of a point and random ones, whose inputs fit."""
+    errors, m = problem.plain, problem.plain.data.inputs.shape[1]
     plant = replace(errors, structure="ss_oe")
     key = (errors.order, int(errors.innovations), CONSTRAINED)
     generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
@@ -142,14 +136,12 @@ def _allowed(problem: EntryProblem, point: Array, settings: SearchSettings) -> I
     for coordinates in allowed:
         own = zip(problem.blocks, coordinates, strict=True)
         poles = np.concatenate([poles_of(b.values(z)[0])[: b.states] for b, z in own])
-        # Exactly conjugate pairs, and real poles without an imaginary part.
-        upper, real = poles[poles.imag > 0.0], poles[poles.imag == 0.0].real.astype(complex)
-        pairs = np.concatenate([upper, upper.conj(), real])
-        projection = plant.projection(from_poles(plant, pairs))
+        projection = plant.projection(from_poles(plant, poles))
         if np.isfinite(projection.linear).all():
-            made = PointModel(plant, projection)
-            model = replace(made.model(), structure=errors.structure)
-            yield model, made.initial_states(), made.levels()
+            A, drives, outputs = PointModel(plant, projection).matrices
+            gain = np.zeros((errors.order, errors.driving - m))
+            drives = np.hstack([drives[:, :m], gain, drives[:, m:]])
+            yield problem.point_of(Matrices(A, drives, outputs))
 
 
 def _effect(
@@ -161,72 +153,3 @@ def _effect(
     if constraints.static_gain:
         names.append("static_gain")
     return ConstraintEffect(value, without, (*names, *active))
-
-
-def _described(
-    problem: EntryProblem,
-    result: SearchResult,
-    free: StateSpaceEstimate,
-    constraints: Constraints | None,
-) -> StateSpaceEstimate:
-    """The estimate at a point."""
-    errors, data = problem.plain, problem.plain.data
-    found = problem.projection(result.point)
-    model = problem.model(found)
-    radius = float(np.abs(np.concatenate([model.poles(), model.noise_zeros()])).max())
-    names, unheld = problem.active(result.point)
-    given = sum(len(block.known) for block in problem.blocks)
-    given += sum(not gain.codes for gain in problem.gains.values())
-    levels = np.zeros((data.segments, data.outputs.shape[1]))
-    if data.levels:
-        at = errors.order + int(data.feedthrough.sum())
-        own = found.matrices.outputs[:, at : at + data.levels].T
-        levels = data.output_offsets + data.output_scales * own
-        levels = levels[data.level_of]
-    objective = "absolute" if problem.absolute else "quadratic"
-    return replace(
-        free,
-        model=replace(model, covariance=_covariance(problem, found, unheld)),
-        objective=problem.percent(found.one_step),
-        focus_objective=result.value,
-        initial_states=found.matrices.drives[:, errors.driving :].T.copy(),
-        segment_levels=levels,
-        search=result,
-        constraints=_effect(constraints, result.value, free.objective, names),
-        at_stability_bound=lies_at_bound(radius, errors.radius),
-        **criteria_of(errors, found.one_step, errors.parameters - given, objective),
-    )
-
-
-def _covariance(
-    problem: EntryProblem, found: EntryErrors, unheld: NDArray[np.bool_]
-) -> ParameterCovariance | None:
-    """Covariance of the entries of the model, zero across active constraints.
-
-    As of :func:`.parameter_covariance`; errors of several steps are coloured.  None for these under
-    the absolute objective.
-    """
-    plain, data = problem.plain, problem.plain.data
-    J, scores, weights = problem.derivatives(found)[:, :, unheld], found.errors, None
-    of_one_step = problem.horizon == 1
-    if not problem.absolute:
-        weights = plain.weights(found.covariance)
-    elif of_one_step and (of_signs := absolute_scores(plain, scores, problem.weighing)):
-        scores, weights = of_signs
-    if weights is None:
-        return None
-    if plain.innovations and of_one_step:
-        gamma = (scores.T @ scores / len(scores))[None]
-    else:
-        gamma = coloured_autocovariances(scores, data.bounds)
-    between = weights @ gamma @ weights
-    hessian = np.einsum("tip,ij,tjq->pq", J, weights, J, optimize=True)
-    score = np.zeros_like(hessian)
-    for i in range(J.shape[1]):
-        for j in range(J.shape[1]):
-            of_lags = np.concatenate([between[:0:-1, j, i], between[:, i, j]])
-            passed = filtered(J[:, j], of_lags, data.bounds)
-            score += J[:, i].T @ passed
-    score *= data.samples / degrees_of_freedom(plain)
-    mapping = problem.model_derivatives(found)[:, unheld]
-    return sandwich(hessian, score, mapping, plain.order + len(problem.gains))

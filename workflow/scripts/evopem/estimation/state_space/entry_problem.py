@@ -9,26 +9,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints
+from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
-from evopem.estimation.damped_descent import Optimum, Places, Weighing, descend
-from evopem.estimation.pem.constrained_parameters import Gain
-from evopem.estimation.state_space.errors import ScaledRecording, StateSpaceErrors
+from evopem.estimation.criteria import coloured_autocovariances
+from evopem.estimation.damped_descent import Optimum, Places, descend
+from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.kernels import driven_states
-from evopem.estimation.state_space.point_model import in_units, recorded_model
-from evopem.estimation.state_space.pole_coordinates import blocks_of, poles_of
+from evopem.estimation.state_space.point_model import (
+    Matrices,
+    ScaledModel,
+    degrees_of_freedom,
+    filtered,
+    lagged,
+    sandwich,
+)
+from evopem.estimation.state_space.pole_coordinates import blocks_of, gains_of, poles_of
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
     STEPS,
     TOLERANCE,
+    absolute_scores,
     percent_of_absolute,
 )
 from evopem.estimation.state_space.sections import (
@@ -41,17 +48,9 @@ from evopem.estimation.state_space.sections import (
     state_matrix,
 )
 from evopem.estimation.state_space.starting_points import point_of
-from evopem.models.state_space import StateSpaceModel
+from evopem.models.parameter_covariance import ParameterCovariance
 
 Array = NDArray[np.float64]
-
-
-class Matrices(NamedTuple):
-    """Of scaled signals; or their derivatives, with a last axis of coordinates."""
-
-    A: Array
-    drives: Array  # [B, K, initial states], (n, drives)
-    outputs: Array  # [C, D, levels, drift], (l, n + regressors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +81,7 @@ class EntryProblem:
         data, layout = plain.data, plain.layout
         rate = data.recording.sampling_rate
         self.blocks = blocks_of(plain.order, constraints, rate, plain.radius, plain.innovations)
-        self.gains = {} if constraints is None else _gains_of(constraints, data)
+        self.gains = {} if constraints is None else gains_of(constraints, data)
         self.regressors = np.hstack(plain.direct)
         self._outputs = data.outputs.shape[1], plain.order + self.regressors.shape[1]
         # Which entries are coordinates themselves: neither poles, nor without effect.
@@ -95,7 +94,11 @@ class EntryProblem:
         self.own, self._free = slices[: len(self.blocks)], slices[len(self.blocks)]
         self.gain_at = dict(zip(self.gains, slices[len(self.blocks) + 1 :], strict=True))
         self.dimension = sum(sizes)
-        self.weighing: Weighing = "power" if plain.weighting == "power" else "noise"
+        self.weighing = plain.weighing
+        self.objective: Objective = "absolute" if absolute else "quadratic"
+        given = sum(len(block.known) for block in self.blocks)
+        given += sum(not gain.codes for gain in self.gains.values())
+        self.parameters = plain.parameters - given
         self.sizes = data.absolute_sizes
         self._latest: EntryErrors | None = None
         self._derivatives: tuple[EntryErrors, Array] | None = None
@@ -137,18 +140,22 @@ class EntryProblem:
         self, now: Matrices, by: Matrices, column: int, own: slice, gain: float, by_own: float
     ) -> tuple[Array, Array]:
         """The least change of a column of B to a given static gain, and its derivatives."""
-        n, feedthrough = self.layout.order, self.plain.data.feedthrough
+        n = self.layout.order
         inverse = np.linalg.inv(np.eye(n) - now.A)
         b, v = now.drives[:, column], now.outputs[0, :n] @ inverse
         dv = inverse.T @ (np.tensordot(by.A, v, ([0], [0])) + by.outputs[0, :n])
         db, size = by.drives[:, column], v @ v
-        missing, by_missing = gain - v @ b, -(b @ dv + v @ db)
+        missing = gain - v @ b - self._direct(column, now.outputs[0])
+        by_missing = -(b @ dv + v @ db + self._direct(column, by.outputs[0]))
         by_missing[own] += by_own
-        if feedthrough[column]:
-            at = n + int(feedthrough[:column].sum())
-            missing, by_missing = missing - now.outputs[0, at], by_missing - by.outputs[0, at]
         share, by_share = missing / size, (by_missing - 2.0 * missing / size * (v @ dv)) / size
         return b + share * v, db + share * dv + np.outer(v, by_share)
+
+    def _direct(self, column: int, outputs: Array) -> Array | float:
+        """The entry of D of an input, of the row of an output."""
+        feedthrough = self.plain.data.feedthrough
+        at = self.layout.order + int(feedthrough[:column].sum())
+        return outputs[at] if feedthrough[column] else 0.0
 
     def projection(self, point: Array) -> EntryErrors:
         """Errors of a point."""
@@ -161,12 +168,14 @@ class EntryProblem:
             # e = left - C x
             left = data.outputs - self.regressors @ now.outputs[:, self.layout.order :].T
             inputs = data.inputs @ now.drives[:, : data.inputs.shape[1]].T + left @ K.T
-            initial = now.drives[:, driving:].T[:, :, None]
-            states = driven_states(now.A - K @ C, initial, inputs[:, :, None], data.bounds)[:, :, 0]
-            one_step = left - states @ C.T
+            initial = now.drives[:, driving:].T
+            states = driven_states(now.A - K @ C, initial[:, None], inputs[:, None], data.bounds)
+            one_step = left - states[:, 0] @ C.T
             errors = self._ahead(now, one_step)
             covariance = errors.T @ errors / len(errors)
-        self._latest = EntryErrors(point.copy(), now, by, states, one_step, errors, covariance)
+        self._latest = EntryErrors(
+            point.copy(), now, by, states[:, 0], one_step, errors, covariance
+        )
         return self._latest
 
     def derivatives(self, found: EntryErrors) -> Array:
@@ -175,36 +184,24 @@ class EntryProblem:
             data, now, by = self.plain.data, found.matrices, found.changes
             driving = self.plain.driving
             C, K = self._output_and_gain(now)
+            seen = np.hstack([found.states, self.regressors])
             signals = np.hstack([found.states, data.inputs, found.one_step])
-            signals = signals[:, : self.layout.order + driving]
-            of_states = np.concatenate([by.A, by.drives[:, :driving]], axis=1)
             with np.errstate(all="ignore"):
-                seen = np.hstack([found.states, self.regressors])
-                direct = np.tensordot(seen, by.outputs, ([1], [1]))
-                inputs = np.tensordot(signals, of_states, ([1], [1])) - K @ direct
-                initial = np.moveaxis(by.drives[:, driving:], 1, 0)
+                direct = np.tensordot(seen, by.outputs.T, ([1], [1]))
+                inputs = np.tensordot(signals[:, : len(C.T)], by.A.T, ([1], [1])) - direct @ K.T
+                acting = signals[:, len(C.T) :][:, :driving]
+                inputs += np.tensordot(acting, by.drives[:, :driving].T, ([1], [1]))
+                initial = np.moveaxis(by.drives[:, driving:].T, 1, 0)
                 states = driven_states(now.A - K @ C, initial, inputs, data.bounds)
-                made = self._derivatives_ahead(found, -(C @ states + direct))
-            self._derivatives = found, made
+                of_one_step = -np.swapaxes(states @ C.T + direct, 1, 2)
+                self._derivatives = found, self._derivatives_ahead(found, of_one_step)
         return self._derivatives[1]
-
-    @cached_property
-    def _lags(self) -> list[list[tuple[slice, slice]]]:
-        """Of each lag below the horizon the samples of segments with it, and those before."""
-        return [
-            [
-                (slice(first + lag, stop), slice(first, stop - lag))
-                for first, stop in pairwise(self.plain.data.bounds)
-                if first + lag < stop
-            ]
-            for lag in range(1, self.horizon)
-        ]
 
     def _ahead(self, now: Matrices, errors: Array) -> Array:
         """Errors of predictions ``horizon`` samples ahead from those of one step."""
         ahead, (C, G) = errors.copy(), self._output_and_gain(now)
-        for segments in self._lags:
-            for after, before in segments:
+        for lag in range(1, self.horizon):
+            for after, before in lagged(self.plain.data.bounds, lag):
                 ahead[after] += errors[before] @ (C @ G).T
             G = now.A @ G
         return ahead
@@ -214,9 +211,9 @@ class EntryProblem:
         ahead, A, dA = derivatives.copy(), found.matrices.A, found.changes.A
         C, G = self._output_and_gain(found.matrices)
         dC, dG = self._output_and_gain(found.changes)
-        for segments in self._lags:
+        for lag in range(1, self.horizon):
             dH = np.tensordot(C, dG, 1) + np.einsum("inp,nj->ijp", dC, G)
-            for after, before in segments:
+            for after, before in lagged(self.plain.data.bounds, lag):
                 ahead[after] += (C @ G) @ derivatives[before]
                 ahead[after] += np.tensordot(found.one_step[before], dH, ([1], [1]))
             dG = np.tensordot(A, dG, 1) + np.einsum("mnp,nj->mjp", dA, G)
@@ -225,11 +222,12 @@ class EntryProblem:
 
     def _output_and_gain(self, matrices: Matrices) -> tuple[Array, Array]:
         """C and K."""
-        n, outputs = self.layout.order, self._outputs[0]
-        K = matrices.drives[:, self.plain.data.inputs.shape[1] : self.plain.driving]
-        if not self.plain.innovations:
-            K = np.zeros((n, outputs, *K.shape[2:]))
-        return matrices.outputs[:, :n], K
+        return ScaledModel(self.plain, matrices, self.plain.data.outputs).output_and_gain
+
+    def scaled(self, point: Array) -> ScaledModel:
+        """The model of a point."""
+        found = self.projection(point)
+        return ScaledModel(self.plain, found.matrices, found.one_step)
 
     def descend(self, point: Array) -> Optimum:
         """The optimum that a descent ends at."""
@@ -332,33 +330,29 @@ class EntryProblem:
 
     # To and from models.
 
-    def point_of(self, model: StateSpaceModel, initial: Array, levels: Array) -> Array:
-        """The point nearest to a model with states (segments, n) and levels (segments, l)."""
-        data, n = self.plain.data, self.plain.order
-        u, y = data.input_scales, data.output_scales
-        gain = [model.K * y] if self.plain.innovations else []
+    def point_of(self, matrices: Matrices) -> Array:
+        """The point nearest to a model of scaled signals."""
+        layout, n = self.layout, self.layout.order
         # The states of the sections from those of the model, as further drives.
-        drives = np.hstack([model.B * u, *gain, initial.T, np.eye(n)])
-        wide = Layout(n, drives.shape[1])
-        rows = wide.rows(normalised(wide, point_of(wide, model.A, drives)))
+        wide = Layout(n, layout.drives + n)
+        drives = np.hstack([matrices.drives, np.eye(n)])
+        rows = wide.rows(normalised(wide, point_of(wide, matrices.A, drives)))
         rows = rows[self._matched(rows[:, :2])]
         into = input_matrix(sections_of(wide, rows.ravel()), wide)
-        outputs = np.zeros(self._outputs)
-        outputs[:, :n] = model.C @ np.linalg.inv(into[:, -n:]) / y[:, None]
-        ends = np.cumsum([n, data.feedthrough.sum(), data.levels])
-        outputs[:, n : ends[1]] = (model.D * u / y[:, None])[:, data.feedthrough]
-        if data.levels:
-            _, firsts = np.unique(data.level_of, return_index=True)
-            outputs[:, ends[1] : ends[2]] = ((levels[firsts] - data.output_offsets) / y).T
+        outputs = matrices.outputs.copy()
+        outputs[:, :n] = outputs[:, :n] @ np.linalg.inv(into[:, -n:])
         b1, b2 = np.split(rows[:, 2:], 2, axis=1)
         entries = np.hstack([rows[:, :2], b1[:, :-n], b2[:, :-n]])
         point = np.zeros(self.dimension)
         point[self._free] = np.append(entries, outputs)[self._rest]
         for block, own, row in zip(self.blocks, self.own, rows, strict=True):
             point[own] = block.coordinates(row[:2])
-        for column, gain_of in self.gains.items():
-            found = float(model.frequency_response(0.0)[0, column].real) * u[column] / float(y[0])
-            point[self.gain_at[column]] = gain_of.coordinates(found)
+        for column, gain in self.gains.items():
+            at_rest = np.linalg.solve(np.eye(n) - matrices.A, matrices.drives[:, column])
+            direct = self._direct(column, matrices.outputs[0])
+            point[self.gain_at[column]] = gain.coordinates(
+                matrices.outputs[0, :n] @ at_rest + direct
+            )
         return point
 
     def _matched(self, sections: Array) -> list[int]:
@@ -370,29 +364,43 @@ class EntryProblem:
             left.remove(order[-1])
         return order + list(range(self.layout.pairs, self.layout.sections))
 
-    def model(self, found: EntryErrors) -> StateSpaceModel:
-        """The model of a point in the units of the recording, without covariance."""
-        *matrices, level = self._recorded(found.matrices)
-        level = self.plain.data.output_offsets + level
-        return recorded_model(self.plain, (*matrices, level), found.one_step)
+    def covariance(self, point: Array) -> ParameterCovariance | None:
+        """Covariance of the entries of the model, zero across active constraints.
 
-    def model_derivatives(self, found: EntryErrors) -> Array:
+        As of :func:`.parameter_covariance`; errors of several steps are coloured.  None for these
+        under the absolute objective.
+        """
+        plain, data, found = self.plain, self.plain.data, self.projection(point)
+        unheld = self.active(point)[1]
+        J, scores = self.derivatives(found)[:, :, unheld], found.errors
+        weights = plain.weights(found.covariance)
+        if self.absolute:
+            of_signs = absolute_scores(plain, scores) if self.horizon == 1 else None
+            if of_signs is None:
+                return None
+            scores, weights = of_signs
+        if plain.innovations and self.horizon == 1:
+            gamma = (scores.T @ scores / len(scores))[None]
+        else:
+            gamma = coloured_autocovariances(scores, data.bounds)
+        between = weights @ gamma @ weights
+        hessian = np.tensordot(J, weights @ J, ([0, 1], [0, 1]))
+        score = np.zeros_like(hessian)
+        for i, j in np.ndindex(*weights.shape):
+            of_lags = np.concatenate([between[:0:-1, j, i], between[:, i, j]])
+            score += J[:, i].T @ filtered(J[:, j], of_lags, data.bounds)
+        score *= data.samples / degrees_of_freedom(plain)
+        mapping = self._model_derivatives(found)[:, unheld]
+        return sandwich(hessian, score, mapping, plain.order + len(self.gains))
+
+    def _model_derivatives(self, found: EntryErrors) -> Array:
         """Derivatives of ``[A, B, C, D, K, level]`` by the point."""
-        by_coordinate = (
-            self._recorded(Matrices(*(each[..., k] for each in found.changes)))
-            for k in range(self.dimension)
-        )
-        return np.array([np.concatenate([e.ravel() for e in each]) for each in by_coordinate]).T
-
-    def _recorded(self, matrices: Matrices) -> tuple[Array, ...]:
-        """A, B, C, D, K and level, less the offset of the outputs, in the recording's units."""
-        data, m = self.plain.data, self.plain.data.inputs.shape[1]
-        C, K = self._output_and_gain(matrices)
-        D = np.zeros((len(C), m))
-        ends = np.cumsum([self.layout.order, data.feedthrough.sum(), data.levels])
-        D[:, data.feedthrough] = matrices.outputs[:, ends[0] : ends[1]]
-        level = matrices.outputs[:, ends[1] : ends[2]] @ data.level_shares
-        return in_units(data, matrices.A, matrices.drives[:, :m], C, D, K, level)
+        columns = []
+        for k in range(self.dimension):
+            change = Matrices(*(each[..., k] for each in found.changes))
+            made = ScaledModel(self.plain, change, found.one_step).recorded()
+            columns.append(np.concatenate([each.ravel() for each in made]))
+        return np.array(columns).T
 
     def active(self, point: Array) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
         """Active inequalities, and the coordinates that they leave free, (n,) of bool."""
@@ -408,15 +416,3 @@ class EntryProblem:
                 names.add("static_gain_bounds")
                 free[own] = False
         return tuple(sorted(names)), free
-
-
-def _gains_of(constraints: Constraints, data: ScaledRecording) -> dict[int, Gain]:
-    """Static gains from inputs to the one output, in the units of the scaled signals."""
-    gains = {}
-    for column, name in enumerate(data.recording.input_names or [""] * data.inputs.shape[1]):
-        given, bounds = constraints.gain_of(name), constraints.gain_bounds_of(name)
-        if given is not None or bounds is not None:
-            scale = float(data.input_scales[column] / data.output_scales[0])
-            ends = [None if end is None else end * scale for end in bounds or (given, given)]
-            gains[column] = Gain(*ends)
-    return gains

@@ -21,6 +21,8 @@ from scipy.linalg.blas import dgemm
 
 from evopem.config.settings import OutputWeighting
 from evopem.errors import NoModelError
+from evopem.estimation.damped_descent import Weighing
+from evopem.estimation.state_space.kernels import driven_states
 from evopem.estimation.state_space.sections import (
     Layout,
     Sections,
@@ -186,7 +188,7 @@ class Projection:
 
     point: Array
     sections: Sections
-    states: Array  # (N, 2 sections)
+    states: Array  # (N, n)
     regressors: Array  # (N, q): states, inputs with feedthrough, constants of levels, and drift
     basis: Array  # (N, rank): orthonormal, of the regressors
     linear: Array  # (q, ny): least-squares C, D, constants and drift, transposed
@@ -258,6 +260,17 @@ class StateSpaceErrors:
         return min(self.radius, float(np.exp(-FORGETTING / np.diff(self.data.bounds).max())))
 
     @property
+    def level_columns(self) -> slice:
+        """Where levels stand among the regressors, behind the states and inputs at once."""
+        first = self.order + int(self.data.feedthrough.sum())
+        return slice(first, first + self.data.levels)
+
+    @property
+    def weighing(self) -> Weighing:
+        """The weighting of absolute errors: outputs by their power, or by their noise."""
+        return "power" if self.weighting == "power" else "noise"
+
+    @property
     def parameters(self) -> int:
         """Independent parameters: coefficients, level and drift, without initial states."""
         ny, n = self.data.outputs.shape[1], self.order
@@ -305,8 +318,11 @@ class StateSpaceErrors:
     def _regression(self, point: Array) -> tuple[Sections, Array, Array]:
         """Sections of a point, the states, and all regressors."""
         sections = sections_of(self.layout, point)
-        states = self.signals.states(sections)
-        return sections, states, np.column_stack([states[:, : self.order], *self.direct])
+        drives = input_matrix(sections, self.layout)
+        inputs = self.signals.of_drives @ drives[:, : self.driving].T
+        initial, A = drives[:, self.driving :].T, state_matrix(sections, self.layout)
+        states = driven_states(A, initial[:, None], inputs[:, None], self.data.bounds)[:, 0]
+        return sections, states, np.column_stack([states, *self.direct])
 
     def criterion(self, covariance: Array) -> float:
         """Criterion of the errors' covariance, (ny, ny); its unit is one for each output."""

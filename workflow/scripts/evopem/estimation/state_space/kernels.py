@@ -41,29 +41,6 @@ def _advance(p, r, sigma, coupling, back, z):
 
 
 @cached_njit
-def section_states(sigma, coupling, back, ratio, pulses, drives, bounds):
-    """States, (N, 2 S), of S sections that are driven at their first and second state.
-
-    ``pulses``, (segments, 2 S), drive both before the first sample of a segment, ``drives``, (N, 2
-    S), at each sample.
-    """
-    count = len(sigma)
-    out = np.empty((len(drives), 2 * count))
-    p, r = np.empty((2, count)), np.empty((2, count))
-    for segment in range(len(bounds) - 1):
-        p[0], p[1] = pulses[segment, :count], pulses[segment, count:]
-        r[:] = 0.0
-        for t in range(bounds[segment], bounds[segment + 1]):
-            now = out[t]
-            for m in range(count):
-                now[2 * m] = p[0, m] + r[1, m]
-                now[2 * m + 1] = ratio[m] * r[0, m] + p[1, m]
-            _advance(p[0], r[0], sigma, coupling, back, drives[t, :count])
-            _advance(p[1], r[1], sigma, coupling, back, drives[t, count:])
-    return out
-
-
-@cached_njit
 def derivative_signals(sigma, coupling, back, driven_by, pulses, signals, ratio, states, bounds):
     """The signals of which derivatives of the states of sections, (N, 2 S), consist.
 
@@ -98,18 +75,17 @@ def derivative_signals(sigma, coupling, back, driven_by, pulses, signals, ratio,
 
 @cached_njit
 def driven_states(A, initial, inputs, bounds):
-    """``x+ = A x + inputs``, (N, n, p), from initial states (segments, n, p)."""
+    """p solutions of ``x+ = A x + inputs``, (N, p, n), from initial states (segments, p, n)."""
     states = np.empty(inputs.shape)
-    n, count = inputs.shape[1:]
-    x, after = np.empty((n, count)), np.empty((n, count))
+    count, n = inputs.shape[1:]
     for segment in range(len(bounds) - 1):
-        x[:] = initial[segment]
-        for t in range(bounds[segment], bounds[segment + 1]):
-            states[t] = x
-            after[:] = inputs[t]
-            for i in range(n):
-                for j in range(n):
-                    for p in range(count):
-                        after[i, p] += A[i, j] * x[j, p]
-            x, after = after, x
+        first, stop = bounds[segment], bounds[segment + 1]
+        states[first] = initial[segment]
+        for t in range(first, stop - 1):
+            for p in range(count):
+                for i in range(n):
+                    after = inputs[t, p, i]
+                    for j in range(n):
+                        after += A[i, j] * states[t, p, j]
+                    states[t + 1, p, i] = after if abs(after) > DECAYED else 0.0
     return states

@@ -17,8 +17,8 @@ from evopem.estimation.criteria import autoregression_of, lies_at_bound, limited
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.prediction_errors import check_search_settings
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
+from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
-from evopem.estimation.state_space.point_model import PointModel, model_of
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
@@ -27,7 +27,6 @@ from evopem.estimation.state_space.problem import (
     StateSpaceProblem,
 )
 from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, swept
-from evopem.estimation.state_space.sections import largest_radius
 from evopem.estimation.state_space.starting_points import point_of_model
 from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
@@ -214,7 +213,7 @@ def refitted(
     """The same optimum of another recording: as :func:`descend_from`, the model alone."""
     with one_blas_thread():
         problem, result = _descended_from(model, recording, task, steps, TOLERANCE)
-        return model_of(problem.plain, problem.projection(result.point))
+        return problem.scaled(result.point).model()
 
 
 def _descended_from(
@@ -231,22 +230,22 @@ def _descended_from(
     return problem, SearchResult(descent.points[0], value, diagnostics)
 
 
-def described(problem: StateSpaceProblem, result: SearchResult) -> StateSpaceEstimate:
+def described(
+    problem: StateSpaceProblem | EntryProblem, result: SearchResult
+) -> StateSpaceEstimate:
     """The model at a search's best point, with criteria, residuals and covariance."""
-    errors, projection = problem.plain, problem.projection(result.point)
-    point_model = PointModel(errors, projection)
-    model = replace(point_model.model(), covariance=problem.covariance(projection))
-    coordinates = problem.coordinates(result.point)
-    radius = max(largest_radius(errors.layout, coordinates), float(np.abs(model.poles()).max()))
+    scaled = problem.scaled(result.point)
+    model = replace(scaled.model(), covariance=problem.covariance(result.point))
+    radius = float(np.abs(np.concatenate([model.poles(), model.noise_zeros()])).max())
     return StateSpaceEstimate(
         model=model,
         order=model.order,
         objective=result.value,
-        initial_states=point_model.initial_states(),
-        segment_levels=point_model.levels(),
+        initial_states=scaled.initial_states(),
+        segment_levels=scaled.levels(),
         search=result,
-        at_stability_bound=lies_at_bound(radius, errors.radius),
-        **criteria_of(errors, projection.errors, errors.parameters, problem.objective),
+        at_stability_bound=lies_at_bound(radius, problem.plain.radius),
+        **criteria_of(problem.plain, scaled.one_step, problem.parameters, problem.objective),
     )
 
 

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.criteria import coloured_autocovariances
-from evopem.estimation.state_space.errors import (
-    Projection,
-    ScaledRecording,
-    StateSpaceErrors,
-)
+from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.sections import input_matrix, sections_of, state_matrix
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
@@ -30,9 +27,66 @@ ILL_CONDITIONED, DOUBLINGS = 1e4, 20
 COMPLEX_STEP = 1e-30
 
 
-def model_of(errors: StateSpaceErrors, projection: Projection) -> StateSpaceModel:
-    """The model of a point in the units of the recording, without covariance."""
-    return PointModel(errors, projection).model()
+class Matrices(NamedTuple):
+    """Of scaled signals; or their derivatives, with a last axis of coordinates."""
+
+    A: NDArray
+    drives: NDArray  # [B, K of innovations form, initial states], (n, drives)
+    outputs: NDArray  # [C, columns of D, levels, drift], (l, n + regressors)
+
+
+class ScaledModel:
+    """A model of scaled signals, with its errors of one step, (N, l)."""
+
+    def __init__(self, errors: StateSpaceErrors, matrices: Matrices, one_step: Array) -> None:
+        self.errors, self.matrices, self.one_step = errors, matrices, one_step
+
+    @property
+    def output_and_gain(self) -> tuple[NDArray, NDArray]:
+        """C and K."""
+        errors, (_, drives, outputs) = self.errors, self.matrices
+        K = drives[:, errors.data.inputs.shape[1] : errors.driving]
+        if not errors.innovations:
+            K = np.zeros((errors.order, len(outputs), *K.shape[2:]))
+        return outputs[:, : errors.order], K
+
+    def recorded(self) -> tuple[NDArray, ...]:
+        """A, B, C, D, K and level, less the offset of the outputs, in the recording's units."""
+        data, (A, drives, outputs) = self.errors.data, self.matrices
+        u, y, m = data.input_scales, data.output_scales, data.inputs.shape[1]
+        C, K = self.output_and_gain
+        D = np.zeros((len(C), m), dtype=outputs.dtype)
+        D[:, data.feedthrough] = outputs[:, len(A) : len(A) + data.feedthrough.sum()]
+        level = y * (outputs[:, self.errors.level_columns] @ data.level_shares)
+        return A, drives[:, :m] / u, C * y[:, None], D * y[:, None] / u, K / y, level
+
+    def model(self) -> StateSpaceModel:
+        """In the units of the recording, without covariance."""
+        data = self.errors.data
+        recording, y = data.recording, data.output_scales
+        e = self.one_step * y
+        noise = e.T @ e / degrees_of_freedom(self.errors)
+        A, B, C, D, K, level = self.recorded()
+        level = data.output_offsets + level
+        return StateSpaceModel(
+            *(A, B, C, D, K, recording.sampling_rate, level, 0.5 * (noise + noise.T)),
+            input_delays=data.shifts if any(data.shifts) else (),
+            structure=self.errors.structure,
+            input_names=recording.input_names,
+            output_names=recording.output_names,
+        )
+
+    def levels(self) -> Array:
+        """Level of each segment in the units of the outputs, (segments, l)."""
+        data = self.errors.data
+        if not data.levels:
+            return np.zeros((data.segments, data.outputs.shape[1]))
+        levels = self.matrices.outputs[:, self.errors.level_columns].T
+        return np.asarray(data.output_offsets + data.output_scales * levels)[data.level_of]
+
+    def initial_states(self) -> Array:
+        """Initial state of each segment, (segments, n), of a model whose level is the segment's."""
+        return self.matrices.drives[:, self.errors.driving :].T.copy()
 
 
 def degrees_of_freedom(errors: StateSpaceErrors) -> float:
@@ -41,65 +95,16 @@ def degrees_of_freedom(errors: StateSpaceErrors) -> float:
     return float(max(errors.data.samples - errors.estimated / outputs, 1.0))
 
 
-def recorded_model(
-    errors: StateSpaceErrors, entries: tuple[Array, ...], one_step: Array
-) -> StateSpaceModel:
-    """The model of A, B, C, D, K and level, with the noise of (N, l) scaled errors."""
-    data, (A, B, C, D, K, level) = errors.data, entries
-    recording, y = data.recording, data.output_scales
-    noise = one_step.T @ one_step * np.outer(y, y) / degrees_of_freedom(errors)
-    return StateSpaceModel(
-        *(A, B, C, D, K, recording.sampling_rate, level, 0.5 * (noise + noise.T)),
-        input_delays=data.shifts if any(data.shifts) else (),
-        structure=errors.structure,
-        input_names=recording.input_names,
-        output_names=recording.output_names,
-    )
-
-
-def in_units(
-    data: ScaledRecording,
-    A: NDArray,
-    B: NDArray,
-    C: NDArray,
-    D: NDArray,
-    K: NDArray,
-    level: NDArray,
-) -> tuple[NDArray, ...]:
-    """The matrices of scaled signals in the units of the recording, and the level."""
-    u, y = data.input_scales, data.output_scales
-    return A, B / u, C * y[:, None], D * y[:, None] / u, K / y, level * y
-
-
-class PointModel:
-    """Matrices of the model of a point; the states are those of the sections times a basis."""
+class PointModel(ScaledModel):
+    """That of a point; the states are those of the sections times a basis."""
 
     def __init__(self, errors: StateSpaceErrors, projection: Projection) -> None:
-        self._errors, self._projection = errors, projection
+        self.errors, self._projection = errors, projection
         sections = state_matrix(projection.sections, errors.layout)
         self._basis = _basis_of(sections, projection.linear[: errors.order].T)
         self._inverse = np.linalg.inv(self._basis)
-        self._matrices = self._scaled(projection.point, projection.linear)
-
-    def model(self) -> StateSpaceModel:
-        """The model in the units of the recording, without covariance."""
-        return recorded_model(self._errors, self._entries(*self._matrices), self._projection.errors)
-
-    def levels(self) -> Array:
-        """Level of each segment in the units of the outputs, (segments, l)."""
-        data = self._errors.data
-        if not data.levels:
-            return np.zeros((data.segments, data.outputs.shape[1]))
-        predictor, _, K, C, _, constants = self._matrices
-        levels = np.array([self._level(predictor, K, C, constant) for constant in constants])
-        return np.asarray(data.output_offsets + data.output_scales * levels)[data.level_of]
-
-    def initial_states(self) -> Array:
-        """Initial state of each segment, (segments, n), of a model whose level is the segment's."""
-        data, (predictor, drives, K, *_) = self._errors.data, self._matrices
-        offsets = (self.levels() - data.output_offsets) / data.output_scales
-        at_rest = np.linalg.solve(np.eye(len(predictor)) - predictor, K)
-        return np.asarray(drives[:, self._errors.driving :].T - offsets @ at_rest.T)
+        matrices = self._matrices(projection.point, projection.linear)
+        super().__init__(errors, matrices, projection.errors)
 
     def jacobian(self) -> Array:
         """Derivatives of ``[A, B, C, D, K, level]`` by coordinates and linear coefficients.
@@ -112,39 +117,29 @@ class PointModel:
             moved = np.concatenate([point, linear.T.ravel()]).astype(complex)
             moved[k] += 1j * COMPLEX_STEP
             coefficients = moved[point.size :].reshape(linear.shape[::-1]).T
-            entries = self._entries(*self._scaled(moved[: point.size], coefficients))
+            matrices = self._matrices(moved[: point.size], coefficients)
+            entries = ScaledModel(self.errors, matrices, self.one_step).recorded()
             columns.append(np.concatenate([each.ravel() for each in entries]).imag / COMPLEX_STEP)
         return np.array(columns).T
 
-    def _scaled(self, point: NDArray, linear: NDArray) -> tuple[NDArray, ...]:
-        """Predictor, columns of the drives, K, C, D and constants (levels, l), scaled signals."""
-        errors, data, n = self._errors, self._errors.data, self._errors.order
-        m, outputs = data.inputs.shape[1], data.outputs.shape[1]
+    def _matrices(self, point: NDArray, linear: NDArray) -> Matrices:
+        """From those of the predictor, ``x+ = P x + (B - K D) u + K y``."""
+        errors, data, n = self.errors, self.errors.data, self.errors.order
         sections = sections_of(errors.layout, point, self._projection.sections.scale)
+        P = self._basis @ state_matrix(sections, errors.layout) @ self._inverse
         drives = self._basis @ input_matrix(sections, errors.layout)
-        K = drives[:, m : errors.driving] if errors.innovations else np.zeros((n, outputs))
-        D = np.zeros((outputs, m), dtype=linear.dtype)
-        ends = np.cumsum([n, data.feedthrough.sum(), data.levels])
-        D[:, data.feedthrough] = linear[n : ends[1]].T
-        predictor = self._basis @ state_matrix(sections, errors.layout) @ self._inverse
-        return predictor, drives, K, linear[:n].T @ self._inverse, D, linear[ends[1] : ends[2]]
-
-    def _entries(
-        self, predictor: NDArray, drives: NDArray, K: NDArray, C: NDArray, D: NDArray, c: NDArray
-    ) -> tuple[NDArray, ...]:
-        """A, B, C, D, K and level in the units of the recording."""
-        data = self._errors.data
-        B = drives[:, : data.inputs.shape[1]] + K @ D
-        level = self._level(predictor, K, C, data.level_shares @ c)
-        *matrices, level = in_units(data, predictor + K @ C, B, C, D, K, level)
-        return *matrices, data.output_offsets + level
-
-    def _level(self, predictor: NDArray, K: NDArray, C: NDArray, constant: NDArray) -> NDArray:
-        """Mean of scaled outputs at rest from the constant of the predictor."""
-        if not self._errors.innovations:
-            return constant
-        at_rest = np.linalg.solve(np.eye(len(predictor)) - predictor, K)
-        return np.asarray(np.linalg.solve(np.eye(len(C)) - C @ at_rest, constant))
+        outputs = np.hstack([linear[:n].T @ self._inverse, linear[n:].T])
+        if not errors.innovations:
+            return Matrices(P, drives, outputs)
+        m, driving, at = data.inputs.shape[1], errors.driving, errors.level_columns
+        C, K = outputs[:, :n], drives[:, m:driving]
+        drives[:, :m][:, data.feedthrough] += K @ outputs[:, n : at.start]
+        # A constant of the predictor is a level, at which its states rest.
+        at_rest = np.linalg.solve(np.eye(n) - P, K)
+        outputs[:, at] = np.linalg.solve(np.eye(len(C)) - C @ at_rest, outputs[:, at])
+        if data.levels:
+            drives[:, driving:] -= at_rest @ outputs[:, at][:, data.level_of]
+        return Matrices(P + K @ C, drives, outputs)
 
 
 def _basis_of(predictor: Array, C: Array) -> Array:
@@ -226,13 +221,16 @@ def _summed_by_lags(
     """``sum J_(t+k)' between_k J_t`` over lags k of either sign, ``between_-k = between_k'``."""
     total = np.zeros(())
     for lag, of_lag in enumerate(between):
-        gram = sum(
-            signals[first + lag : stop].T @ signals[first : max(stop - lag, first)]
-            for first, stop in pairwise(bounds)
-        )
+        gram = sum(signals[now].T @ signals[before] for now, before in lagged(bounds, lag))
         summed = products(np.asarray(gram), of_lag)
         total = total + (summed if lag == 0 else summed + summed.T)
     return total
+
+
+def lagged(bounds: NDArray[np.int64], lag: int) -> Iterator[tuple[slice, slice]]:
+    """Of each segment the samples that have others so much earlier, and those."""
+    for first, stop in pairwise(bounds):
+        yield slice(first + lag, stop), slice(first, max(stop - lag, first))
 
 
 def _summed_by_outputs(

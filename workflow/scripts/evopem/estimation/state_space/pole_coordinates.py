@@ -1,4 +1,4 @@
-"""Coordinates of the poles of A, free or restricted to what constraints allow.
+"""Coordinates of the poles of A and of static gains, within what constraints allow.
 
 Sections ``[sigma, delta]`` are those of :mod:`.sections`.  Free ones are their own coordinates;
 restricted ones have shares of the allowed region (:mod:`evopem.estimation.pem.pole_region`).
@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints, FixedPole
 from evopem.estimation.pem.constrained_model import pole_region
+from evopem.estimation.pem.constrained_parameters import Gain
 from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, PoleRegion
-from evopem.estimation.state_space.errors import EDGE
+from evopem.estimation.state_space.errors import EDGE, ScaledRecording
 from evopem.estimation.state_space.sections import drawn_in
 
 Array = NDArray[np.float64]
@@ -150,6 +151,18 @@ def poles_of(section: Array) -> Complex:
     """The poles of ``[sigma, delta]``, (2,)."""
     root = np.sqrt(complex(section[1]))
     return np.array([section[0] + root, section[0] - root])
+
+
+def gains_of(constraints: Constraints, data: ScaledRecording) -> dict[int, Gain]:
+    """Static gains from inputs to the one output, in the units of the scaled signals."""
+    gains = {}
+    for column, name in enumerate(data.recording.input_names or [""] * data.inputs.shape[1]):
+        given, bounds = constraints.gain_of(name), constraints.gain_bounds_of(name)
+        if given is not None or bounds is not None:
+            scale = float(data.input_scales[column] / data.output_scales[0])
+            ends = [None if end is None else end * scale for end in bounds or (given, given)]
+            gains[column] = Gain(*ends)
+    return gains
 
 
 def _given(pole: FixedPole, sampling_rate: float) -> tuple[complex, ...]:

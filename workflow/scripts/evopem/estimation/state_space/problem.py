@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
-from evopem.estimation.damped_descent import Optimum, Places, Weighing, descend
+from evopem.estimation.damped_descent import Optimum, Places, descend
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
-from evopem.estimation.state_space.point_model import parameter_covariance
+from evopem.estimation.state_space.point_model import PointModel, ScaledModel, parameter_covariance
 from evopem.estimation.state_space.sections import (
     inside,
     largest_radius,
@@ -69,11 +69,19 @@ class StateSpaceProblem:
         """States, linear coefficients and errors of a point."""
         return self.plain.projection(point)
 
-    def covariance(self, projection: Projection) -> ParameterCovariance | None:
+    @property
+    def parameters(self) -> int:
+        """Independent parameters."""
+        return self.plain.parameters
+
+    def scaled(self, point: Array) -> ScaledModel:
+        """The model of a point."""
+        return PointModel(self.plain, self.projection(point))
+
+    def covariance(self, point: Array) -> ParameterCovariance | None:
         """Covariance of the entries of the model."""
-        return parameter_covariance(
-            self.plain, projection, self.plain.weights(projection.covariance)
-        )
+        found = self.projection(point)
+        return parameter_covariance(self.plain, found, self.plain.weights(found.covariance))
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A population, and the evaluations that it took; the first one holds the estimates."""
@@ -142,7 +150,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         super().__init__(plain)
         self.sizes = plain.data.absolute_sizes
         self.grams = len(self.sizes)
-        self.weighing: Weighing = "power" if plain.weighting == "power" else "noise"
+        self.weighing = plain.weighing
         self._regressors = plain.order + sum(each.shape[1] for each in plain.direct)
         self.dimension = plain.dimension + self._regressors * len(self.sizes)
         self._latest: tuple[Array, Projection] | None = None
@@ -260,9 +268,10 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         optima = [damped_descent.descend_absolute(self, point, last_width) for point in points]
         return _descent_of(optima, points, percent_of_absolute)
 
-    def covariance(self, projection: Projection) -> ParameterCovariance | None:
+    def covariance(self, point: Array) -> ParameterCovariance | None:
         """Covariance of the entries; None where no density of the errors at zero is known."""
-        found = absolute_scores(self.plain, projection.errors, self.weighing)
+        projection = self.projection(point)
+        found = absolute_scores(self.plain, projection.errors)
         if found is None:
             return None
         scores, weights = found
@@ -281,9 +290,7 @@ def percent_of_absolute(criterion: float) -> float:
     return 100.0 * (float(np.exp(criterion)) - rounding)
 
 
-def absolute_scores(
-    errors: StateSpaceErrors, one_step: Array, weighing: Weighing
-) -> tuple[Array, Array] | None:
+def absolute_scores(errors: StateSpaceErrors, one_step: Array) -> tuple[Array, Array] | None:
     """What takes the place of the errors, (N, l), and of their weights, (l, l), in a covariance.
 
     Signs over twice the density at zero (Bassett & Koenker 1978); None where that is not known.
@@ -293,7 +300,7 @@ def absolute_scores(
     if not np.all(density > 0.0):
         return None
     sizes = errors.data.absolute_sizes
-    relative = damped_descent.output_weights(one_step / sizes, weighing) / sizes
+    relative = damped_descent.output_weights(one_step / sizes, errors.weighing) / sizes
     return np.sign(one_step) / (2.0 * density), np.diag(2.0 * density * relative)
 
 

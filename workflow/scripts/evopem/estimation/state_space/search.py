@@ -15,7 +15,7 @@ from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.errors import StateSpaceErrors
-from evopem.estimation.state_space.point_model import model_of
+from evopem.estimation.state_space.point_model import PointModel
 from evopem.estimation.state_space.problem import (
     STEPS,
     TOLERANCE,
@@ -115,7 +115,7 @@ def continued(errors: StateSpaceErrors, optimum: Optimum, steps: int, tolerance:
 
 def converted(errors: StateSpaceErrors, other: StateSpaceErrors, point: Array) -> Array:
     """A point of the other form: innovations lose their K, an output-error model gets K = 0."""
-    model = model_of(other, other.projection(point))
+    model = PointModel(other, other.projection(point)).model()
     return point_of_model(replace(model, K=np.zeros_like(model.K)), errors)
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.state_space.kernels import derivative_signals, section_states
+from evopem.estimation.state_space.kernels import derivative_signals
 
 Array = NDArray[np.float64]
 
@@ -193,31 +193,18 @@ class SectionSignals:
 
     def __init__(self, layout: Layout, driving: Array, bounds: NDArray[np.int64]) -> None:
         self.layout, self.bounds = layout, bounds
-        self.driving = driving.shape[1]
+        self.driving, self.of_drives = driving.shape[1], driving
         # The last column, of zeros, drives the responses to initial states.
         self._signals = np.column_stack([driving, np.zeros(len(driving))])
-
-    def states(self, sections: Sections) -> Array:
-        """Both states of each section, (N, 2 sections): one response each instead of each drive."""
-        inputs = np.vstack([sections.b1, sections.b2])
-        states: Array = section_states(
-            sections.sigma,
-            sections.coupling,
-            sections.back,
-            sections.ratio,
-            np.ascontiguousarray(inputs[:, self.driving :].T),
-            self._signals[:, : self.driving] @ inputs[:, : self.driving].T,
-            self.bounds,
-        )
-        return states
 
     def responses(self, sections: Sections) -> Array:
         """Responses p, then r, of each section to each drive, (N, 2 sections drives)."""
         return self._derivatives(sections, np.empty((len(self._signals), 0)), np.empty(0))
 
     def derivatives(self, sections: Sections, states: Array) -> Array:
-        """Signals that derivatives of :meth:`states` by the coordinates consist of."""
-        return self._derivatives(sections, states, sections.ratio)
+        """Signals that derivatives of states, (N, n), by the coordinates consist of."""
+        second = np.zeros((len(states), int(self.layout.single)))
+        return self._derivatives(sections, np.hstack([states, second]), sections.ratio)
 
     def _derivatives(self, sections: Sections, states: Array, ratio: Array) -> Array:
         """The responses, and signals of the sections whose states are given."""
