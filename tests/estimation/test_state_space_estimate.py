@@ -26,6 +26,7 @@ from evopem.estimation.state_space.search import Rung, converted, descended, red
 from evopem.estimation.state_space.sections import (
     Layout,
     SectionSignals,
+    input_matrix,
     inside,
     largest_radius,
     moved,
@@ -156,7 +157,9 @@ def test_a_change_of_basis_leaves_the_point_equivalent(order):
     found = errors.projection(point)
     T = np.random.default_rng(1).standard_normal((order, order))
     A = state_matrix(sections_of(errors.layout, point), errors.layout)
-    other = point_of(errors.layout, T @ A @ np.linalg.inv(T), T @ errors.drive_matrix(found))
+    other = point_of(
+        errors.layout, T @ A @ np.linalg.inv(T), T @ input_matrix(found.sections, errors.layout)
+    )
     np.testing.assert_allclose(errors.projection(other).errors, found.errors, atol=1e-7)
 
 

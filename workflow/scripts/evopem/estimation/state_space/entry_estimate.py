@@ -89,7 +89,7 @@ def meeting(
     ``free``: that of one step without constraints.  ValueError when no allowed model has finite
     errors.
     """
-    problem = EntryProblem(errors, horizon, constraints, settings.objective == "absolute")
+    problem = EntryProblem(errors, horizon, constraints, settings.objective)
     found = problem_for(errors, settings).projection(free.search.point)
     point = problem.begun(problem.point_of(PointModel(errors, found).matrices))
     begun = problem.percent(problem.projection(point).errors)
@@ -102,7 +102,7 @@ def meeting(
     optima = [each for each in map(problem.descend, begins) if np.isfinite(each.value)]
     if not optima:
         raise ValueError("no model that meets the constraints has finite errors")
-    best = problem.polish(min(optima, key=lambda each: each.value).point)
+    best = problem.descend(min(optima, key=lambda each: each.value).point, last=True)
     *values, value = (
         problem.percent(problem.projection(each.point).errors) for each in (*optima, best)
     )

@@ -27,6 +27,7 @@ from evopem.estimation.state_space.point_model import (
     degrees_of_freedom,
     filtered,
     lagged,
+    output_and_gain,
     sandwich,
 )
 from evopem.estimation.state_space.pole_coordinates import blocks_of, gains_of, poles_of
@@ -74,13 +75,12 @@ class EntryProblem:
         plain: StateSpaceErrors,
         horizon: int = 1,
         constraints: Constraints | None = None,
-        absolute: bool = False,
+        objective: Objective = "quadratic",
     ) -> None:
-        self.plain, self.absolute, self.layout = plain, absolute, plain.layout
+        self.plain, self.objective, self.layout = plain, objective, plain.layout
         self.horizon = horizon if plain.innovations else 1
         data, layout = plain.data, plain.layout
-        rate = data.recording.sampling_rate
-        self.blocks = blocks_of(plain.order, constraints, rate, plain.radius, plain.innovations)
+        self.blocks = blocks_of(plain, constraints)
         self.gains = {} if constraints is None else gains_of(constraints, data)
         self.regressors = np.hstack(plain.direct)
         self._outputs = data.outputs.shape[1], plain.order + self.regressors.shape[1]
@@ -94,8 +94,7 @@ class EntryProblem:
         self.own, self._free = slices[: len(self.blocks)], slices[len(self.blocks)]
         self.gain_at = dict(zip(self.gains, slices[len(self.blocks) + 1 :], strict=True))
         self.dimension = sum(sizes)
-        self.weighing = plain.weighing
-        self.objective: Objective = "absolute" if absolute else "quadratic"
+        self.weighing, self.criterion = plain.weighing, plain.criterion
         given = sum(len(block.known) for block in self.blocks)
         given += sum(not gain.codes for gain in self.gains.values())
         self.parameters = plain.parameters - given
@@ -163,7 +162,7 @@ class EntryProblem:
             return self._latest
         data, (now, by) = self.plain.data, self.matrices(point)
         driving = self.plain.driving
-        C, K = self._output_and_gain(now)
+        C, K = output_and_gain(self.plain, now)
         with np.errstate(all="ignore"):
             # e = left - C x
             left = data.outputs - self.regressors @ now.outputs[:, self.layout.order :].T
@@ -183,7 +182,7 @@ class EntryProblem:
         if self._derivatives is None or self._derivatives[0] is not found:
             data, now, by = self.plain.data, found.matrices, found.changes
             driving = self.plain.driving
-            C, K = self._output_and_gain(now)
+            C, K = output_and_gain(self.plain, now)
             seen = np.hstack([found.states, self.regressors])
             signals = np.hstack([found.states, data.inputs, found.one_step])
             with np.errstate(all="ignore"):
@@ -199,7 +198,7 @@ class EntryProblem:
 
     def _ahead(self, now: Matrices, errors: Array) -> Array:
         """Errors of predictions ``horizon`` samples ahead from those of one step."""
-        ahead, (C, G) = errors.copy(), self._output_and_gain(now)
+        ahead, (C, G) = errors.copy(), output_and_gain(self.plain, now)
         for lag in range(1, self.horizon):
             for after, before in lagged(self.plain.data.bounds, lag):
                 ahead[after] += errors[before] @ (C @ G).T
@@ -209,8 +208,8 @@ class EntryProblem:
     def _derivatives_ahead(self, found: EntryErrors, derivatives: Array) -> Array:
         """Their derivatives from those of the errors of one step."""
         ahead, A, dA = derivatives.copy(), found.matrices.A, found.changes.A
-        C, G = self._output_and_gain(found.matrices)
-        dC, dG = self._output_and_gain(found.changes)
+        C, G = output_and_gain(self.plain, found.matrices)
+        dC, dG = output_and_gain(self.plain, found.changes)
         for lag in range(1, self.horizon):
             dH = np.tensordot(C, dG, 1) + np.einsum("inp,nj->ijp", dC, G)
             for after, before in lagged(self.plain.data.bounds, lag):
@@ -220,33 +219,26 @@ class EntryProblem:
             G = A @ G
         return ahead
 
-    def _output_and_gain(self, matrices: Matrices) -> tuple[Array, Array]:
-        """C and K."""
-        return ScaledModel(self.plain, matrices, self.plain.data.outputs).output_and_gain
-
     def scaled(self, point: Array) -> ScaledModel:
         """The model of a point."""
         found = self.projection(point)
         return ScaledModel(self.plain, found.matrices, found.one_step)
 
-    def descend(self, point: Array) -> Optimum:
-        """The optimum that a descent ends at."""
-        if self.absolute:
-            return damped_descent.descend_absolute(self, point, damped_descent.SEARCH_WIDTH)
-        return descend(self, point, STEPS, TOLERANCE)
-
-    def polish(self, point: Array) -> Optimum:
-        """The same to the last digits."""
-        if self.absolute:
+    def descend(self, point: Array, last: bool = False) -> Optimum:
+        """The optimum that a descent ends at, the last one to the last digits."""
+        if self.objective == "quadratic":
+            ends = (POLISH_STEPS, POLISH_TOLERANCE) if last else (STEPS, TOLERANCE)
+            return descend(self, point, *ends)
+        if last:
             return damped_descent.polish_absolute(self, point)
-        return descend(self, point, POLISH_STEPS, POLISH_TOLERANCE)
+        return damped_descent.descend_absolute(self, point, damped_descent.SEARCH_WIDTH)
 
     def percent(self, errors: Array) -> float:
         """Objective of errors, (N, l), in percent."""
-        if self.absolute:
-            criterion = damped_descent.absolute_criterion(errors / self.sizes, self.weighing)
-            return percent_of_absolute(criterion)
-        return self.plain.percent(self.plain.criterion(errors.T @ errors / len(errors)))
+        if self.objective == "quadratic":
+            return self.plain.percent(self.criterion(errors.T @ errors / len(errors)))
+        criterion = damped_descent.absolute_criterion(errors / self.sizes, self.weighing)
+        return percent_of_absolute(criterion)
 
     # What a descent of squares asks for.
 
@@ -276,13 +268,9 @@ class EntryProblem:
         blocks = zip(self.blocks, self.own, strict=True)
         return scale_of(np.array([block.values(point[own])[0][1] for block, own in blocks]))
 
-    def criterion(self, covariance: Array) -> float:
-        """As of the plain problem."""
-        return self.plain.criterion(covariance)
-
     def stable(self, projection: EntryErrors) -> bool:
         """Whether the predictor is stable; the poles of A are within their bounds."""
-        C, K = self._output_and_gain(projection.matrices)
+        C, K = output_and_gain(self.plain, projection.matrices)
         matrix = projection.matrices.A - K @ C
         if not np.isfinite(matrix).all():
             return False
@@ -350,9 +338,8 @@ class EntryProblem:
         for column, gain in self.gains.items():
             at_rest = np.linalg.solve(np.eye(n) - matrices.A, matrices.drives[:, column])
             direct = self._direct(column, matrices.outputs[0])
-            point[self.gain_at[column]] = gain.coordinates(
-                matrices.outputs[0, :n] @ at_rest + direct
-            )
+            value = float(matrices.outputs[0, :n] @ at_rest + direct)
+            point[self.gain_at[column]] = gain.coordinates(value)
         return point
 
     def _matched(self, sections: Array) -> list[int]:
@@ -374,7 +361,7 @@ class EntryProblem:
         unheld = self.active(point)[1]
         J, scores = self.derivatives(found)[:, :, unheld], found.errors
         weights = plain.weights(found.covariance)
-        if self.absolute:
+        if self.objective == "absolute":
             of_signs = absolute_scores(plain, scores) if self.horizon == 1 else None
             if of_signs is None:
                 return None
@@ -390,17 +377,12 @@ class EntryProblem:
             of_lags = np.concatenate([between[:0:-1, j, i], between[:, i, j]])
             score += J[:, i].T @ filtered(J[:, j], of_lags, data.bounds)
         score *= data.samples / degrees_of_freedom(plain)
-        mapping = self._model_derivatives(found)[:, unheld]
-        return sandwich(hessian, score, mapping, plain.order + len(self.gains))
-
-    def _model_derivatives(self, found: EntryErrors) -> Array:
-        """Derivatives of ``[A, B, C, D, K, level]`` by the point."""
-        columns = []
-        for k in range(self.dimension):
+        by_point = []
+        for k in np.flatnonzero(unheld):
             change = Matrices(*(each[..., k] for each in found.changes))
-            made = ScaledModel(self.plain, change, found.one_step).recorded()
-            columns.append(np.concatenate([each.ravel() for each in made]))
-        return np.array(columns).T
+            entries = ScaledModel(plain, change, found.one_step).recorded()
+            by_point.append(np.concatenate([each.ravel() for each in entries]))
+        return sandwich(hessian, score, np.array(by_point).T, plain.order + len(self.gains))
 
     def active(self, point: Array) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
         """Active inequalities, and the coordinates that they leave free, (n,) of bool."""

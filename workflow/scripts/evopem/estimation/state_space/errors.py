@@ -356,25 +356,11 @@ class StateSpaceErrors:
             return True
         if not np.isfinite(projection.linear).all():
             return False
-        radii = np.abs(np.linalg.eigvals(self.state_matrix(projection)))
-        return bool(radii.max() <= self.radius)
-
-    def state_matrix(self, projection: Projection) -> Array:
-        """A, (n, n), in the states of the point."""
-        A = state_matrix(projection.sections, self.layout)
-        if not self.innovations:
-            return A
-        return A + self.gain(projection) @ projection.linear[: self.order].T
-
-    def gain(self, projection: Projection) -> Array:
-        """K, (n, ny), in the states of the point and for scaled outputs."""
-        if not self.innovations:
-            return np.zeros((self.order, self.data.outputs.shape[1]))
-        return self.drive_matrix(projection)[:, self.data.inputs.shape[1] : self.driving]
-
-    def drive_matrix(self, projection: Projection) -> Array:
-        """Columns by which the drives enter the states, (n, drives)."""
-        return input_matrix(projection.sections, self.layout)
+        drives = input_matrix(projection.sections, self.layout)
+        gain = drives[:, self.data.inputs.shape[1] : self.driving]
+        predictor = state_matrix(projection.sections, self.layout)
+        A = predictor + gain @ projection.linear[: self.order].T
+        return bool(np.abs(np.linalg.eigvals(A)).max() <= self.radius)
 
     def weights(self, covariance: Array) -> Array:
         """Derivative of the criterion by the covariance: weights of the outputs, (ny, ny)."""

@@ -35,26 +35,25 @@ class Matrices(NamedTuple):
     outputs: NDArray  # [C, columns of D, levels, drift], (l, n + regressors)
 
 
+def output_and_gain(errors: StateSpaceErrors, matrices: Matrices) -> tuple[NDArray, NDArray]:
+    """C and K."""
+    K = matrices.drives[:, errors.data.inputs.shape[1] : errors.driving]
+    if not errors.innovations:
+        K = np.zeros((errors.order, len(matrices.outputs), *K.shape[2:]))
+    return matrices.outputs[:, : errors.order], K
+
+
 class ScaledModel:
     """A model of scaled signals, with its errors of one step, (N, l)."""
 
     def __init__(self, errors: StateSpaceErrors, matrices: Matrices, one_step: Array) -> None:
         self.errors, self.matrices, self.one_step = errors, matrices, one_step
 
-    @property
-    def output_and_gain(self) -> tuple[NDArray, NDArray]:
-        """C and K."""
-        errors, (_, drives, outputs) = self.errors, self.matrices
-        K = drives[:, errors.data.inputs.shape[1] : errors.driving]
-        if not errors.innovations:
-            K = np.zeros((errors.order, len(outputs), *K.shape[2:]))
-        return outputs[:, : errors.order], K
-
     def recorded(self) -> tuple[NDArray, ...]:
         """A, B, C, D, K and level, less the offset of the outputs, in the recording's units."""
         data, (A, drives, outputs) = self.errors.data, self.matrices
         u, y, m = data.input_scales, data.output_scales, data.inputs.shape[1]
-        C, K = self.output_and_gain
+        C, K = output_and_gain(self.errors, self.matrices)
         D = np.zeros((len(C), m), dtype=outputs.dtype)
         D[:, data.feedthrough] = outputs[:, len(A) : len(A) + data.feedthrough.sum()]
         level = y * (outputs[:, self.errors.level_columns] @ data.level_shares)

@@ -16,7 +16,7 @@ from evopem.estimation.pem.constrained_model import pole_region
 from evopem.estimation.pem.constrained_parameters import Gain
 from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, PoleRegion
-from evopem.estimation.state_space.errors import EDGE, ScaledRecording
+from evopem.estimation.state_space.errors import EDGE, ScaledRecording, StateSpaceErrors
 from evopem.estimation.state_space.sections import drawn_in
 
 Array = NDArray[np.float64]
@@ -118,16 +118,12 @@ class Block:
         return self.region.real or (0.0, 0.0)
 
 
-def blocks_of(
-    order: int,
-    constraints: Constraints | None,
-    sampling_rate: float,
-    radius: float,
-    unstable_allowed: bool,
-) -> tuple[Block, ...]:
+def blocks_of(errors: StateSpaceErrors, constraints: Constraints | None) -> tuple[Block, ...]:
     """The sections of A, those with given poles first, the single one of an odd order last."""
+    order, radius = errors.order, errors.radius
+    sampling_rate = errors.data.recording.sampling_rate
     constraints, name = constraints or Constraints(), "stability"
-    if constraints.stability == "free" and unstable_allowed:
+    if constraints.stability == "free" and errors.innovations:
         radius = UNBOUNDED_RADIUS
     if constraints.max_pole_radius is not None and constraints.max_pole_radius < radius:
         radius, name = constraints.max_pole_radius, "max_pole_radius"
