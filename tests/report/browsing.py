@@ -17,6 +17,8 @@ from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
+# Figures that write the names of channels.
+NAMED = ("record", "simulation", "measured_and_simulated", "simulation_as_recorded")
 HOSTILE = """<script>document.title="harmed"</script>"'&"""
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 DRIVER = shutil.which("chromedriver")
@@ -76,7 +78,7 @@ def hostile(results, build, draw, tmp_path_factory):
         recording_info=renamed_channels(results.recording_info, HOSTILE, HOSTILE),
     )
     file = tmp_path_factory.mktemp("pages") / "hostile.html"
-    file.write_text(build(renamed, draw(renamed)), encoding="utf-8")
+    file.write_text(build(renamed, draw(renamed, *NAMED)), encoding="utf-8")
     return file
 
 

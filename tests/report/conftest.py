@@ -15,7 +15,10 @@ from browsing import (
     thousand,
 )
 
-from evopem.figures import svg_texts
+from evopem.figures import REPORT_FIGURES, svg_texts
+from evopem.figures.draw import draw as drawn_chart
+from evopem.figures.style import svg_text
+from evopem.figures.view import view_of
 from evopem.report import build_report
 
 __all__ = ["browser", "comparison", "hostile", "index", "report", "several", "summary", "thousand"]
@@ -27,14 +30,20 @@ def results(identified):
 
 
 @pytest.fixture(scope="session")
-def draw():
-    """Function that draws the figures of results: SVG texts by name."""
-    return svg_texts
+def figures(results):
+    return svg_texts(results)
 
 
 @pytest.fixture(scope="session")
-def figures(results, draw):
-    return draw(results)
+def draw(figures):
+    """Function that draws some of the figures anew from other results: SVG texts of all by name."""
+
+    def drawn(results, *names):
+        view = view_of(results)
+        anew = {name: svg_text(drawn_chart(REPORT_FIGURES[name].chart(view))) for name in names}
+        return figures | anew
+
+    return drawn
 
 
 @pytest.fixture(scope="session")

@@ -104,7 +104,7 @@ def test_the_first_screen_holds_the_answer(browser, report, results):
             count: rows.length,
         }"""
     )
-    assert bottoms.pop("count") == len(results.trusted_modes)
+    assert bottoms.pop("count") == len(results.validation.modes.trusted)
     assert {name: place for name, place in bottoms.items() if place > FIRST_SCREEN} == {}
     assert min(first_paint(browser, report) for _ in range(3)) < 1000
 

@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 import pandas as pd
 import pytest
-from browsing import TEMPLATES, renamed_channels
+from browsing import NAMED, TEMPLATES, renamed_channels
 from identified import with_outcome, with_output_name, without_covariance
 
 from evopem.config.channels import RecordedSource
@@ -142,7 +142,7 @@ def test_every_figure_offers_its_numbers_inside_the_page(results, page):
     assert set(tables["frequency_response"]["source"]) == {"model", "noise filter", "measured"}
     assert len(tables["delay"]) + len(tables["phases"]) == len(results.candidates)
     assert len(tables["stabilization"]) == len(results.validation.modes.poles)
-    history = results.selected.diagnostics.convergence
+    history = results.phases["nb"].selected.diagnostics.convergence
     assert tables["convergence"]["evaluations"].tolist() == [spent for spent, _ in history]
 
 
@@ -240,7 +240,7 @@ def unknown(results):
 
 
 def test_what_is_not_known_is_said(build, unknown, draw):
-    text = Page(build(unknown, draw(unknown))).text
+    text = Page(build(unknown, draw(unknown, "poles_zeros", "gain"))).text
     assert "Not judged White residuals." in text
     assert "simulation of the transformed output : the error is not known" in text
     assert "The Ljung-Box test was not possible." in text
@@ -309,7 +309,7 @@ def test_hostile_names_do_no_harm(build, draw, results):
         settings=replace(results.settings, name=HOSTILE),
         recording_info=renamed_channels(results.recording_info, HOSTILE, HOSTILE),
     )
-    html = build(renamed, draw(renamed))
+    html = build(renamed, draw(renamed, *NAMED))
     page = Page(html)
     assert page.tags.count("script") == html.count("<script") == 2
     assert page.text.count(HOSTILE) >= 4

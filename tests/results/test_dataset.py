@@ -26,9 +26,10 @@ def read(files, identified):
 
 def test_the_selection_is_the_model(identified):
     results = identified.results
-    assert results.selected.orders == results.model.orders
-    np.testing.assert_array_equal(results.selected.model.a, results.model.model.A)
-    assert results.selected.criteria.bic == results.model.bic
+    selected = results.phases["nb"].selected
+    assert selected.orders == results.model.orders
+    np.testing.assert_array_equal(selected.model.a, results.model.model.A)
+    assert selected.criteria.bic == results.model.bic
     assert list(results.phases) == list(PHASES)
     assert results.name == "bench"
 

@@ -79,7 +79,7 @@ def test_a_summary_holds_the_results(identified, summary):
     assert list(summary.checks) == results.checks
     assert sum(summary.n_checks(passed) for passed in (True, False, None)) == len(results.checks)
     assert len(summary.trusted) == len(summary.modes)
-    assert sum(summary.trusted) == len(results.trusted_modes) > 0
+    assert sum(summary.trusted) == len(results.validation.modes.trusted) > 0
     model = results.model.model
     peak = np.abs(model.frequency_response(np.linspace(0, 50, 20001)[1:])).max()
     assert max(summary.gain_db) == pytest.approx(20 * np.log10(peak), abs=0.2)

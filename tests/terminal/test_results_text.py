@@ -29,7 +29,7 @@ def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified, 
         assert with_error(mode.frequency_hz, mode.frequency_se_hz) in text
     for check in results.checks:
         assert (f"failed {check.name}:" in words) == (check.word == "Failed")
-    doubted = len(results.model.modes) - len(results.trusted_modes)
+    doubted = len(results.model.modes) - len(results.validation.modes.trusted)
     assert text.count("not to be trusted: see the report") == doubted
     assert str(results.model.orders) in text
     assert text.endswith("report  results/bench/report.html")

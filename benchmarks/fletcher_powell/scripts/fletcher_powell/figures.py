@@ -20,8 +20,8 @@ from evopem.figures.style import (
     MUTED,
     PAPER,
     TRUTH,
+    WIDTH,
     logarithmic,
-    new_figure,
     power_of_ten,
     say_nothing_to_draw,
     styled,
@@ -55,6 +55,13 @@ SCALE = ("hybrid", DEFAULT, MULTI_START, *reversed(BASIN_HOPPING))
 TARGET = -6.0
 # A minimum with a value below this is a global one.
 ZERO = 1e-9
+
+
+def new_figure(height: float, width: float = WIDTH) -> Figure:
+    """Return an empty figure, sizes in inches, that pyplot does not keep."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -70,34 +69,27 @@ class Comparison:
         apart, or models without a common output.
         """
         if not 2 <= len(results) <= MOST:
-            raise InputError(
-                "compare", f"there are {len(results)} models", f"give 2 to {MOST} of them"
-            )
+            problem = f"there are {len(results)} models"
+            raise InputError("compare", problem, f"give 2 to {MOST} of them")
         views = tuple(map(view_of, results))
         chosen = tuple(labels) or _labels(views)
         if len(chosen) != len(views) or len(set(chosen)) != len(chosen):
-            raise InputError(
-                "labels", "they are not one for each model, all different", "correct them"
-            )
+            problem = "they are not one for each model, all different"
+            raise InputError("labels", problem, "correct them")
         compared = cls(chosen, views)
         if not compared.outputs:
-            raise InputError(
-                "compare", "the models have no output in common", "compare models of one system"
-            )
+            problem = "the models have no output in common"
+            raise InputError("compare", problem, "compare models of one system")
         return compared
 
     @cached_property
     def outputs(self) -> list[tuple[Channel, ...]]:
         """Each common output as every model has it, found by name; a single one by whatever."""
-        if all(len(view.outputs) == 1 for view in self.views):
-            return [tuple(view.outputs[0] for view in self.views)]
         return _common([{each.name: each for each in view.outputs} for view in self.views])
 
     @cached_property
     def pairs(self) -> list[tuple[Pair, ...]]:
         """Each common pair of output and input as every model has it."""
-        if all(len(view.pairs) == 1 for view in self.views):
-            return [tuple(view.pairs[0] for view in self.views)]
         return _common(
             [{(o.name, s.name if s else ""): (o, s) for o, s in view.pairs} for view in self.views]
         )
@@ -105,16 +97,14 @@ class Comparison:
     @property
     def has_same_validation(self) -> bool:
         """Whether all models were validated on the same samples, at the same rate."""
-        first, *others = (self._measured(place) for place in range(len(self.views)))
+        first, *others = (
+            view.simulation[["time_s", *(f"output_{each[place].name}" for each in self.outputs)]]
+            for place, view in enumerate(self.views)
+        )
         return all(
             first.shape == other.shape and np.allclose(first, other, rtol=1e-9, equal_nan=True)
             for other in others
         )
-
-    def _measured(self, place: int) -> np.ndarray:
-        """Times and measured samples of the common outputs for validation."""
-        columns = [f"output_{each[place].name}" for each in self.outputs]
-        return self.views[place].simulation[["time_s", *columns]].to_numpy(dtype=float)
 
     @cached_property
     def matched(self) -> list[MatchedMode]:
@@ -164,7 +154,9 @@ class Comparison:
 
 
 def _common(named: Sequence[Mapping[Any, T]]) -> list[tuple[T, ...]]:
-    """The values of the keys that all have, in the order of the first."""
+    """The values of the keys that all have, in the order of the first; of one each, these."""
+    if all(len(each) == 1 for each in named):
+        return [tuple(next(iter(each.values())) for each in named)]
     keys = [key for key in named[0] if all(key in each for each in named)]
     return [tuple(each[key] for each in named) for key in keys]
 
@@ -174,13 +166,10 @@ def _labels(views: Sequence[View]) -> tuple[str, ...]:
     names = [view.name for view in views]
     if len(set(names)) < len(names):
         names = [f"{view.name}, {view.model_text}" for view in views]
-    often = Counter(names)
-    seen: Counter[str] = Counter()
-    labels = []
-    for name in names:
-        seen[name] += 1
-        labels.append(f"{name} ({seen[name]})" if often[name] > 1 else name)
-    return tuple(labels)
+    return tuple(
+        f"{name} ({names[:place].count(name) + 1})" if names.count(name) > 1 else name
+        for place, name in enumerate(names)
+    )
 
 
 def compared_responses(comparison: Comparison) -> Chart:

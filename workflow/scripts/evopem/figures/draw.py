@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -215,19 +215,12 @@ def _points(axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.n
     if curve.names:
         for name, across_, up in zip(rows[curve.names], x, y, strict=True):
             if isinstance(name, str) and name:
-                _name(axes, name, float(across_), float(up))
-
-
-def _name(axes: Axes, name: str, x: float, y: float) -> None:
-    axes.annotate(
-        *(name, (x, y)),
-        xytext=(0, 7),
-        textcoords="offset points",
-        ha="center",
-        fontsize=8,
-        color=INK,
-        bbox=LABEL_BOX,
-    )
+                place: dict[str, Any] = {
+                    "xytext": (0, 7),
+                    "textcoords": "offset points",
+                    "ha": "center",
+                }
+                axes.annotate(name, (across_, up), **place, fontsize=8, color=INK, bbox=LABEL_BOX)
 
 
 def _plane(axes: Axes, panel: Panel) -> None:

@@ -92,13 +92,6 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
     return wrapper
 
 
-def new_figure(height: float, width: float = WIDTH) -> Figure:
-    """Return an empty figure, sizes in inches, that pyplot does not keep."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
-
-
 @styled
 def svg_text(figure: Figure) -> str:
     """Render a figure as SVG text; equal data give equal bytes.

@@ -246,33 +246,22 @@ def residuals(view: View) -> Chart:
     table = pd.concat(tables, ignore_index=True)
     table = table[["output", "input", "lag", "correlation", "bound95"]]
     titles = [
-        *((o.name, "", "Autocorrelation of the residuals") for o in view.outputs),
-        *(
-            (output.name, source.name, "Cross-correlation of residuals and input")
-            for output in view.outputs
-            for source in view.inputs
-        ),
+        *((output, None, "Autocorrelation of the residuals") for output in view.outputs),
+        *((*pair, "Cross-correlation of residuals and input") for pair in view.pairs if pair[1]),
     ]
-    panels = tuple(
-        _correlation(view, output, source, title, small(titles, 200))
-        for output, source, title in titles[:MOST_PANELS]
-    )
-    return Chart(table, panels, 1 if view.is_single else columns_of(view, panels))
-
-
-def _correlation(view: View, output: str, source: str, title: str, height: int) -> Panel:
-    where = (("output", output), ("input", source))
-    if not view.is_single:
-        title = f"{output} ← {source}" if source else f"{output}, residuals"
-    return Panel(
-        *(title, "lag", LAG, "Correlation"),
-        (
+    panels = []
+    for output, source, title in titles[:MOST_PANELS]:
+        where = (("output", output.name), ("input", source.name if source else ""))
+        if not view.is_single:
+            title = view.pair_title(output, source) + ("" if source else ", residuals")
+        curves = (
             Curve("correlation", "correlation", "ink", "stems", where=where, bounds="bound95"),
             Curve("95 % bounds", "bound95", "model", dashed=True, where=where),
             Curve("", "bound95", "model", dashed=True, where=where, factor=-1.0),
-        ),
-        height=height,
-    )
+        )
+        height = small(titles, 200)
+        panels.append(Panel(title, "lag", LAG, "Correlation", curves, height=height))
+    return Chart(table, tuple(panels), 1 if view.is_single else columns_of(view, panels))
 
 
 def horizons(view: View) -> Chart:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
+from evopem.figures.chart import Chart
 from evopem.figures.comparison import (
     Comparison,
     MatchedMode,
@@ -15,26 +15,24 @@ from evopem.figures.comparison import (
 )
 from evopem.figures.draw import draw
 from evopem.figures.style import svg_text
-from evopem.report.numbers import MISSING, THIN, aligned, fixed, percent, with_error
+from evopem.report.numbers import MISSING, THIN, aligned, fixed, mode_cells, percent
 from evopem.report.verdict import verdict
 
 SAME = "All models were validated on the same samples."
 DIFFERENT = (
     "The models were validated on different samples: their errors are no ranking of the models."
 )
-FIGURES = (
+FIGURES: tuple[tuple[str, str, str, Callable[[Comparison], Chart]], ...] = (
     (
-        ("simulations", "Measured and simulated"),
-        "Validation samples; the drawing has the first of them.",
-        compared_simulations,
+        *("simulations", "Measured and simulated"),
+        *("Validation samples; the drawing has the first of them.", compared_simulations),
     ),
     (
-        ("responses", "Frequency responses"),
-        "Gain with 95 % bands, and phase.",
+        *("responses", "Frequency responses", "Gain with 95 % bands, and phase."),
         compared_responses,
     ),
     (
-        ("mode_map", "Modes"),
+        *("mode_map", "Modes"),
         "Modes with 95 % intervals; those with open marks are not to be trusted.",
         compared_modes,
     ),
@@ -50,14 +48,8 @@ def _cells(matched: MatchedMode) -> list[tuple[str, str]]:
     """Frequency and damping of a mode in each model, in brackets where not to be trusted."""
     shown = []
     for mode, trusted in zip(matched.modes, matched.trusted, strict=True):
-        texts = (MISSING, MISSING)
-        if mode is not None:
-            texts = (
-                with_error(mode.frequency_hz, mode.frequency_se_hz),
-                with_error(100 * mode.damping_ratio, 100 * mode.damping_se),
-            )
-            texts = texts if trusted else (f"({texts[0]})", f"({texts[1]})")
-        shown.append(texts)
+        cells = mode_cells(mode) if mode else (MISSING, MISSING)
+        shown.append(cells if trusted or not mode else (f"({cells[0]})", f"({cells[1]})"))
     return shown
 
 
@@ -93,38 +85,27 @@ def build_comparison(
     comparison: Comparison, template_directory: Path, pages: Mapping[str, str] | None = None
 ) -> str:
     """One HTML page that loads no other file; `pages` are addresses of reports by label."""
+    from evopem.report.figures import DrawnFigure
     from evopem.report.templates import environment
 
     sentences = [verdict(view).sentence for view in comparison.views]
     outcomes = [{check.name: check.word for check in view.checks} for view in comparison.views]
     names = dict.fromkeys(name for outcome in outcomes for name in outcome)
-    return (
-        environment(template_directory)
-        .get_template("comparison.html.j2")
-        .render(
-            rows=comparison.table.assign(verdict=sentences, label=comparison.labels).to_dict(
-                "records"
-            ),
-            remark=_remark(comparison),
-            sections=_sections(comparison),
-            modes=[(each.modes, _cells(each), _spread(each)) for each in comparison.matched],
-            # The outcome of every check for each model, in words; empty where it has none.
-            checks={name: [each.get(name, "").lower() for each in outcomes] for name in names},
-            pages=pages or {},
-        )
-    )
-
-
-def _sections(comparison: Comparison) -> list[Any]:
-    from evopem.report.figures import DrawnFigure
-
-    drawn = []
-    for words, caption, chart_of in FIGURES[0 if comparison.has_same_validation else 1 :]:
+    name, sections = "-".join(comparison.labels)[:80], []
+    for figure, title, caption, chart_of in FIGURES[0 if comparison.has_same_validation else 1 :]:
         chart = chart_of(comparison)
-        drawn.append(
-            DrawnFigure.of(
-                *(chart, svg_text(draw(chart)), (*words, caption)),
-                *("-".join(comparison.labels)[:80], ("CSV of each data set",)),
-            )
+        data = ("CSV of each data set",)
+        sections.append(
+            DrawnFigure.of(chart, svg_text(draw(chart)), (figure, title, caption), name, data)
         )
-    return drawn
+    table = comparison.table.assign(verdict=sentences, label=comparison.labels)
+    page = environment(template_directory).get_template("comparison.html.j2")
+    return page.render(
+        rows=table.to_dict("records"),
+        remark=_remark(comparison),
+        sections=sections,
+        modes=[(each.modes, _cells(each), _spread(each)) for each in comparison.matched],
+        # The outcome of every check for each model, in words; empty where it has none.
+        checks={name: [each.get(name, "").lower() for each in outcomes] for name in names},
+        pages=pages or {},
+    )

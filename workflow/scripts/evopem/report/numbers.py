@@ -9,6 +9,9 @@ import math
 from collections.abc import Sequence
 from typing import TypeGuard
 
+from evopem.models.modes import Mode
+from evopem.results.fleet import mode_values
+
 # Narrow no-break space, between a number and its unit.
 THIN = "\u202f"
 # No-break space, inside a number.
@@ -93,6 +96,12 @@ def with_error(value: float | None, error: float | None) -> str:
     if decimals > 9:
         return f"{number(value, 6)} ± {number(error, 2)}"
     return f"{fixed(value, decimals)} ± {fixed(error, decimals)}"
+
+
+def mode_cells(mode: Mode) -> tuple[str, str]:
+    """Natural frequency in Hz and damping ratio in percent, with their standard errors."""
+    frequency, frequency_error, damping, damping_error = mode_values(mode)
+    return with_error(frequency, frequency_error), with_error(damping, damping_error)
 
 
 def to_its_error(value: float | None, error: float | None, most: int = 6) -> str:

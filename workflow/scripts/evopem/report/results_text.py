@@ -6,7 +6,7 @@ import re
 import textwrap
 from html import escape
 
-from evopem.report.numbers import aligned, count, is_number, number, percent, plural, with_error
+from evopem.report.numbers import aligned, count, is_number, mode_cells, number, percent, plural
 from evopem.results.fleet import DatasetSummary
 
 _WIDTH = 96
@@ -15,10 +15,11 @@ _NO_MODE = "The model has no oscillating mode."
 
 def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "") -> str:
     """The lines about one data set; `page` is the file to open next."""
+    modes = aligned(_mode_rows(summary), "   ") if summary.modes else [_NO_MODE]
     lines = [
         *textwrap.wrap(f"{name}: {verdict}", _WIDTH),
         "",
-        *_mode_lines(summary),
+        *(f"  {line}" for line in modes),
         "",
         f"  model   {_model(summary)}",
         *_wrapped(_errors(summary), "  errors  "),
@@ -68,25 +69,15 @@ def _errors(summary: DatasetSummary) -> str:
 
 
 def _mode_rows(summary: DatasetSummary) -> list[tuple[str, ...]]:
+    doubt = "not to be trusted: see the report"
+    both = zip(summary.modes, summary.trusted, strict=True)
     return [
         ("mode", "frequency (Hz)", "damping (%)", ""),
         *(
-            (
-                str(position),
-                with_error(mode.frequency_hz, mode.frequency_se_hz),
-                with_error(100.0 * mode.damping_ratio, 100.0 * mode.damping_se),
-                "" if trusted else "not to be trusted: see the report",
-            )
-            for position, (mode, trusted) in enumerate(
-                zip(summary.modes, summary.trusted, strict=True), start=1
-            )
+            (str(position), *mode_cells(mode), "" if trusted else doubt)
+            for position, (mode, trusted) in enumerate(both, start=1)
         ),
     ]
-
-
-def _mode_lines(summary: DatasetSummary) -> list[str]:
-    rows = _mode_rows(summary)
-    return [f"  {line}" for line in (aligned(rows, "   ") if rows[1:] else [_NO_MODE])]
 
 
 def _wrapped(text: str, head: str) -> list[str]:

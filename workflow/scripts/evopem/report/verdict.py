@@ -45,36 +45,29 @@ NEGLIGIBLE = 1e-3
 # Outputs that a mode is seen at and inputs that it is driven by, named at most.
 NAMED = 3
 
-# The checks that a use rests on: without the first it is not given, without the second with care.
-# Notes are about the settings or the search and not about the model: no use rests on them.
+# The uses that rest on a check: without an essential one they are not given, without a desirable
+# one with care. Notes are about the settings or the search and not about the model: no use rests on
+# them.
 ESSENTIAL: dict[str, tuple[str, ...]] = {
-    "simulation": ("Stable", "Response to the input significant", "Free of feedback"),
-    "prediction": ("Invertible",),
-    "response": (
-        "Stable",
-        "Response to the input significant",
-        "Excitation adequate",
-        "Free of feedback",
-    ),
-    "intervals": ("Roots inside the stability bound", "Constant in time", "Linear"),
-    "spectrum": ("Stable",),
+    "Stable": ("simulation", "response", "spectrum"),
+    "Response to the input significant": ("simulation", "response"),
+    "Excitation adequate": ("response",),
+    "Free of feedback": ("simulation", "response"),
+    "Invertible": ("prediction",),
+    "Roots inside the stability bound": ("intervals",),
+    "Constant in time": ("intervals",),
+    "Linear": ("intervals",),
 }
 DESIRABLE: dict[str, tuple[str, ...]] = {
-    "simulation": (
-        "Validation input comparable",
-        "Simulation independent of its initial state",
-        "Constant in time",
-        "Linear",
-    ),
-    "prediction": ("White residuals",),
-    "response": ("Residuals independent of the input", "Constant in time", "Linear"),
-    "spectrum": ("White residuals", "Every spectral peak modelled"),
-    "intervals": (
-        "White residuals",
-        "Residuals independent of the input",
-        "Poles and zeros distinct",
-        "Few residual outliers",
-    ),
+    "Validation input comparable": ("simulation",),
+    "Simulation independent of its initial state": ("simulation",),
+    "White residuals": ("prediction", "spectrum", "intervals"),
+    "Residuals independent of the input": ("response", "intervals"),
+    "Constant in time": ("simulation", "response"),
+    "Linear": ("simulation", "response"),
+    "Every spectral peak modelled": ("spectrum",),
+    "Poles and zeros distinct": ("intervals",),
+    "Few residual outliers": ("intervals",),
 }
 
 
@@ -134,7 +127,10 @@ def _use(name: str, *findings: Finding) -> Use:
 
 def _by_checks(use: str, outcome: Mapping[str, Check]) -> Finding:
     """What the checks say of a use, and which of them speak against it."""
-    essential, desirable = ESSENTIAL.get(use, ()), DESIRABLE.get(use, ())
+    essential, desirable = (
+        tuple(check for check, uses in table.items() if use in uses)
+        for table in (ESSENTIAL, DESIRABLE)
+    )
     both = (*essential, *desirable)
     answers: tuple[tuple[tuple[str, ...], str, Answer], ...] = (
         (essential, "Failed", "no"),
@@ -316,13 +312,18 @@ def _line(view: View, mode: Mode) -> ModeLine:
     if reasons and len(view.inputs) > 1 and evidence.origin == "input":
         words.append(_origin(view, evidence))
     if len(view.outputs) > 1:
-        words.append(_seen_at(view, mode))
+        shares, least = mode.output_shares, percent(100.0 * NEGLIGIBLE, 1)
+        seen = f"seen at {_strongest(view.outputs, shares)}"
+        is_seen = shares.max() >= NEGLIGIBLE
+        words.append(seen if is_seen else f"below {least} of the energy of every output")
     if evidence.order != view.results.validation.modes.order:
         words.append(f"of the model of order {evidence.order}")
     if not reasons and is_number(evidence.recurrence):
         share = fixed(100 * evidence.recurrence, 0)
         words.append(f"{share}{THIN}% of the other orders with poles to spare have it")
-    shape = _shape_doubt(evidence)
+    shape = evidence.shape_doubt
+    if evidence.pair is not None:
+        shape += f"; the plane of its shape and that of mode {evidence.pair + 1} is known"
     return ModeLine(mode, not reasons, "; ".join(words), shape)
 
 
@@ -340,22 +341,7 @@ def _origin(view: View, evidence: ModeEvidence) -> str:
     return f"driven by {_strongest(view.inputs, shares)}"
 
 
-def _seen_at(view: View, mode: Mode) -> str:
-    shares = mode.output_shares
-    if shares.max() < NEGLIGIBLE:
-        return f"below {percent(100.0 * NEGLIGIBLE, 1)} of the energy of every output"
-    return f"seen at {_strongest(view.outputs, shares)}"
-
-
 def _strongest(channels: Sequence[Channel], shares: np.ndarray) -> str:
     """The channels with the largest shares, in percent."""
     best = [k for k in np.argsort(-shares, kind="stable")[:NAMED] if shares[k] >= NEGLIGIBLE]
     return ", ".join(f"{channels[k].name} {percent(100.0 * float(shares[k]), 2)}" for k in best)
-
-
-def _shape_doubt(judged: ModeEvidence) -> str:
-    if judged.pair is None:
-        return judged.shape_doubt
-    return (
-        f"{judged.shape_doubt}; the plane of its shape and that of mode {judged.pair + 1} is known"
-    )

@@ -71,11 +71,6 @@ class DatasetResults:
         return self.recording_info.files + (validation.files if validation else ())
 
     @property
-    def selected(self) -> Candidate:
-        """The candidate of one channel that became the model."""
-        return self.phases[list(self.phases)[-1]].selected
-
-    @property
     def evidence(self) -> Evidence:
         """What the checks of the model judge."""
         ranges = ranges_of_phases(self.phases)
@@ -95,11 +90,6 @@ class DatasetResults:
     def checks(self) -> list[Check]:
         """The checks of the model."""
         return checks(self.evidence)
-
-    @property
-    def trusted_modes(self) -> tuple[Mode, ...]:
-        """The modes that the data give no reason to doubt."""
-        return self.validation.modes.trusted
 
 
 def searched_range(

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
+from evopem.results.fleet import MODE_COLUMNS, mode_values
 from evopem.validation.level_changes import Drift, constant_probability, find_drift
 from evopem.validation.level_changes import FEWEST, Levels, find_levels
 
@@ -63,18 +64,12 @@ class FollowedMode:
         return median(mode.frequency_hz for mode in self.modes)
 
 
-@dataclass
-class _Track:
-    places: list[int] = field(default_factory=list)
-    modes: list[Mode] = field(default_factory=list)
+_Track = list[tuple[int, Mode]]
+"""A mode with the number of each recording that has it."""
 
-    def add(self, place: int, mode: Mode) -> None:
-        self.places.append(place)
-        self.modes.append(mode)
 
-    @property
-    def frequencies(self) -> list[float]:
-        return [mode.frequency_hz for mode in self.modes]
+def _level(track: _Track) -> float:
+    return median(mode.frequency_hz for _, mode in track)
 
 
 def group_of(name: str) -> str:
@@ -104,21 +99,20 @@ def follow_modes(
         kept = [
             track
             for track in _tracks([recordings[name] for name in names])
-            if len(track.modes) >= max(2, math.ceil(FOUND_IN * len(names)))
+            if len(track) >= max(2, math.ceil(FOUND_IN * len(names)))
         ]
-        kept.sort(key=lambda track: median(track.frequencies))
+        kept.sort(key=_level)
         tracks += [(group, names, number, track) for number, track in enumerate(kept, start=1)]
-    tested = sum(len(track.modes) >= FEWEST for *_, track in tracks)
+    tested = sum(len(track) >= FEWEST for *_, track in tracks)
     followed = []
     for group, names, number, track in tracks:
-        members = tuple(names[place] for place in track.places)
-        positions = [
-            float(place + 1) if places is None else places[name]
-            for place, name in zip(track.places, members, strict=True)
-        ]
-        course = _course(track.modes, positions, FALSE_ALARMS / max(tested, 1))
-        modes = tuple(track.modes)
-        followed.append(FollowedMode(group, number, members, tuple(positions), modes, *course))
+        members = tuple(names[place] for place, _ in track)
+        positions = tuple(float(place + 1) for place, _ in track)
+        if places is not None:
+            positions = tuple(places[name] for name in members)
+        modes = tuple(mode for _, mode in track)
+        course = _course(modes, positions, FALSE_ALARMS / max(tested, 1))
+        followed.append(FollowedMode(group, number, members, positions, modes, *course))
     return followed
 
 
@@ -127,53 +121,44 @@ def followed_table(followed: Sequence[FollowedMode]) -> pd.DataFrame:
     import pandas as pd
 
     rows = [row for each in followed for row in _rows(each)]
-    return pd.DataFrame(rows, columns=list(_COLUMN_TYPES)).astype(_COLUMN_TYPES)
+    table = pd.DataFrame(rows, columns=[name for name in _COLUMN_TYPES if name not in _ENDS])
+    for end, (value, error, sign) in _ENDS.items():
+        table[end] = table[value] + sign * NORMAL_95 * table[error]
+    return table[list(_COLUMN_TYPES)].astype(_COLUMN_TYPES)
 
 
-_QUANTITIES = tuple(
-    f"{name}{end}"
-    for name, unit in (("frequency", "_hz"), ("damping", "_percent"))
-    for end in (unit, f"_se{unit}", f"_low{unit}", f"_high{unit}")
-)
+# Ends of 95 % intervals: the columns of the value and its error, and on which side.
+_ENDS = {
+    f"{name}_{end}_{unit}": (f"{name}_{unit}", f"{name}_se_{unit}", sign)
+    for name, unit in (("frequency", "hz"), ("damping", "percent"))
+    for end, sign in (("low", -1), ("high", 1))
+}
 _COLUMN_TYPES = (
     {"group": "string", "mode": "Int64", "dataset": "string"}
-    | dict.fromkeys(("place", *_QUANTITIES, "mac", "level_hz"), "float64")
+    | dict.fromkeys(("place", *MODE_COLUMNS, *_ENDS, "mac", "level_hz"), "float64")
     | {"warning": "string"}
 )
 
 
-def _rows(followed: FollowedMode) -> list[dict[str, object]]:
-    levels = followed.levels
-    rows = []
+def _rows(followed: FollowedMode) -> Iterator[tuple[object, ...]]:
+    levels, first = followed.levels, followed.modes[0].shape
+    moved = {change.index for change in levels.changes} if levels else set()
     for index, (name, place, mode) in enumerate(
         zip(followed.recordings, followed.places, followed.modes, strict=True)
     ):
         warning = None
         if followed.drift is not None and index == 0:
             warning = f"{followed.drift.kind} from here on"
-        elif levels is not None and any(change.index == index for change in levels.changes):
+        elif index in moved:
             warning = "moved from here on"
         elif levels is not None and index in levels.outlying:
             warning = "away from its level"
-        first = followed.modes[0].shape
-        rows.append(
-            {"group": followed.group, "mode": followed.number, "dataset": name, "place": place}
-            | _interval("frequency", "_hz", mode.frequency_hz, mode.frequency_se_hz)
-            | _interval("damping", "_percent", 100.0 * mode.damping_ratio, 100.0 * mode.damping_se)
-            | {
-                "mac": assurance(first, mode.shape) if len(first) > 1 else math.nan,
-                "level_hz": math.nan if levels is None else levels.values[index],
-                "warning": warning,
-            }
+        yield (
+            *(followed.group, followed.number, name, place, *mode_values(mode)),
+            assurance(first, mode.shape) if len(first) > 1 else math.nan,
+            math.nan if levels is None else levels.values[index],
+            warning,
         )
-    return rows
-
-
-def _interval(name: str, unit: str, value: float, error: float) -> dict[str, float]:
-    half = NORMAL_95 * error
-    values = (value, error, value - half, value + half)
-    ends = ("", "_se", "_low", "_high")
-    return {f"{name}{end}{unit}": each for end, each in zip(ends, values, strict=True)}
 
 
 def _course(
@@ -218,21 +203,21 @@ def _tracks(recordings: Sequence[Sequence[Mode]]) -> list[_Track]:
             rows, columns = linear_sum_assignment(np.where(distances <= 1.0, distances, 1e3))
             for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
                 if distances[row, column] <= 1.0:
-                    tracks[column].add(place, usable[row])
+                    tracks[column].append((place, usable[row]))
                     paired.add(row)
         for index, mode in enumerate(usable):
             if index not in paired:
-                tracks.append(_Track([place], [mode]))
+                tracks.append([(place, mode)])
     return tracks
 
 
 def _distance(track: _Track, mode: Mode) -> float:
     """Distance of a mode from the latest ones of a track; above 1 it is another one."""
-    level = median(track.frequencies[-RECENT:])
-    error = median(each.frequency_se_hz for each in track.modes[-RECENT:])
+    level = _level(track[-RECENT:])
+    error = median(each.frequency_se_hz for _, each in track[-RECENT:])
     allowed = max(SAME_FREQUENCY * level, STANDARD_ERRORS * math.hypot(error, mode.frequency_se_hz))
     distance = abs(mode.frequency_hz - level) / allowed
-    last = track.modes[-1].shape
+    last = track[-1][1].shape
     if len(last) < 2 or len(last) != len(mode.shape):
         return distance
     lost = (1.0 - assurance(last, mode.shape)) / (1.0 - SAME_SHAPE)
