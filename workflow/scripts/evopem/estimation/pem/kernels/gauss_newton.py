@@ -26,11 +26,13 @@ from evopem.estimation.pem.kernels.record import (
     state_weight,
 )
 from evopem.estimation.pem.kernels.residuals import (
+    add_products,
     compute_residuals,
     filter_block,
     load_block,
     store_block,
     sum_of_losses,
+    times_d,
 )
 from evopem.estimation.pem.kernels.simd import (
     LANES,
@@ -74,16 +76,6 @@ def _mean_second_derivatives(record, workspace, bandwidth):
 
 
 @njit
-def _times_d(parameters, at, nd, source, filtered, row, size):
-    """Filter ``size`` rows through D."""
-    for i in range(size):
-        s = load(source, row + i)
-        for k in range(nd):
-            s = fma(load(parameters, at + k), load(source, row + i - 1 - k), s)
-        store(filtered, row + i, s)
-
-
-@njit
 def _fill_source(record, workspace, source, part, begin, end):
     """A stretch of the signal that the first coefficient of a part multiplies."""
     kind, i, start = part[0], part[1], record.residual_start
@@ -124,20 +116,20 @@ def _filter_source(record, parameters, buffers, part, row, size):
     for k in range(0, size, BLOCK):
         s0, s1, s2, s3 = load_block(source, k)
         if record.nc > 0:
-            filter_block(parameters, record.at_c, record.rows_c, s0, s1, s2, s3, by_c, row + k)
+            filter_block(parameters, record.at_c, record.rows_c, s0, s1, s2, s3, by_c, row + k, 1)
         else:
             store_block(by_c, row + k, s0, s1, s2, s3)
     if _through_c_alone(part[0]):
         return
     by_noise = by_c
     if record.nd > 0:
-        _times_d(parameters, record.at_d, record.nd, by_c, by_d, row, size)
+        times_d(parameters, record.at_d, record.nd, by_c, by_d, row, size, 1)
         by_noise = by_d
     if _through_f(record, part):
         at, rows = record.at_f[part[1]], record.rows_f[part[1]]
         for k in range(row, row + size, BLOCK):
             s0, s1, s2, s3 = load_block(by_noise, k)
-            filter_block(parameters, at, rows, s0, s1, s2, s3, by_f, k)
+            filter_block(parameters, at, rows, s0, s1, s2, s3, by_f, k, 1)
 
 
 @njit
@@ -148,35 +140,6 @@ def _table_of(record, buffers, part):
     if _through_f(record, part):
         return buffers.by_f
     return buffers.by_d if record.nd > 0 else buffers.by_c
-
-
-@njit
-def _add_products(one, x, other, z, size, count, sums, row, stride):
-    """``sums[row + j stride] += sum_i one[x + i] other[z + i - j]`` for ``0 <= j < count``.  Four
-    lags share what they load; up to three rows more than needed are read."""
-    zero = constant(0.0)
-    for j in range(0, count, 4):
-        p0, p1, p2, p3 = zero, zero, zero, zero
-        q0, q1, q2, q3 = zero, zero, zero, zero
-        for i in range(0, size - 1, 2):
-            v, w, k = load(one, x + i), load(one, x + i + 1), z + i - j
-            z0, z1 = load(other, k), load(other, k - 1)
-            z2, z3 = load(other, k - 2), load(other, k - 3)
-            p0, p1, p2, p3 = fma(v, z0, p0), fma(v, z1, p1), fma(v, z2, p2), fma(v, z3, p3)
-            q0, q1 = fma(w, load(other, k + 1), q0), fma(w, z0, q1)
-            q2, q3 = fma(w, z1, q2), fma(w, z2, q3)
-        if size % 2:
-            v, k = load(one, x + size - 1), z + size - 1 - j
-            p0, p1 = fma(v, load(other, k), p0), fma(v, load(other, k - 1), p1)
-            p2, p3 = fma(v, load(other, k - 2), p2), fma(v, load(other, k - 3), p3)
-        first = row + j * stride
-        store(sums, first, add(load(sums, first), add(p0, q0)))
-        if j + 1 < count:
-            store(sums, first + stride, add(load(sums, first + stride), add(p1, q1)))
-        if j + 2 < count:
-            store(sums, first + 2 * stride, add(load(sums, first + 2 * stride), add(p2, q2)))
-        if j + 3 < count:
-            store(sums, first + 3 * stride, add(load(sums, first + 3 * stride), add(p3, q3)))
 
 
 @njit
@@ -240,9 +203,9 @@ def _add_products_of_parts(record, buffers, segment, now, size, alive):
                 continue
             other, z = _table_of(record, buffers, parts[q]), q * segment + now
             row = parts[p, 3] * width + parts[q, 3]
-            _add_products(one, x, other, z, size, parts[q, 2], sums, row, next_row)
+            add_products(one, x, size, other, z, parts[q, 2], sums, row, next_row)
             if q > p:
-                _add_products(other, z, one, x - 1, size, copies - 1, sums, row + width, width)
+                add_products(other, z, size, one, x - 1, copies - 1, sums, row + width, width)
 
 
 @njit

@@ -12,7 +12,6 @@ from evopem.estimation.pem.kernels.polynomials import barrier
 from evopem.estimation.pem.kernels.record import (
     BLOCK,
     CHUNK,
-    MIN_NC,
     all_finite,
     fill,
     load_points,
@@ -22,8 +21,11 @@ from evopem.estimation.pem.kernels.record import (
     state_weight,
 )
 from evopem.estimation.pem.kernels.residuals import (
+    add_products,
     compute_residuals,
+    filter_block,
     sum_of_losses,
+    times_d,
 )
 from evopem.estimation.pem.kernels.simd import (
     LANES,
@@ -32,36 +34,12 @@ from evopem.estimation.pem.kernels.simd import (
     divide,
     fma,
     load,
-    load_either,
     square_root,
     store,
 )
 
 # What a pass is for.
 RESIDUALS, VALUES, GRADIENTS = 0, 1, 2
-
-
-@njit
-def _filter_block_back(parameters, c, nc, slope, row):
-    """Filter rows ``row ... row - 3`` backwards through 1/C in place, and return them."""
-    s0, s1 = load(slope, row), load(slope, row - 1)
-    s2, s3 = load(slope, row - 2), load(slope, row - 3)
-    q = row + nc
-    w0, w1, w2 = load(slope, q), load(slope, q - 1), load(slope, q - 2)
-    for k in range(nc - 1, MIN_NC - 1, -1):
-        p, w3 = load(parameters, c + k), load(slope, row - 2 + k)
-        s0, s1, s2, s3 = fma(p, w0, s0), fma(p, w1, s1), fma(p, w2, s2), fma(p, w3, s3)
-        w0, w1, w2 = w1, w2, w3
-    c1, c2, c3 = load(parameters, c), load(parameters, c + 1), load(parameters, c + 2)
-    s0 = fma(c1, w2, fma(c2, w1, fma(c3, w0, s0)))
-    s1 = fma(c1, s0, fma(c2, w2, fma(c3, w1, s1)))
-    s2 = fma(c1, s1, fma(c2, s0, fma(c3, w2, s2)))
-    s3 = fma(c1, s2, fma(c2, s1, fma(c3, s0, s3)))
-    store(slope, row, s0)
-    store(slope, row - 1, s1)
-    store(slope, row - 2, s2)
-    store(slope, row - 3, s3)
-    return s0, s1, s2, s3
 
 
 @njit
@@ -92,51 +70,9 @@ def _slopes(record, workspace, absolute, slope, begin, end, s):
 def _filter_back(parameters, at, rows, slope, first, size):
     """Filter ``size`` rows from ``first`` on backwards through an inverse polynomial in place."""
     for row in range(first + size - 1, first - 1, -BLOCK):
-        _filter_block_back(parameters, at, rows, slope, row)
-
-
-@njit
-def _times_d_back(parameters, at, nd, slope, filtered, size):
-    """Filter ``size`` rows backwards through D."""
-    for row in range(size):
-        s = load(slope, row)
-        for k in range(nd):
-            s = fma(load(parameters, at + k), load(slope, row + 1 + k), s)
-        store(filtered, row, s)
-
-
-@njit
-def _four_lags(slope, first, size, signal, k):
-    """``sum_i slope[first + i] signal[k + i - j]`` for ``j = 0 ... 3``; size in whole blocks."""
-    zero = constant(0.0)
-    p0, p1, p2, p3 = zero, zero, zero, zero
-    q0, q1, q2, q3 = zero, zero, zero, zero
-    z1, z2, z3 = load_either(signal, k - 1), load_either(signal, k - 2), load_either(signal, k - 3)
-    for i in range(0, size, BLOCK):
-        one, two, row = load(slope, first + i), load(slope, first + i + 1), k + i
-        y0, y1 = load_either(signal, row), load_either(signal, row + 1)
-        p0, p1, p2, p3 = fma(one, y0, p0), fma(one, z1, p1), fma(one, z2, p2), fma(one, z3, p3)
-        q0, q1, q2, q3 = fma(two, y1, q0), fma(two, y0, q1), fma(two, z1, q2), fma(two, z2, q3)
-        one, two = load(slope, first + i + 2), load(slope, first + i + 3)
-        y2, y3 = load_either(signal, row + 2), load_either(signal, row + 3)
-        p0, p1, p2, p3 = fma(one, y2, p0), fma(one, y1, p1), fma(one, y0, p2), fma(one, z1, p3)
-        q0, q1, q2, q3 = fma(two, y3, q0), fma(two, y2, q1), fma(two, y1, q2), fma(two, y0, q3)
-        z1, z2, z3 = y3, y2, y1
-    return add(p0, q0), add(p1, q1), add(p2, q2), add(p3, q3)
-
-
-@njit
-def _correlate(slope, first, size, signal, k, count, gradient, at):
-    """``gradient[at + j] += sum_i slope[first + i] signal[k + i - j]``, of a signal or a table."""
-    for j in range(0, count, 4):
-        s0, s1, s2, s3 = _four_lags(slope, first, size, signal, k - j)
-        store(gradient, at + j, add(load(gradient, at + j), s0))
-        if count - j > 1:
-            store(gradient, at + j + 1, add(load(gradient, at + j + 1), s1))
-        if count - j > 2:
-            store(gradient, at + j + 2, add(load(gradient, at + j + 2), s2))
-        if count - j > 3:
-            store(gradient, at + j + 3, add(load(gradient, at + j + 3), s3))
+        s0, s1 = load(slope, row), load(slope, row - 1)
+        s2, s3 = load(slope, row - 2), load(slope, row - 3)
+        filter_block(parameters, at, rows, s0, s1, s2, s3, slope, row, -1)
 
 
 @njit
@@ -174,11 +110,11 @@ def _loss_and_gradient(record, workspace, absolute):
         s = _slopes(record, workspace, absolute, lam, begin, end, s)
         if record.nc > 0:
             _filter_back(parameters, record.at_c, record.rows_c, lam, 0, size)
-            _correlate(lam, 0, size, workspace.e, row - 1, record.nc, gradient, record.at_c)
+            add_products(lam, 0, size, workspace.e, row - 1, record.nc, gradient, record.at_c, 1)
         if record.nd > 0:
-            _correlate(lam, 0, size, workspace.v, row - 1, record.nd, gradient, record.at_d)
-            _times_d_back(parameters, record.at_d, record.nd, lam, mu, size)
-        _correlate(mu, 0, size, record.y, begin - 1, record.na, gradient, 0)
+            add_products(lam, 0, size, workspace.v, row - 1, record.nd, gradient, record.at_d, 1)
+            times_d(parameters, record.at_d, record.nd, lam, mu, 0, size, -1)
+        add_products(mu, 0, size, record.y, begin - 1, record.na, gradient, 0, 1)
         if record.level:
             _add_sum(mu, size, gradient, record.at_level)
         for i in range(record.inputs):
@@ -189,9 +125,9 @@ def _loss_and_gradient(record, workspace, absolute):
                     store(xi, first + k, load(mu, k))
                 _filter_back(parameters, at, record.rows_f[i], xi, first, size)
                 x = i * record.rows + row - 1
-                _correlate(xi, first, size, workspace.x, x, nf, gradient, at)
+                add_products(xi, first, size, workspace.x, x, nf, gradient, at, 1)
             u = i * record.y.size + begin - record.nk[i]
-            _correlate(own, first, size, record.u, u, record.nb[i], gradient, record.at_b[i])
+            add_products(own, first, size, record.u, u, record.nb[i], gradient, record.at_b[i], 1)
         if begin == start:
             break
         following = min(CHUNK, begin - start)

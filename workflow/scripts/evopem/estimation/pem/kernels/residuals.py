@@ -31,13 +31,13 @@ def store_block(table, row, s0, s1, s2, s3):
 
 
 @njit
-def filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, row):
-    """Filter four samples through 1/C into rows ``row ... row + 3``, and return them.  The nc rows
-    before are known."""
-    q = row - nc
-    w0, w1, w2 = load(filtered, q), load(filtered, q + 1), load(filtered, q + 2)
+def filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, row, step):
+    """Filter four samples through 1/C into rows ``row ... row + 3 step``, and return them.  The nc
+    rows before, of backward filters (``step = -1``) behind, are known."""
+    q = row - step * nc
+    w0, w1, w2 = load(filtered, q), load(filtered, q + step), load(filtered, q + 2 * step)
     for k in range(nc - 1, MIN_NC - 1, -1):
-        p, w3 = load(parameters, c + k), load(filtered, row + 2 - k)
+        p, w3 = load(parameters, c + k), load(filtered, row + step * (2 - k))
         s0, s1, s2, s3 = fma(p, w0, s0), fma(p, w1, s1), fma(p, w2, s2), fma(p, w3, s3)
         w0, w1, w2 = w1, w2, w3
     c1, c2, c3 = load(parameters, c), load(parameters, c + 1), load(parameters, c + 2)
@@ -45,8 +45,51 @@ def filter_block(parameters, c, nc, s0, s1, s2, s3, filtered, row):
     s1 = fma(c1, s0, fma(c2, w2, fma(c3, w1, s1)))
     s2 = fma(c1, s1, fma(c2, s0, fma(c3, w2, s2)))
     s3 = fma(c1, s2, fma(c2, s1, fma(c3, s0, s3)))
-    store_block(filtered, row, s0, s1, s2, s3)
+    store(filtered, row, s0)
+    store(filtered, row + step, s1)
+    store(filtered, row + 2 * step, s2)
+    store(filtered, row + 3 * step, s3)
     return s0, s1, s2, s3
+
+
+@njit
+def times_d(parameters, at, nd, source, filtered, row, size, step):
+    """Filter ``size`` rows through D, backwards in time with ``step = -1``."""
+    for i in range(row, row + size):
+        s = load(source, i)
+        for k in range(nd):
+            s = fma(load(parameters, at + k), load(source, i - step * (1 + k)), s)
+        store(filtered, i, s)
+
+
+@njit
+def add_products(one, x, size, other, z, count, sums, row, stride):
+    """``sums[row + j stride] += sum_i one[x + i] other[z + i - j]`` for ``0 <= j < count``, of a
+    signal or a table.  Four lags share what they load; up to four rows before are read."""
+    zero = constant(0.0)
+    for j in range(0, count, 4):
+        p0, p1, p2, p3 = zero, zero, zero, zero
+        q0, q1, q2, q3 = zero, zero, zero, zero
+        k = z - j
+        z1, z2, z3 = load_either(other, k - 1), load_either(other, k - 2), load_either(other, k - 3)
+        for i in range(0, size - 1, 2):
+            v, w = load(one, x + i), load(one, x + i + 1)
+            y0, y1 = load_either(other, k + i), load_either(other, k + i + 1)
+            p0, p1, p2, p3 = fma(v, y0, p0), fma(v, z1, p1), fma(v, z2, p2), fma(v, z3, p3)
+            q0, q1, q2, q3 = fma(w, y1, q0), fma(w, y0, q1), fma(w, z1, q2), fma(w, z2, q3)
+            z1, z2, z3 = y1, y0, z1
+        if size % 2:
+            v = load(one, x + size - 1)
+            p0, p1 = fma(v, load_either(other, k + size - 1), p0), fma(v, z1, p1)
+            p2, p3 = fma(v, z2, p2), fma(v, z3, p3)
+        first = row + j * stride
+        store(sums, first, add(load(sums, first), add(p0, q0)))
+        if j + 1 < count:
+            store(sums, first + stride, add(load(sums, first + stride), add(p1, q1)))
+        if j + 2 < count:
+            store(sums, first + 2 * stride, add(load(sums, first + 2 * stride), add(p2, q2)))
+        if j + 3 < count:
+            store(sums, first + 3 * stride, add(load(sums, first + 3 * stride), add(p3, q3)))
 
 
 @njit
@@ -111,8 +154,10 @@ def _respond(parameters, at, nb, u, q, at_f, rows_f, at_g, nf, since, x, row, to
             state = at_g + since + k
             s0, s1, s2, s3 = _add_impulses(parameters, state, last, s0, s1, s2, s3)
             s4, s5, s6, s7 = _add_impulses(parameters, state + BLOCK, last, s4, s5, s6, s7)
-        s0, s1, s2, s3 = filter_block(parameters, at_f, rows_f, s0, s1, s2, s3, x, row + k)
-        s4, s5, s6, s7 = filter_block(parameters, at_f, rows_f, s4, s5, s6, s7, x, row + k + BLOCK)
+        s0, s1, s2, s3 = filter_block(parameters, at_f, rows_f, s0, s1, s2, s3, x, row + k, 1)
+        s4, s5, s6, s7 = filter_block(
+            parameters, at_f, rows_f, s4, s5, s6, s7, x, row + k + BLOCK, 1
+        )
         p0, p1, p2, p3 = load_block(totals, k)
         p4, p5, p6, p7 = load_block(totals, k + BLOCK)
         store_block(totals, k, add(p0, s0), add(p1, s1), add(p2, s2), add(p3, s3))
@@ -144,8 +189,8 @@ def _noise(parameters, y, na, at_c, nc, rows_c, at_d, nd, at_s, states, v, e, to
             s0, s1, s2, s3 = _add_impulses(parameters, at_s + k, last, s0, s1, s2, s3)
             s4, s5, s6, s7 = _add_impulses(parameters, at_s + k + BLOCK, last, s4, s5, s6, s7)
         if nc > 0:
-            filter_block(parameters, at_c, rows_c, s0, s1, s2, s3, e, now)
-            filter_block(parameters, at_c, rows_c, s4, s5, s6, s7, e, other)
+            filter_block(parameters, at_c, rows_c, s0, s1, s2, s3, e, now, 1)
+            filter_block(parameters, at_c, rows_c, s4, s5, s6, s7, e, other, 1)
         else:
             store_block(e, now, s0, s1, s2, s3)
             store_block(e, other, s4, s5, s6, s7)
