@@ -62,24 +62,19 @@ def coloured_covariance(
     psi~'``, psi filtered backwards by an autoregression of s, v the variance of its innovations
     (eq. 9.41-42); else it is summed from sample autocovariances of each stretch (Newey & West
     1987)."""
-    from scipy.signal import lfilter
-
     samples, estimated = jacobian.shape
-    joints = np.cumsum(np.asarray(counts, dtype=int))[:-1]
     score = scores_of(residuals, estimated, objective)
     if not np.isfinite(score).all():
         return None
-    triangle = np.asarray(np.linalg.qr(jacobian, mode="r"))
-    inverse, null_space = pseudo_inverse_factor(triangle)
     if input_alone:
+        fitted = Fitted(jacobian, np.eye(estimated), np.zeros((0, estimated)), counts)
         whitening, variance = whitened(score, estimated)
-        parts = np.split(jacobian, joints)
-        filtered = np.concatenate([lfilter([1.0], whitening, p[::-1], axis=0) for p in parts])
-        half = np.sqrt(variance) * np.asarray(np.linalg.qr(filtered, mode="r")).T
-        meat = half @ half.T
-    else:
-        scores = np.split(jacobian * score[:, None], joints)
-        meat = sum(map(_newey_west, scores)) * samples / max(samples - estimated, 1)
+        noise_filter = np.ones(1), whitening
+        found = tangent_covariance(fitted, noise_filter, float(np.sqrt(variance)))
+        return of_coefficients(found, parameters)
+    inverse, null_space = pseudo_inverse_factor(np.asarray(np.linalg.qr(jacobian, mode="r")))
+    scores = np.split(jacobian * score[:, None], np.cumsum(np.asarray(counts, dtype=int))[:-1])
+    meat = sum(map(_newey_west, scores)) * samples / max(samples - estimated, 1)
     bread = inverse @ inverse.T
     eigenvalues, vectors = np.linalg.eigh(bread @ meat @ bread.T)
     factor = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import ScoringWindow
 from evopem.errors import NoModelError
-from evopem.estimation.pem.kernels.polynomials import schur_stable, stability_barriers
+from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.kernels.record import Objective
 from evopem.estimation.pem.stretch_errors import PLANT_STATE_WEIGHT, STATE_WEIGHT, StretchErrors
 from evopem.models.polynomial import PolynomialModel
@@ -313,11 +313,7 @@ class PolynomialErrors:
 
     def feasible(self, points: Array) -> NDArray[np.bool_]:
         """Whether all roots of A, C, D and F_i of each row lie within their radii."""
-        feasible: NDArray[np.bool_] = np.all(np.isfinite(points), axis=1)
-        for name, part in self.polynomials():
-            coefficients = np.ascontiguousarray(points[:, part])
-            feasible &= schur_stable(coefficients, self.radius_of(name))
-        return feasible
+        return np.asarray(np.isfinite(points).all(axis=1) & np.isfinite(self.barriers(points)[0]))
 
     def repair(self, points: Array) -> Array:
         """Move the roots of infeasible rows inside by reflection at the unit circle, which leaves

@@ -94,18 +94,6 @@ def barrier_curvature(coefficients, radius, work, slopes, next_slopes, curvature
 
 
 @cached_njit
-def schur_stable(coefficients, radius):
-    """Whether all roots of ``1 + x_1 q^-1 + ... + x_m q^-m`` lie within ``radius``, row by row.
-    ``coefficients`` (models, m), C-contiguous, without the leading 1.  Returns (models,) bool."""
-    count, m = coefficients.shape
-    stable = np.empty(count, dtype=np.bool_)
-    work = np.empty((m + 1, m))
-    for model in range(count):
-        stable[model] = step_down(coefficients[model], radius, work)
-    return stable
-
-
-@cached_njit
 def stability_barriers(coefficients, radius):
     """``-sum log(1 - k_i**2)`` over the reflection coefficients of each row's polynomial, which
     grows without bound as a root approaches ``radius``: values (M,), inf outside, gradients (M, m)
