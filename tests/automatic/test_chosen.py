@@ -14,6 +14,7 @@ from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.held_out.simulation import prediction_errors, simulated
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import Choice
+from evopem.config.settings import SearchSettings
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment
@@ -34,14 +35,14 @@ def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, w
     recording, record, scorer, choice = candidate
     compared = chosen.estimate_candidate(
         replace(choice.candidate, polynomials=record.in_its_units(choice.candidate.model)),
-        *(recording, scorer.settings, scorer.limits, None, 0),
+        *(recording, scorer, SearchSettings(evaluations=0)),
     )
     estimate = compared.estimate
     lower = replace(estimate, search=replace(estimate.search, value=0.9 * estimate.search.value))
     searched = replace(compared, estimate=lower)
     monkeypatch.setattr(
         *(chosen, "estimate_candidate"),
-        lambda *given: compared if given[5] == 0 else searched,
+        lambda *given: compared if given[3].evaluations == 0 else searched,
     )
 
     def scored(self, candidate):
@@ -51,7 +52,9 @@ def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, w
         return replace(candidate, scores=scores)
 
     monkeypatch.setattr(Scorer, "scored", scored)
-    found, about = chosen.estimate_choice(choice, scorer, record, recording, None, 100)
+    found, about = chosen.estimate_choice(
+        *(choice, scorer, record, recording, SearchSettings(evaluations=100))
+    )
     assert (found is searched) == taken
     assert about.choice == (chosen.SEARCHED if taken else chosen.COMPARED)
     assert ("worse by more than chance" in about.sentence) != taken
@@ -59,10 +62,12 @@ def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, w
 
 def test_the_search_begins_with_the_candidate_in_the_units_of_the_recording(candidate):
     recording, record, scorer, choice = candidate
-    found, about = chosen.estimate_choice(choice, scorer, record, recording, None, 200)
+    found, about = chosen.estimate_choice(
+        *(choice, scorer, record, recording, SearchSettings(evaluations=200))
+    )
     assert about.choice == chosen.SEARCHED
-    assert found.polynomials.f == pytest.approx([1.0, -1.5, 0.8], abs=0.05)
-    assert found.polynomials.b == pytest.approx([5.0, 2.5], rel=0.2)
+    assert found.model.f == pytest.approx([1.0, -1.5, 0.8], abs=0.05)
+    assert found.model.b == pytest.approx([5.0, 2.5], rel=0.2)
 
 
 def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():

@@ -18,7 +18,7 @@ from evopem.automatic.state_space import until_bic_rises
 from evopem.automatic.structures import Choice, as_good, compare_structures
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings as FocusAndConstraints
-from evopem.config.settings import InputRanges, OrderRanges
+from evopem.config.settings import InputRanges, OrderRanges, SearchSettings
 from evopem.errors import InputError
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
@@ -286,8 +286,8 @@ def test_a_chosen_model_meets_constraints(innovations, evaluations):
     scorer, candidates = innovations
     fit = FocusAndConstraints(constraints=Constraints(static_gain={"u1": 4.0}))
     found = estimate_candidate(
-        *(choice_of(candidates, 4).candidate, recording(), scorer.settings, scorer.limits),
-        *(fit, evaluations),
+        *(choice_of(candidates, 4).candidate, recording(), scorer),
+        *(SearchSettings(evaluations=evaluations), fit),
     )
     gains = found.model.frequency_response(0.0)[0].real
     assert gains[0] == pytest.approx(4.0)

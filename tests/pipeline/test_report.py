@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from evopem.config.structures import AUTOMATIC_PHASES, PHASES
+from evopem.config.structures import PHASES
 from evopem.pipeline.planning.stages import STAGES
 from evopem.pipeline.report import commit_of, write_report
 from evopem.report.page import BEFORE
@@ -62,7 +62,7 @@ def test_the_commit_and_changes_to_it_are_named(workflow):
 
 def test_the_times_shown_are_those_of_the_stages():
     assert set(BEFORE) <= {stage.name for stage in STAGES}
-    assert set(PHASE_NAMES) <= {*PHASES, *AUTOMATIC_PHASES}
+    assert set(PHASE_NAMES) <= {*PHASES}
 
 
 def test_figures_and_times_are_read_from_the_folder_of_the_data_set(identified, tmp_path):

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from by_scores import chosen_by_scores
 
 from evopem.automatic.decision import Alternative, Decision, DecisionRecord, OtherModel
 from evopem.report.sections import MOST_RIVALS, phase_decision, rivals
@@ -26,9 +27,7 @@ def test_the_page_tells_the_decisions_and_the_other_model(results, build):
     other = OtherModel("prediction", "ARX(1,1,1)", 5.0, 9.0)
     chosen = decision("armax", armax=7.0, oe=5.0)
     record = DecisionRecord("simulation", (chosen,), (), (), ("It drifts.",), other)
-    *_, last = results.phases.values()
-    phases = {**results.phases, "structures": results.phases["joint"], "chosen": last}
-    page = build(replace(results, decisions=record, phases=phases))
+    page = build(chosen_by_scores(results, record))
     assert "The model is for simulation. It drifts." in page
     assert "oe: 5; armax: 7" in page
     assert "model.prediction.json" in page

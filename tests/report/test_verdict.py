@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from by_scores import chosen_by_scores
 from identified import with_model, with_outcome, without_modes
 
 from evopem.automatic.decision import DecisionRecord
@@ -109,14 +110,11 @@ def test_intervals_after_an_automatic_choice_are_given_with_care(results, monkey
     """Measured coverage after a choice of structure and orders is below 95 %."""
     with_checks(monkeypatch, results)
     record = DecisionRecord("simulation", (), (), (), (), None)
-    chosen = replace(results, decisions=record)
-    tried = replace(chosen, phases=results.phases | {"structures": results.phases["joint"]})
-    (use,) = [use for use in verdict(tried).uses if use.name == "standard errors"]
+    found = verdict(chosen_by_scores(results, record))
+    (use,) = [use for use in found.uses if use.name == "standard errors"]
     assert use.answer == "care"
     assert "leave out the choice" in use.reason
-    only = results.phases["joint"]
-    given = replace(only, candidates=(only.selected,))
-    alone = replace(chosen, phases=results.phases | {"structures": given})
+    alone = chosen_by_scores(results, record, tried=1)
     assert answers(verdict(alone))["standard errors"] == "good"
 
 

@@ -154,19 +154,14 @@ class StructureSearch:
 def order_models(
     search: StructureSearch, record: PreparedRecord, estimation: Recording
 ) -> OrderModels:
-    """The plants of a search in state space, in the names, units and at the rate of a recording."""
-    models = []
-    for each in search.candidates:
+    """The likeliest plant of each order of a search in state space, as one of a recording."""
+    models: dict[int, OrderModel] = {}
+    for each in sorted(search.candidates, key=lambda each: (each.order, -each.bic)):
         plant = record.in_its_units(each.model)
         if isinstance(plant, PolynomialModel):
             plant = plant.plant().state_space()
-        named = replace(
-            plant,
-            input_names=estimation.input_names,
-            output_names=estimation.output_names,
-        )
-        models.append(OrderModel.of(each.order, each.bic, named))
-    return OrderModels(tuple(models))
+        models[each.order] = OrderModel.of(each.order, each.bic, plant.of_signals(estimation))
+    return OrderModels(tuple(models.values()))
 
 
 def without_covariances(search: StructureSearch) -> StructureSearch:

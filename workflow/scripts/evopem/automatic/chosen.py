@@ -1,53 +1,41 @@
-"""The chosen model, searched globally, and all others as candidates."""
+"""The chosen model, searched globally unless held-out samples speak against what is found."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.candidates import Candidate as ScoredCandidate
-from evopem.automatic.candidates import OrderLimits, Scorer, with_model
+from evopem.automatic.candidates import Candidate, Scorer, with_model
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import NOISE_RADIUS, FitSettings
+from evopem.automatic.fit import NOISE_RADIUS
 from evopem.automatic.preparation.plan import PreparedRecord
-from evopem.automatic.state_space import (
-    polynomial_settings,
-    search_settings,
-    task_of,
-    weighting_of,
-)
+from evopem.automatic.state_space import task_of, weighting_of
 from evopem.automatic.structures import Choice, Kind, as_good, score_of
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings as FocusAndConstraints
 from evopem.config.settings import ScoringWindow, SearchSettings
-from evopem.config.structures import AUTOMATIC_PHASES
 from evopem.errors import InputError, NoModelError
-from evopem.estimation.candidate import Candidate, PhaseSelection
-from evopem.estimation.criteria import criteria_of
 from evopem.estimation.estimate import estimate_polynomial
-from evopem.estimation.order_scan import OrderLimits as InputLimits
-from evopem.estimation.order_scan import joint_orders, refitted_estimate
+from evopem.estimation.order_scan import OrderLimits, joint_orders, refitted_estimate
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe, searched_objective
 from evopem.estimation.search.certificate import is_certified
-from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
+from evopem.estimation.search.problem import SearchResult, pooled
 from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.models.constraint_checks import check_constraints
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.state_space import StateSpaceModel
+from evopem.models.polynomial import Model, PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
-STRUCTURES, CHOSEN = AUTOMATIC_PHASES
 SUBJECT = "global search of the chosen model"
 SEARCHED, COMPARED = "searched model", "compared model"
 # A minimum that is lower by this share is another one.
@@ -59,103 +47,92 @@ class ChosenModel:
     """A chosen model."""
 
     estimate: StateSpaceEstimate | PolynomialEstimate  # of the plant alone in output-error form
-    # With the noise model beside an output-error plant; of polynomials their innovations form.
-    model: StateSpaceModel
-    polynomials: PolynomialModel | None = None
+    model: Model  # with the noise model beside an output-error plant in state space
     at_upper_ends: tuple[str, ...] = ()  # its orders at the upper end of a range that is given
 
 
 def estimate_candidate(
-    candidate: ScoredCandidate,
+    candidate: Candidate,
     estimation: Recording,
-    settings: FitSettings,
-    limits: OrderLimits,
+    scorer: Scorer,
+    search: SearchSettings,
     fit: FocusAndConstraints | None = None,
-    evaluations: int | None = None,
     log: Log | None = None,
-    search: SearchSettings | None = None,
 ) -> ChosenModel:
     """A candidate, in the units of a recording, with its covariance and noise model.
 
     Its own model is among the starts; without evaluations and anything to fit it for the only one.
-    ``search``: settings of a polynomial model in place of the usual ones.
 
     Raises InputError when no model of the order meets the constraints, and NoModelError when the
     record is too short.
     """
     if candidate.polynomials is not None:
-        search = search or polynomial_settings(settings, evaluations)
-        if evaluations is not None:
-            search = replace(search, evaluations=evaluations)
-        return _polynomials(candidate, estimation, search, limits, fit, log)
-    structure, model = candidate.structure, candidate.state_space
-    assert model is not None
-    start = replace(
-        model,
-        sampling_rate=estimation.sampling_rate,
-        input_names=estimation.input_names,
-        output_names=estimation.output_names,
-    )
-    own = search_settings(settings, evaluations)
-    if evaluations == 0 and fit is None:
-        task = task_of(estimation, structure, candidate.delays, settings)
-        estimate = descend_from(start, estimation, task)
+        estimate, ends = _polynomials(candidate, estimation, scorer, search, fit, log)
+        model = estimate.model.of_signals(estimation)
+        return ChosenModel(replace(estimate, model=model), model, ends)
+    assert candidate.state_space is not None
+    start = candidate.state_space.of_signals(estimation)
+    given = candidate.structure, candidate.delays
+    if search.evaluations == 0 and fit is None:
+        found = descend_from(start, estimation, task_of(estimation, *given, scorer.settings))
     else:
-        estimate = estimate_state_space(
+        found = estimate_state_space(
             estimation,
             candidate.order,
-            structure=structure,  # type: ignore[arg-type]
+            structure=candidate.structure,  # type: ignore[arg-type]
             delays=candidate.delays,
-            weighting=weighting_of(structure, settings),
-            settings=own,
+            weighting=weighting_of(candidate.structure, scorer.settings),
+            settings=search,
             forgets=True,
             focus=fit.focus if fit else "prediction",
             constraints=fit.constraints if fit else None,
             starts=(start,),
             log=log,
         )
-    found = estimate.model
-    if found.structure == "ss_oe":
-        found = with_noise_model(found, estimation, own)
-    return ChosenModel(estimate, found)
+    states = found.model
+    if states.structure == "ss_oe":
+        states = with_noise_model(states, estimation, search)
+    return ChosenModel(found, states)
 
 
 def _polynomials(
-    candidate: ScoredCandidate,
+    candidate: Candidate,
     estimation: Recording,
+    scorer: Scorer,
     search: SearchSettings,
-    limits: OrderLimits,
     fit: FocusAndConstraints | None,
     log: Log | None,
-) -> ChosenModel:
-    ends = InputLimits.of(limits.ranges, estimation.input_names)
-    orders, model = named_orders(candidate), candidate.polynomials
+) -> tuple[PolynomialEstimate, tuple[str, ...]]:
+    names = estimation.input_names
+    limits = OrderLimits.of(scorer.limits.ranges, names)
+    orders, model = replace(candidate.orders, structure=candidate.structure), candidate.polynomials
     assert model is not None
     if fit is not None:
         constraints = fit.constraints
         if constraints is not None and not _allowed(constraints, orders, estimation):
-            orders = joint_orders(candidate.structure, candidate.order, candidate.delays, ends)
+            orders = joint_orders(candidate.structure, candidate.order, candidate.delays, limits)
         estimate = estimate_polynomial(
             *(estimation, orders),
             settings=search,
+            window=window_of(orders),
             level=True,
             focus=fit.focus,
             constraints=constraints,
             log=log,
         )
     else:
-        model = replace(model, structure=candidate.structure)
-        estimate = refitted_estimate(model, estimation, search)
+        try:
+            model = replace(model, structure=candidate.structure)
+            estimate = refitted_estimate(model, estimation, search)
+        except NoModelError:
+            raise InputError(
+                "search.max_root_radius",
+                f"the chosen model has a root of a radius above {search.max_root_radius:g}",
+                "raise it",
+            ) from None
         if search.evaluations:
             estimate = _searched(estimate, estimation, orders, search, log)
-    named = replace(
-        estimate.model,
-        input_names=estimation.input_names,
-        output_names=estimation.output_names,
-    )
-    at_ends = ends.at_upper_ends(orders, estimation.input_names)
-    estimate = replace(estimate, model=named)
-    return ChosenModel(estimate, named.state_space(), named, at_ends)
+    return estimate, limits.at_upper_ends(orders, names)
 
 
 def _searched(
@@ -184,42 +161,74 @@ def estimate_choice(
     scorer: Scorer,
     record: PreparedRecord,
     estimation: Recording,
+    search: SearchSettings,
     fit: FocusAndConstraints | None = None,
-    evaluations: int | None = None,
+    plant_kept: bool = False,
     log: Log | None = None,
-    search: SearchSettings | None = None,
 ) -> tuple[ChosenModel, Decision]:
     """The model of a choice, searched globally unless held-out samples speak against what is found.
 
     A lower minimum of the errors of estimation samples may be one of their noise alone: it is left
-    where held-out samples are simulated, or predicted, worse with it by more than chance.
+    where held-out samples are simulated, or predicted, worse with it by more than chance.  With
+    ``plant_kept`` the plant is searched without its noise model, which stays as it was.
 
-    Raises InputError when no model of the order meets the constraints, and NoModelError when the
-    record is too short.
+    Raises InputError when no model of the order meets the constraints, or the model has roots
+    beyond the largest radius, and NoModelError when the record is too short.
     """
+    noise = choice.candidate.polynomials
+    if plant_kept and fit is None and noise is not None:
+        plant = replace(noise, C=np.ones(1), D=np.ones(1), structure="oe")
+        alone = replace(choice.candidate, structure="oe", polynomials=plant)
+        given = replace(choice, candidate=alone), scorer, record, estimation, search
+        found, about = estimate_choice(*given, log=log)
+        return _with_noise_model(found, noise, estimation, search), about
     candidate = with_model(choice.candidate, record.in_its_units(choice.candidate.model))
-    given = estimation, scorer.settings, scorer.limits, fit
-    found = estimate_candidate(candidate, *given, evaluations, log, search)
-    if fit is not None or evaluations == 0:
+    found = estimate_candidate(candidate, estimation, scorer, search, fit, log)
+    if fit is not None or search.evaluations == 0:
         return found, _about_search(choice, found, found)
-    compared = estimate_candidate(candidate, *given, 0, None, search)
+    compared = estimate_candidate(candidate, estimation, scorer, replace(search, evaluations=0))
     value, known = (each.estimate.search.value for each in (found, compared))
     if not value < known - LOWER * abs(known):
         return found, _about_search(choice, found, compared)
     # Scores are those of scaled samples.
     rate, scales = choice.candidate.model.sampling_rate, [1.0 / each for each in record.scales]
     scaled = replace(record, sampling_rate=rate, scales=(scales[0], scales[1]))
-    searched = scaled.in_its_units(found.polynomials or found.estimate.model)
+    searched = scaled.in_its_units(found.estimate.model)
     judged = scorer.scored(with_model(choice.candidate, searched))
     about = _about_search(choice, found, compared, judged)
     return (compared if about.choice == COMPARED else found), about
+
+
+def _with_noise_model(
+    found: ChosenModel, noise: PolynomialModel, estimation: Recording, search: SearchSettings
+) -> ChosenModel:
+    """A plant with a noise model that was fitted to its simulation errors."""
+    assert isinstance(found.model, PolynomialModel)
+    model = replace(found.model, C=noise.C, D=noise.D, structure="bj", covariance=None)
+    estimate = described_by_search(model, found.estimate.search, search, estimation)
+    return replace(found, estimate=estimate, model=estimate.model)
+
+
+def described_by_search(
+    model: PolynomialModel, result: SearchResult, search: SearchSettings, data: Recording
+) -> PolynomialEstimate:
+    """A model as the estimate of the prepared samples, from the states that fit them."""
+    radius = search.max_root_radius
+    errors = PolynomialErrors(
+        *(data.segments, model.orders, search.objective, radius, min(radius, NOISE_RADIUS), True),
+        window=window_of(model.orders),
+    )
+    point = errors.completed_by_states(model)
+    at_states = replace(result, point=point, value=searched_objective(errors, point))
+    found = describe(errors, at_states, data.sampling_rate, shortest=True)
+    return replace(found, model=found.model.of_signals(data))
 
 
 def _about_search(
     choice: Choice,
     found: ChosenModel,
     compared: ChosenModel,
-    judged: ScoredCandidate | None = None,
+    judged: Candidate | None = None,
 ) -> Decision:
     """What the search found, and whether it is taken."""
     name, known = choice.candidate.name, choice.candidate.scores
@@ -247,117 +256,9 @@ def _about_search(
     return Decision(SUBJECT, COMPARED if worse else SEARCHED, alternatives, criterion, sentence)
 
 
-# One channel, whose results have the form of the phases of an order search.
-
-
 def window_of(orders: Orders) -> ScoringWindow:
     """The chosen model counts every residual whose past is measured."""
     return ScoringWindow(orders.first_residual, orders.first_residual)
-
-
-def select_structure(
-    candidates: Sequence[ScoredCandidate],
-    chosen: ScoredCandidate,
-    reason: str,
-    record: PreparedRecord,
-    data: Recording,
-    first_scored: int,
-) -> PhaseSelection:
-    """All candidates of all structures on the same samples, and the one that was chosen."""
-    described = [_described(each, record, data, first_scored) for each in candidates]
-    return PhaseSelection(STRUCTURES, named_orders(chosen), reason, tuple(described))
-
-
-def estimate_chosen(
-    choice: Choice,
-    scorer: Scorer,
-    record: PreparedRecord,
-    data: Recording,
-    search: SearchSettings,
-    plant_kept: bool = False,
-    log: Log | None = None,
-) -> tuple[PhaseSelection, Decision]:
-    """The model of a choice of one channel; with ``plant_kept`` its noise model stays as it was.
-
-    Raises InputError when the model has roots beyond the largest radius.
-    """
-    candidate = choice.candidate
-    orders, known = named_orders(candidate), candidate.polynomials
-    assert known is not None
-    if plant_kept:
-        plant = replace(known, C=np.ones(1), D=np.ones(1), structure="oe")
-        choice = replace(choice, candidate=replace(candidate, structure="oe", polynomials=plant))
-    try:
-        found, about = estimate_choice(
-            *(choice, scorer, record, data, None, search.evaluations, log, search)
-        )
-    except NoModelError:
-        raise InputError(
-            "search.max_root_radius",
-            f"the chosen model has a root of a radius above {search.max_root_radius:g}",
-            "raise it",
-        ) from None
-    model = found.polynomials
-    assert model is not None
-    assert isinstance(found.estimate, PolynomialEstimate)
-    if plant_kept:
-        model = replace(model, C=known.C, D=known.D, structure=orders.structure)
-    described = described_by_search(model, orders, found.estimate.search, search, data)
-    reason = f"{orders} was chosen among all structures. {about.sentence}"
-    return PhaseSelection(CHOSEN, orders, reason, (described,)), about
-
-
-def described_by_search(
-    model: PolynomialModel,
-    orders: Orders,
-    result: SearchResult,
-    search: SearchSettings,
-    data: Recording,
-) -> Candidate:
-    """A model as the estimate of the prepared samples, from the states that fit them."""
-    radius = search.max_root_radius
-    errors = PolynomialErrors(
-        *(data.segments, orders, search.objective, radius, min(radius, NOISE_RADIUS), True),
-        window=window_of(orders),
-    )
-    point = errors.completed_by_states(model)
-    at_states = replace(result, point=point, value=searched_objective(errors, point))
-    return Candidate.of(describe(errors, at_states, data.sampling_rate), CHOSEN)
-
-
-def _described(
-    scored: ScoredCandidate, record: PreparedRecord, data: Recording, first_scored: int
-) -> Candidate:
-    """A candidate of a structure's search with its criteria on the prepared samples."""
-    model = record.in_its_units(scored.model)
-    objective = record.plan.objective
-    start = max(first_scored, scored.orders.first_residual)
-    errors = PolynomialErrors(
-        *(data.segments, scored.orders, objective, 1.0, 1.0, True),
-        window=ScoringWindow(scored.orders.first_residual, start),
-    )
-    point, parts = errors.completed_by_states(model), errors.parts()
-    residuals, outputs = errors.residuals(point), errors.scored_outputs()
-    level, *further_levels = point[parts["level"]].tolist()
-    criteria = criteria_of(residuals, outputs, objective, scored.parameters)
-    return Candidate(
-        phase=STRUCTURES,
-        orders=named_orders(scored),
-        model=replace(model, level=level),
-        criteria=criteria,
-        with_level=True,
-        plant_state=point[parts["plant"]],
-        noise_state=point[parts["noise"]],
-        minimum=criteria.objective,
-        at_stability_bound=False,
-        diagnostics=SearchDiagnostics.none(),
-        further_levels=tuple(further_levels),
-    )
-
-
-def named_orders(scored: ScoredCandidate) -> Orders:
-    """Orders of polynomials with the name of their structure."""
-    return replace(scored.orders, structure=scored.structure)
 
 
 def _allowed(constraints: Constraints, orders: Orders, estimation: Recording) -> bool:

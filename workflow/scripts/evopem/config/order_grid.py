@@ -17,7 +17,7 @@ from evopem.config.settings import (
     SampleRequirements,
     ScoringWindow,
 )
-from evopem.config.structures import AUTOMATIC_PHASES, STRUCTURES, phases_of
+from evopem.config.structures import STRUCTURES, phases_of
 from evopem.errors import InputError
 
 AUTO_JOINT_UPPER = 14
@@ -32,17 +32,15 @@ DELAY_REFINED_IN = "nb"
 
 
 def phases_of_dataset(settings: DatasetSettings) -> tuple[str, ...]:
-    """The phases of a data set, in their order."""
+    """The phases of a data set, in their order; none of the automatic recipe."""
     by_chapter = settings.automatic is None
-    return phases_of(settings.order_grid.structure) if by_chapter else AUTOMATIC_PHASES
+    return phases_of(settings.order_grid.structure) if by_chapter else ()
 
 
-def phase_of_orders_of(settings: DatasetSettings) -> str:
+def phase_of_orders_of(settings: DatasetSettings) -> str | None:
     """The phase of a data set with models of every plant order: the joint order, or nb for FIR."""
     phases = phases_of_dataset(settings)
-    if settings.automatic is not None:
-        return phases[0]
-    return "joint" if "joint" in phases else "nb"
+    return next((phase for phase in ("joint", "nb") if phase in phases), None)
 
 
 def given_preparation(settings: DatasetSettings) -> dict[str, int | str | bool | None] | None:

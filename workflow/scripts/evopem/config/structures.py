@@ -27,9 +27,6 @@ ORDER_NAMES = STRUCTURES["general"]
 PHASES = ("delay", "joint", "nc", "nd", "na", "nb")
 """Every phase of an order search, in their order: each takes its predecessor's selection."""
 
-AUTOMATIC_PHASES = ("structures", "chosen")
-"""What the automatic recipe has in their place: all structures, and the chosen model."""
-
 # The structures that the automatic recipe searches, each with those whose optima serve as starts.
 AUTOMATIC_STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -115,9 +112,12 @@ def is_polynomial(form: str) -> bool:
 
 
 def searched_forms(dataset: DatasetSettings) -> tuple[str, ...]:
-    """The forms and structures that a data set of several channels searches."""
+    """The forms and structures that the automatic recipe searches, each behind those it needs."""
     own, channels = dataset.automatic, dataset.channels
-    assert own is not None
+    if own is None:
+        return ()
+    if dataset.is_single_channel:
+        return searched_structures(own.structure)
     if own.structure is not None and is_polynomial(own.structure):
         return (own.structure,)
     forms: tuple[str, ...] = ("ss",)

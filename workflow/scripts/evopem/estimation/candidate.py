@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
-from evopem.config.structures import plant_order
 from evopem.estimation.criteria import Criteria
 from evopem.estimation.search.certificate import Target, gain_after_first_pass, is_certified
 from evopem.estimation.search.global_search import FIRST_PASS
@@ -99,19 +98,6 @@ class PhaseSelection:
     def selected(self) -> Candidate:
         """The selected candidate."""
         return next(each for each in self.candidates if each.orders == self.orders)
-
-    def over_orders(self, structure: str) -> tuple[Candidate, ...]:
-        """The models of every plant order; of several structures, the best of the one looked at."""
-        structures = {each.orders.structure for each in self.candidates}
-        if len(structures) == 1:
-            return self.candidates
-        best: dict[int, Candidate] = {}
-        for each in self.candidates:
-            order = getattr(each.orders.single, plant_order(structure))
-            own = each.orders.structure == structure
-            if own and (order not in best or each.criteria.bic < best[order].criteria.bic):
-                best[order] = each
-        return tuple(best[order] for order in sorted(best))
 
 
 def select_delay(candidates: Sequence[Candidate]) -> tuple[Orders, str]:

@@ -310,8 +310,7 @@ def estimate_polynomial(
                 else prediction_estimate(task, horizon)[0]
             )
     effect = found.constraints if constraints is not None else None
-    model = replace(found.model, input_names=names, output_names=data.output_names)
-    return replace(found, model=model, focus=focus, constraints=effect)
+    return replace(found, model=found.model.of_signals(data), focus=focus, constraints=effect)
 
 
 def _searched(

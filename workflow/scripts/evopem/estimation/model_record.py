@@ -141,7 +141,7 @@ class ModelRecord:
         transforms: Transforms,
         level: LevelOfSimulation = "none",
         *,
-        model: StateSpaceModel | None = None,
+        model: Model | None = None,
         variant: tuple[str, str] = ("", ""),
         focus: Focus = "prediction",
         constraints: Constraints | None = None,
@@ -149,7 +149,7 @@ class ModelRecord:
     ) -> ModelRecord:
         """The record of an estimate from the ``estimation`` samples; ``level`` of other samples.
 
-        ``model``: the plant with a noise model beside it; ``variant``: form and weighting in state
+        ``model``: with a noise model beside the plant; ``variant``: form and weighting in state
         space.
         """
         return cls(

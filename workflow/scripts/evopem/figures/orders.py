@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 
 from evopem.config.structures import (
-    AUTOMATIC_PHASES,
     ORDER_NAMES,
     STRUCTURES,
     phases_of,
@@ -98,8 +97,6 @@ def phases(view: View) -> Chart:
     if view.candidates is None:
         return _held_out(view)
     table = view.candidates[view.candidates["phase"] != "delay"]
-    if (table["phase"] == AUTOMATIC_PHASES[0]).any():
-        return _structures(table[table["phase"] == AUTOMATIC_PHASES[0]])
     tables = {
         phase: table[table["phase"] == phase].sort_values(varied_order(phase, view.structure))
         for phase in phases_of(view.structure)
@@ -126,39 +123,30 @@ def _by_structure(table: pd.DataFrame) -> dict[str, Where]:
     return {name: (("structure", name),) for name in dict.fromkeys(table["structure"])}
 
 
-def _structures(tried: pd.DataFrame) -> Chart:
-    """Criteria over the number of coefficients; a line joins the best models of a structure."""
-    rows = tried["model"].str.split("(").str[0]
-    counted = tried.assign(
-        coefficients=tried[[name for name in ORDERS if name != "nk"]].sum(axis=1), structure=rows
-    ).sort_values(["structure", "coefficients"])
-    for column, _ in CRITERIA:
-        best = counted.groupby(["structure", "coefficients"])[column].transform("min")
-        counted[f"lowest_{column}"] = counted[column].where(counted[column] == best)
-    series = _by_structure(counted)
-    x = "coefficients", "Coefficients"
-    panels = tuple(
-        _scores(counted, x, score, series, f"lowest_{score[0]}", height=260) for score in CRITERIA
-    )
-    shown = ["structure", "coefficients", *ORDERS, "rss", "bic", "lowest_rss", "lowest_bic"]
-    return Chart(counted[["phase", *shown, "selected"]], panels, columns=2)
-
-
 def _held_out(view: View) -> Chart:
-    """Errors on held-out samples over the order, one line for each structure."""
-    table = view.scores
+    """Errors on held-out samples and BIC over the order; a line joins the best of a structure."""
+    table = view.scores.sort_values(["structure", "order"])
     if table["order"].nunique() < 2:
         return nothing("No orders were compared.")
     errors = table["error_percent"]
     highest = 1.05 * float(min(errors.max(), 4.0 * errors.min()))
-    panel = _scores(
-        *(table, ("order", "Order"), ("error_percent", "Error on held-out samples (%)")),
-        _by_structure(table),
-        limits=(0.0, highest) if np.isfinite(highest) and highest > 0 else (),
-        height=280,
-        scale="linear",
+    limits = (0.0, highest) if np.isfinite(highest) and highest > 0 else ()
+    shown: dict[str, tuple[str, dict[str, Any]]] = {
+        "error_percent": ("Error on held-out samples (%)", {"limits": limits, "scale": "linear"}),
+        "bic": ("BIC", {}),
+    }
+    for column in shown:
+        best = table.groupby(["structure", "order"])[column].transform("min")
+        table[f"lowest_{column}"] = table[column].where(table[column] == best)
+    series = _by_structure(table)
+    panels = tuple(
+        _scores(
+            *(table, ("order", "Order"), (column, label), series, f"lowest_{column}"),
+            **{"height": 280, **options},
+        )
+        for column, (label, options) in shown.items()
     )
-    return Chart(table, (panel,))
+    return Chart(table, panels, columns=2)
 
 
 def convergence(view: View) -> Chart:

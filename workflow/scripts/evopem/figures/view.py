@@ -152,10 +152,7 @@ class View:
     @property
     def is_chosen_by_scores(self) -> bool:
         """Whether the automatic recipe chose the model among others."""
-        if self.results.decisions is None:
-            return False
-        structures = self.results.phases.get("structures")
-        return len(structures.candidates if structures else self.scores) > 1
+        return self.results.decisions is not None and len(self.scores) > 1
 
     @property
     def standard_errors(self) -> np.ndarray:
@@ -186,7 +183,7 @@ class View:
         table = table[(table["step"] != "remedy") & table[error].notna()]
         table = table.rename(columns={error: "error_percent"}).reset_index(drop=True)
         names = {name: FORMS.get(name) or structure_name(name) for name in set(table["structure"])}
-        columns = ["structure", "order", "error_percent", "selected"]
+        columns = ["structure", "order", "model", "error_percent", "bic", "selected"]
         return table.replace({"structure": names})[columns]
 
     @cached_property

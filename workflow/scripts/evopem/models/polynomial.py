@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,9 @@ from evopem.models.polynomial_form import Polynomials, impulse_response
 from evopem.models.polynomials import powers_of_z, roots
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
+
+if TYPE_CHECKING:
+    from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -102,6 +105,15 @@ class PolynomialModel(Polynomials):
         names = ("sampling_rate", "level", "noise_variance", "covariance")
         beside = {name: getattr(self, name) for name in (*names, "input_names", "output_names")}
         return model_of(self.orders, parameters, **(beside | changes))
+
+    def of_signals(self, signals: Recording) -> PolynomialModel:
+        """The model with the rate and the names of the channels of signals."""
+        return replace(
+            self,
+            sampling_rate=signals.sampling_rate,
+            input_names=signals.input_names,
+            output_names=signals.output_names,
+        )
 
     def scaled(self, of_inputs: Array, of_outputs: Array) -> PolynomialModel:
         """The model of signals so many times as large, (m,) and (1,); without covariance."""

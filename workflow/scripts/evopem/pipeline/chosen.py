@@ -6,17 +6,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
-from evopem.automatic.candidates import Scorer
-from evopem.automatic.chosen import estimate_choice, select_structure, window_of
-from evopem.automatic.chosen import estimate_chosen as search_chosen
+from evopem.automatic.chosen import estimate_choice
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FitSettings as CommonSettings
-from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.state_space import weighting_of
+from evopem.automatic.state_space import POLYNOMIAL_EVALUATIONS, weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose
 from evopem.blas_threads import one_blas_thread
-from evopem.config.constraints import Constraints
 from evopem.config.settings import (
     AutomaticSettings,
     FitSettings,
@@ -37,92 +33,58 @@ from evopem.models.response_tables import (
 )
 from evopem.pipeline.structures import errors_name_dataset, load_record, load_scorer
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import PreparedData, load_prepared
+from evopem.signals.prepared_data import load_prepared
+from evopem.signals.recording import Recording
 
 Log = Callable[[str], None]
 
 
-def estimate_chosen(
-    files: DatasetFiles,
-    search: SearchSettings,
-    settings: AutomaticSettings,
-    fits: CommonSettings,
-    log: Log | None = None,
-) -> None:
-    """Describe all candidates of one channel, and search the chosen orders globally."""
-    record = load_record(files)
-    data = load_prepared(files.prepared, files.transforms).estimation
-    comparison = load(Comparison, files.decision("comparison"))
-    remedied = load(Remedied, files.decision("remedies"))
-    chosen = comparison.choice(settings.purpose).candidate
-    about = next(each for each in comparison.decisions if each.choice == chosen.name)
-    scorer = load_scorer(files, settings, fits)
-    own = replace(search, objective=cast("Objective", record.plan.objective))
-    with one_blas_thread():
-        structures = select_structure(
-            comparison.candidates, chosen, about.sentence, record, data, scorer.window
-        )
-        selection, about_search = search_chosen(
-            *(remedied.choice, scorer, record, data, own, remedied.plant_kept, log)
-        )
-    save(structures, files.phase(structures.phase))
-    save(selection, files.phase(selection.phase))
-    save(about_search, files.decision("search"))
-
-
-def estimate_channels(
-    files: DatasetFiles,
-    search: SearchSettings,
-    settings: AutomaticSettings,
-    fits: CommonSettings,
-    fit: FitSettings,
-    log: Log | None = None,
-) -> ModelRecord:
-    """Search the chosen model of several channels globally, and add its noise model.
-
-    Raises InputError when the record is too short, or no model of the order meets the constraints.
-    """
-    choice = load(Remedied, files.decision("remedies")).choice
-    record, about = record_of_channels(files, choice, search, settings, fits, fit, log)
-    save(about, files.decision("search"))
-    return record
-
-
-def record_of_channels(
+def _record_of(
     files: DatasetFiles,
     choice: Choice,
     search: SearchSettings,
     settings: AutomaticSettings,
     fits: CommonSettings,
     fit: FitSettings,
+    plant_kept: bool = False,
     log: Log | None = None,
 ) -> tuple[ModelRecord, Decision]:
-    """Everything that is known of the model of a choice for several channels.
+    """Everything that is known of the model of a choice of the automatic recipe.
 
     Structures that are fitted to simulated outputs have no other focus.
+
+    Raises InputError when the record is too short, or no model of the order meets the constraints.
     """
-    structure = choice.candidate.structure
-    if structure in OF_SIMULATION:
+    candidate, prepared = choice.candidate, load_prepared(files.prepared, files.transforms)
+    if candidate.structure in OF_SIMULATION:
         fit = replace(fit, focus="prediction")
-    own = fit if fit.changes_model else None
-    data, evaluations = load_prepared(files.prepared, files.transforms), settings.evaluations
+    data, record = prepared.estimation, load_record(files)
+    search = replace(search, objective=cast("Objective", record.plan.objective))
+    evaluations, of_states = settings.evaluations, candidate.polynomials is None
+    if evaluations is None and not of_states and data.inputs.shape[1] > 1:
+        evaluations = POLYNOMIAL_EVALUATIONS
+    own = search if evaluations is None else replace(search, evaluations=evaluations)
     with errors_name_dataset(files), one_blas_thread():
         scorer = load_scorer(files, settings, fits)
         found, about = estimate_choice(
-            *(choice, scorer, load_record(files), data.estimation, own, evaluations, log)
+            *(choice, scorer, record, data, own),
+            *(fit if fit.changes_model else None, plant_kept, log),
         )
-    weighting = "determinant"
-    if choice.candidate.polynomials is None:
-        weighting = weighting_of(structure, scorer.settings)
-    record = ModelRecord.of(
-        *(found.estimate, data.estimation, search, data.transforms, choice.level),
-        model=None if found.polynomials else found.model,
-        variant=(structure, weighting),
+    weighting = weighting_of(candidate.structure, scorer.settings) if of_states else ""
+    return ModelRecord.of(
+        *(found.estimate, data, search, prepared.transforms, _level_of(choice.level, data)),
+        model=found.model,
+        variant=(candidate.structure, weighting),
         focus=fit.focus,
         constraints=fit.constraints,
         at_upper_ends=found.at_upper_ends,
-    )
-    return record, about
+    ), about
+
+
+def _level_of(level: LevelOfSimulation, data: Recording) -> LevelOfSimulation:
+    """The level of other samples: of several recordings each has its own, and so have others."""
+    several = len(set(data.segment_recordings)) > 1
+    return "state" if level == "constant" and several else level
 
 
 def complete_model(
@@ -139,15 +101,16 @@ def complete_model(
     """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets.
 
     With a focus or constraints, the model of its orders is estimated for these.  That of an
-    automatic recipe is searched globally; several channels have no phases.  Models for ``others``
-    of its purposes are kept beside it.
+    automatic recipe, which has no phases, is searched globally; models for ``others`` of its
+    purposes are kept beside it as the comparison of structures found them.
     """
-    if phases and window is None:
-        estimate_chosen(files, search, settings, fits, log)
-    if phases:
+    if window is not None:
         record = _selected(files, search, window, phases[-1], fit)
     else:
-        record = estimate_channels(files, search, settings, fits, fit, log)
+        remedied = load(Remedied, files.decision("remedies"))
+        own = search, settings, fits, fit, remedied.plant_kept, log
+        record, about = _record_of(files, remedied.choice, *own)
+        save(about, files.decision("search"))
     model, names = record.model, (record.input_names, record.output_names)
     plant = None if record.orders is not None else record.plant
     with one_blas_thread():
@@ -156,77 +119,27 @@ def complete_model(
     save(record, files.model)
     save_model_mat(record.model, files.model_mat)
     for purpose in others:
-        complete_other(files, purpose, search, settings, fits, fit.constraints)
+        choice = load(Comparison, files.decision("comparison")).choice(purpose)
+        quick, alone = replace(settings, evaluations=0), FitSettings(constraints=fit.constraints)
+        other, _ = _record_of(files, choice, search, quick, fits, alone)
+        save(other, files.other_model(purpose))
 
 
 def _selected(
     files: DatasetFiles,
     search: SearchSettings,
-    window: ScoringWindow | None,
+    window: ScoringWindow,
     phase: str,
     fit: FitSettings,
 ) -> ModelRecord:
-    """The candidate of one channel that a phase has selected; without window an automatic one."""
+    """The candidate that a phase has selected."""
     selected = load(PhaseSelection, files.phase(phase)).selected
     prepared = load_prepared(files.prepared, files.transforms)
-    level: LevelOfSimulation = "constant" if selected.with_level else "none"
-    if window is None:
-        plan = load(PreparationPlan, files.decision("preparation"))
-        search = replace(search, objective=cast("Objective", plan.objective))
-        level = load(Remedied, files.decision("remedies")).choice.level
-        estimate = complete_estimate(
-            selected, prepared.estimation, search, window_of(selected.orders), fit
-        )
-        estimate = replace(estimate, at_stability_bound=selected.at_stability_bound)
-    else:
-        estimate = complete_estimate(selected, prepared.estimation, search, window, fit)
-    if level == "constant" and len(set(prepared.estimation.segment_recordings)) > 1:
-        level = "state"  # each recording has a level of its own, and so have others
+    data, level = prepared.estimation, "constant" if selected.with_level else "none"
+    estimate = complete_estimate(selected, data, search, window, fit)
     return ModelRecord.of(
-        *(estimate, prepared.estimation, search, prepared.transforms, level),
+        *(estimate, data, search, prepared.transforms),
+        _level_of(cast("LevelOfSimulation", level), data),
         focus=fit.focus,
         constraints=fit.constraints,
     )
-
-
-def complete_other(
-    files: DatasetFiles,
-    purpose: Purpose,
-    search: SearchSettings,
-    settings: AutomaticSettings,
-    fits: CommonSettings,
-    constraints: Constraints | None,
-) -> None:
-    """Keep the model for another purpose.
-
-    It is the one of the comparison of structures, without acting on its checks and without a global
-    search.  Constraints hold for models of several channels.
-    """
-    prepared = load_prepared(files.prepared, files.transforms)
-    choice = load(Comparison, files.decision("comparison")).choice(purpose)
-    polynomials = choice.candidate.polynomials
-    with errors_name_dataset(files), one_blas_thread():
-        if polynomials is not None and polynomials.inputs == 1:
-            scorer = load_scorer(files, settings, fits)
-            record = _of_one_channel(scorer, load_record(files), prepared, choice, search)
-        else:
-            quick, none = replace(search, evaluations=0), replace(settings, evaluations=0)
-            fit = FitSettings(constraints=constraints)
-            record, _ = record_of_channels(files, choice, quick, none, fits, fit)
-    save(record, files.other_model(purpose))
-
-
-def _of_one_channel(
-    scorer: Scorer,
-    record: PreparedRecord,
-    prepared: PreparedData,
-    choice: Choice,
-    search: SearchSettings,
-) -> ModelRecord:
-    """The model of one channel, at the optimum that the comparison found."""
-    data, objective = prepared.estimation, cast("Objective", record.plan.objective)
-    own = replace(search, objective=objective, evaluations=0)
-    selection, _ = search_chosen(choice, scorer, record, data, own)
-    window = window_of(selection.orders)
-    estimate = complete_estimate(selection.selected, data, own, window)
-    return ModelRecord.of(estimate, data, own, prepared.transforms, choice.level)

@@ -203,19 +203,21 @@ def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def summarize_dataset(files: DatasetFiles, phases: tuple[str, ...], is_automatic: bool) -> None:
-    """Check the model of one data set, and write the summary; several channels have no phases."""
+def summarize_dataset(
+    files: DatasetFiles, phases: tuple[str, ...], structures: tuple[str, ...]
+) -> None:
+    """Check the model of one data set, and write the summary."""
     record = load(ModelRecord, files.model)
     ranges = ranges_of_phases({phase: load(PhaseSelection, files.phase(phase)) for phase in phases})
     if not phases:
         chosen = load(Remedied, files.decision("remedies")).choice.candidate
-        search = load(StructureSearch, files.search(chosen.structure))
-        ranges = searched_range(record, chosen.order, search)
+        searches = [load(StructureSearch, files.search(each)) for each in structures]
+        ranges = searched_range(chosen, searches)
     evidence = Evidence(
         record,
         load(Validation, files.validation),
         load(RecordingInfo, files.recording_info),
         ranges,
-        is_automatic,
+        not phases,
     )
     save(summarize(evidence), files.summary)

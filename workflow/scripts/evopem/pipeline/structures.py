@@ -78,7 +78,6 @@ def search_structure(
     settings: AutomaticSettings,
     fits: FitSettings,
     nested: tuple[str, ...],
-    with_models: bool,
     log: Log | None = None,
 ) -> None:
     """Search the orders of one structure, from the optima of those nested in it."""
@@ -86,9 +85,8 @@ def search_structure(
     with errors_name_dataset(files), one_blas_thread():
         found = search(load_scorer(files, settings, fits), structure, smaller, log)
     save(without_covariances(found), files.search(structure))
-    if with_models:
-        estimation = load_prepared(files.prepared, files.transforms).estimation
-        save(order_models(found, load_record(files), estimation), files.models_of_orders(structure))
+    estimation = load_prepared(files.prepared, files.transforms).estimation
+    save(order_models(found, load_record(files), estimation), files.models_of_orders(structure))
 
 
 def choose(

@@ -37,13 +37,12 @@ def complete_results(
     ``phases`` and ``structures`` that were searched; ``phase`` as for :func:`validate_model`;
     ``others``: the purpose whose model is kept beside the chosen one, or none.
     """
-    is_automatic = settings.automatic is not None
     validate_model(files, phase, settings.spectrum)
     tabulate_candidates(files, phases, structures)
-    if is_automatic:
+    if not phases:
         other = _errors_of_other(files, others[0]) if others else None
         collect_decisions(files, structures, other)
-    summarize_dataset(files, phases, is_automatic)
+    summarize_dataset(files, phases, structures)
     delete_results(files.folder, {Path(files.details).name})  # its contents are written anew
     write_text(files.config, yaml_text(settings))
 
@@ -61,8 +60,8 @@ def _errors_of_other(files: DatasetFiles, purpose: str) -> OtherModel:
 def validate_model(files: DatasetFiles, phase: str | None, spectrum: SpectrumSettings) -> None:
     """Validate the model on samples that it was not estimated from.
 
-    ``phase``: the phase over whose models the modes are compared; None for several channels, of
-    which these are the models of all orders of the chosen structure.
+    ``phase``: the phase over whose models the modes are compared; None for the automatic recipe,
+    where these are the models of all orders of the chosen structure.
     """
     record = load(ModelRecord, files.model)
     prepared = load_prepared(files.prepared, files.transforms)
@@ -99,7 +98,7 @@ def _models_of_orders(
         name = plant_order(record.structure)
         order = getattr(record.polynomials.orders.single, name)
         best: dict[int, OrderModel] = {}
-        for each in load(PhaseSelection, files.phase(phase)).over_orders(record.structure):
+        for each in load(PhaseSelection, files.phase(phase)).candidates:
             found = getattr(each.orders.single, name)
             if found not in best or each.criteria.bic < best[found].bic:
                 best[found] = OrderModel.of(found, each.criteria.bic, each.model)

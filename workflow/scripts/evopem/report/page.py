@@ -18,8 +18,6 @@ from evopem.results.dataset import DatasetResults
 
 # They draw and write the page; the libraries behind the numbers are listed in the model.
 REPORT_LIBRARIES = ("pandas", "matplotlib", "jinja2", "snakemake")
-# The folder of times of a phase, where it has another name.
-TIMES = {"structures": "search_structure", "chosen": "complete_model"}
 STAGE_NAMES = {"identification": "All stages, in one job"}
 BEFORE = ("read_recording", "prepare", "estimate_spectrum")
 PHASES = ("estimate_candidates", "select_candidate")
@@ -94,7 +92,7 @@ def stages(view: View, wall_clock: Mapping[str, float]) -> list[Stage]:
     for phase, tried in (
         () if view.candidates is None else view.candidates.groupby("phase", sort=False)
     ):
-        seconds = left.pop(TIMES.get(phase, phase), None)
+        seconds = left.pop(phase, None)
         name = f"Search of {PHASE_NAMES.get(phase, phase)}"
         searches.append(Stage(name, seconds, len(tried), int(tried["evaluations"].sum())))
     known = {

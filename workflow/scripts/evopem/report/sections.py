@@ -219,7 +219,7 @@ def recording_rows(results: DatasetResults) -> list[tuple[str, int, int, int, fl
 
 
 # What the phases of an order search decide, where their names do not say it.
-PHASE_NAMES = {"joint": "plant order", "structures": "all structures", "chosen": "chosen model"}
+PHASE_NAMES = {"joint": "plant order"}
 
 
 def _selection(view: View) -> dict[str, Any]:

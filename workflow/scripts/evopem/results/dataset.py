@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
 
+from evopem.automatic.candidates import Candidate as ScoredCandidate
 from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import DecisionRecord
 from evopem.automatic.remedies import Remedied
@@ -54,9 +56,9 @@ class DatasetResults:
     spectrum: pd.DataFrame
     time_response: pd.DataFrame
     spectrum_summaries: tuple[SpectrumSummary, ...]  # of each output
-    # By the names of the phases of the order search, in their order; of one channel
+    # By the names of the phases of the order search, in their order
     phases: dict[str, PhaseSelection]
-    searches: tuple[StructureSearch, ...] = ()  # of several channels, like the choice
+    searches: tuple[StructureSearch, ...] = ()  # of the automatic recipe, like the choice
     choice: Choice | None = None
 
     @property
@@ -75,12 +77,7 @@ class DatasetResults:
         """What the checks of the model judge."""
         ranges = ranges_of_phases(self.phases)
         if self.choice is not None:
-            chosen = self.choice.candidate
-            ranges = searched_range(
-                self.model,
-                chosen.order,
-                next(each for each in self.searches if each.structure == chosen.structure),
-            )
+            ranges = searched_range(self.choice.candidate, self.searches)
         return Evidence(
             *(self.model, self.validation, self.recording_info, ranges),
             self.decisions is not None,
@@ -93,14 +90,20 @@ class DatasetResults:
 
 
 def searched_range(
-    model: ModelRecord, order: int, search: StructureSearch
+    chosen: ScoredCandidate, searches: Sequence[StructureSearch]
 ) -> tuple[OrderRange, ...]:
-    """The range of the orders of a structure that were searched for several channels."""
-    tried = min(search.orders), max(search.orders)
-    name, key = ("states of the plant", "orders.nx")
-    if model.orders is not None:
-        name, key = "largest degree of A and F", "orders.joint"
-    return (OrderRange(name, key, order, *tried, least=min(tried)),)
+    """The range of the orders of a structure that were searched; none where it came of a remedy.
+
+    A range that nobody gives begins with 1 or 2.
+    """
+    tried = [each for s in searches if s.structure == chosen.structure for each in s.orders]
+    if not tried:
+        return ()
+    name, key = "states of the plant", "orders.nx"
+    if chosen.polynomials is not None:
+        key = "orders.joint"
+        name = "coefficients of B" if chosen.structure == "fir" else "largest degree of A and F"
+    return (OrderRange(name, key, chosen.order, min(tried), max(tried), least=2),)
 
 
 def read_whole_results(files: DatasetFiles) -> DatasetResults:
@@ -113,14 +116,10 @@ def read_results(files: DatasetFiles) -> DatasetResults:
     """The results of one data set; an `InputError` names a file that is missing or damaged."""
     settings = read_settings(files.config)
 
-    single = settings.is_single_channel
-
     def tables(*names: str) -> dict[str, pd.DataFrame]:
         return {name: read_table(getattr(files, name)) for name in names}
 
-    phases = phases_of_dataset(settings) if single else ()
-    structures = () if single else searched_forms(settings)
-    is_automatic = not single or settings.automatic is not None
+    is_automatic = settings.automatic is not None
     validation_info = files.validation_recording_info
     return DatasetResults(
         settings=settings,
@@ -139,9 +138,9 @@ def read_results(files: DatasetFiles) -> DatasetResults:
         truth=load(Truth, files.truth) if Path(files.truth).exists() else None,
         decisions=load(DecisionRecord, files.decisions) if is_automatic else None,
         spectrum_summaries=load(tuple[SpectrumSummary, ...], files.spectrum_summary),
-        phases={phase: load(PhaseSelection, files.phase(phase)) for phase in phases},
-        searches=tuple(load(StructureSearch, files.search(name)) for name in structures),
-        choice=None if single else load(Remedied, files.decision("remedies")).choice,
+        phases={phase: load(PhaseSelection, files.phase(phase)) for phase in phases_of_dataset(settings)},
+        searches=tuple(load(StructureSearch, files.search(name)) for name in searched_forms(settings)),
+        choice=load(Remedied, files.decision("remedies")).choice if is_automatic else None,
     )
 
 

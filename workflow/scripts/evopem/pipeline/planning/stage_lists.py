@@ -16,7 +16,6 @@ from evopem.config.structures import (
     AUTOMATIC_STRUCTURES,
     is_polynomial,
     searched_forms,
-    searched_structures,
 )
 from evopem.pipeline.planning.constraint_plan import known_rate
 from evopem.results.layout import DatasetFiles
@@ -54,8 +53,6 @@ def holds(condition: str, settings: DatasetSettings) -> bool:
 
 def structures(task: Task) -> tuple[str, ...]:
     """The structures that are searched."""
-    if task.settings.is_single_channel:
-        return searched_structures(_automatic(task).structure)
     return searched_forms(task.settings)
 
 
@@ -78,9 +75,8 @@ def purposes(task: Task) -> tuple[str, ...]:
 
 
 def _phases(task: Task) -> tuple[str, ...]:
-    """The phases of an order search; of one channel also those in their place."""
-    settings = task.settings
-    return order_grid.phases_of_dataset(settings) if settings.is_single_channel else ()
+    """The phases of an order search."""
+    return order_grid.phases_of_dataset(task.settings)
 
 
 def _part_count(task: Task) -> int:
@@ -99,9 +95,8 @@ def _automatic(task: Task) -> AutomaticSettings:
 
 
 def compared_phase(task: Task) -> str | None:
-    """The phase over whose models the modes of one channel are compared."""
-    settings = task.settings
-    return order_grid.phase_of_orders_of(settings) if settings.is_single_channel else None
+    """The phase over whose models the modes are compared; None for the automatic recipe."""
+    return order_grid.phase_of_orders_of(task.settings)
 
 
 def _previous(task: Task) -> list[str]:
@@ -139,11 +134,11 @@ LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
     "decided": _where("automatic", *(f"decision:{each}" for each in DECIDED)),
     "chosen": _where("automatic", "decision:comparison", "decision:remedies"),
     "selected": _where("not automatic", "phase:{last}"),
-    "found": _where("automatic", "phase:{phases}", "decision:search"),
+    "found": _where("automatic", "decision:search"),
     "searched": _where("automatic", "search:{structures}", "decision:search"),
     "decisions": _where("automatic", "decisions"),
-    "models": _where("not is_single_channel", "models_of_orders:{structure}"),
-    "models_of_orders": _where("not is_single_channel", "models_of_orders:{structures}"),
+    "models": _where("automatic", "models_of_orders:{structure}"),
+    "models_of_orders": _where("automatic", "models_of_orders:{structures}"),
 }
 """What words in the inputs and outputs of stages stand for."""
 
@@ -216,7 +211,6 @@ ARGUMENTS: Mapping[str, Value] = {
     "given": lambda task: order_grid.given_preparation(task.settings),
     "requirements": _requirements,
     "of_polynomials": "is_single_channel",
-    "with_models": lambda task: not task.settings.is_single_channel,
     "nested": _nested,
     "structures": structures,
     "phases": _phases,

@@ -73,7 +73,7 @@ STAGES = (
         "searching the orders of {structure} models",
         inputs=("search:{nested}", *_SCORED),
         outputs=("search:{structure}", "{models}"),
-        given=("fits", "nested", "with_models"),
+        given=("fits", "nested"),
         settings={"settings": of.orders_of_structure},
         wildcards={"structure": "structures"},
     ),

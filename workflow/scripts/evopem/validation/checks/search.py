@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from evopem.config.structures import AUTOMATIC_PHASES, plant_order, varied_order
+from evopem.config.structures import varied_order
 from evopem.estimation.search.certificate import (
     MANY_OPTIMA,
     POLYNOMIALS,
@@ -27,23 +27,10 @@ RANGES = {
     "nb": (".orders.nb", 1),
 }
 REPEATABLE = "Search repeatable"
-STRUCTURES_PHASE, CHOSEN_PHASE = AUTOMATIC_PHASES
 
 
 def ranges_of_phases(phases: Mapping[str, PhaseSelection]) -> tuple[OrderRange, ...]:
     """The ranges of the orders that were searched one after the other."""
-    if STRUCTURES_PHASE in phases:
-        orders = phases[CHOSEN_PHASE].orders
-        order = plant_order(orders.structure)
-        tried = [
-            getattr(each.orders.single, order)
-            for each in phases[STRUCTURES_PHASE].candidates
-            if each.orders.structure == orders.structure
-        ]
-        if not tried:
-            return ()
-        value = getattr(orders.single, order)
-        return (OrderRange(order, "orders.joint", value, min(tried), max(tried)),)
     ranges = []
     for phase, selection in phases.items():
         key, least = RANGES[phase]
