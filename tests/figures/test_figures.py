@@ -20,7 +20,7 @@ from evopem.figures.orders import convergence, delay, phases, stabilization
 from evopem.figures.style import svg_text
 from evopem.figures.time_domain import settling_part, shown_samples
 from evopem.figures.view import View, view_of
-from evopem.models.mode_matching import StabilizationPole
+from evopem.models.mode_matching import PoleOfOrder
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.layout import FIGURES
 
@@ -163,10 +163,10 @@ class WithPoles(View):
     """A view with three orders of poles."""
 
     poles_of_orders = (
-        StabilizationPole(4, 10.0, 0.1, "new"),
-        StabilizationPole(5, 10.0, 0.1, "frequency"),
-        StabilizationPole(6, 10.0, 0.1, "stable"),
-        StabilizationPole(6, 30.0, 0.1, "new"),
+        PoleOfOrder(4, 10.0, 0.1, "new"),
+        PoleOfOrder(5, 10.0, 0.1, "frequency"),
+        PoleOfOrder(6, 10.0, 0.1, "stable"),
+        PoleOfOrder(6, 30.0, 0.1, "new"),
     )
 
 

@@ -9,8 +9,7 @@ import pytest
 from evopem.models.mode_matching import (
     SAME_MODE,
     cluster_modes,
-    damping_deviation,
-    frequency_deviation,
+    deviations,
     match_modes,
     mode_distance,
 )
@@ -49,15 +48,13 @@ def test_pairs_are_those_of_an_exhaustive_search(seed):
 def test_deviations_are_in_standard_errors():
     truth = Mode(5.36, 0.0100, 0j)
     estimate = Mode(5.40, 0.0095, 0j, frequency_se_hz=0.1, damping_se=0.001)
-    assert frequency_deviation(estimate, truth) == pytest.approx(0.4)
-    assert damping_deviation(estimate, truth) == pytest.approx(-0.5)
+    assert deviations(estimate, truth) == pytest.approx((0.4, -0.5))
 
 
 @pytest.mark.parametrize("error", [math.nan, math.inf, 0.0])
 def test_deviations_are_not_known_without_a_standard_error(error):
     estimate = Mode(5.4, 0.01, 0j, frequency_se_hz=error, damping_se=error)
-    assert math.isnan(frequency_deviation(estimate, Mode(5.36, 0.01, 0j)))
-    assert math.isnan(damping_deviation(estimate, Mode(5.36, 0.01, 0j)))
+    assert all(map(math.isnan, deviations(estimate, Mode(5.36, 0.01, 0j))))
 
 
 FIRST, SECOND = np.array([1.0, 0.3, -0.5]) + 0j, np.array([-0.2, 1.0, 0.4]) + 0j

@@ -6,9 +6,9 @@ Tables name the channels in their columns output and input.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -17,7 +17,7 @@ from evopem.config.structures import structure_name
 from evopem.errors import InputError
 from evopem.estimation.model_record import FORMS
 from evopem.figures.style import ratio_unit, with_unit
-from evopem.models.mode_matching import StabilizationPole, stabilization
+from evopem.models.mode_matching import PoleOfOrder
 from evopem.results.dataset import DatasetResults
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.spectra import multitaper_spectrum
@@ -140,7 +140,7 @@ class View:
     def stabilization(self) -> pd.DataFrame:
         """Poles over the orders, each with its status."""
         columns = ["order", "frequency_hz", "damping_ratio", "status"]
-        table = pd.DataFrame([asdict(pole) for pole in self.poles_of_orders], columns=columns)
+        table = pd.DataFrame([vars(pole) for pole in self.poles_of_orders], columns=columns)
         table.insert(2, "damping_percent", 100 * table.pop("damping_ratio"))
         return table
 
@@ -247,14 +247,10 @@ class View:
         columns = ["kind", "real", "imag", "radius", "variance_real", "variance_imag", "covariance"]
         return pd.DataFrame(rows, columns=columns)
 
-    @cached_property
-    def poles_of_orders(self) -> Sequence[StabilizationPole]:
+    @property
+    def poles_of_orders(self) -> Sequence[PoleOfOrder]:
         """Poles over the orders, each compared with the next lower order."""
-        table = self.results.validation.modes
-        by_order: dict[int, list[Any]] = {order: [] for order in table.orders}
-        for pole in table.poles:
-            by_order.setdefault(pole.order, []).append(pole)
-        return stabilization(by_order)
+        return self.results.validation.modes.poles
 
     @cached_property
     def signals(self) -> pd.DataFrame:

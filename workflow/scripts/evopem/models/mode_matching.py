@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -115,18 +115,17 @@ def matched_modes(models: Sequence[Sequence[Mode]]) -> list[tuple[Mode | None, .
     return sorted(map(tuple, rows), key=lambda row: next(filter(None, row)).frequency_hz)
 
 
-def frequency_deviation(estimate: Mode, truth: Mode) -> float:
-    """Estimate minus truth of the natural frequency, in its standard errors; NaN without any."""
-    return _deviation(estimate.frequency_hz - truth.frequency_hz, estimate.frequency_se_hz)
-
-
-def damping_deviation(estimate: Mode, truth: Mode) -> float:
-    """Estimate minus truth of the damping ratio, in its standard errors; NaN without any."""
-    return _deviation(estimate.damping_ratio - truth.damping_ratio, estimate.damping_se)
-
-
-def _deviation(difference: float, error: float) -> float:
-    return difference / error if math.isfinite(error) and error > 0.0 else math.nan
+def deviations(estimate: Mode, truth: Mode) -> tuple[float, float]:
+    """Estimate minus truth of frequency and damping, in standard errors; NaN without any."""
+    differences = (
+        (estimate.frequency_hz - truth.frequency_hz, estimate.frequency_se_hz),
+        (estimate.damping_ratio - truth.damping_ratio, estimate.damping_se),
+    )
+    of_frequency, of_damping = (
+        difference / error if math.isfinite(error) and error > 0.0 else math.nan
+        for difference, error in differences
+    )
+    return of_frequency, of_damping
 
 
 def mode_distance(first: Mode, second: Mode) -> float:
@@ -188,23 +187,11 @@ def _loss_by_noise(mode: Mode) -> float:
     return 1.0 - mode.shape_assurance if math.isfinite(mode.shape_assurance) else 0.0
 
 
-class ModeOfOrder(Protocol):
-    """What is compared of a mode."""
-
-    @property
-    def frequency_hz(self) -> float:
-        """Natural frequency in Hz."""
-
-    @property
-    def damping_ratio(self) -> float:
-        """Damping ratio."""
-
-
 Status = Literal["new", "frequency", "stable"]
 
 
 @dataclass(frozen=True)
-class StabilizationPole:
+class PoleOfOrder:
     """An oscillating pole at one order of a stabilization diagram.
 
     Its status compares it with the poles of the next lower order: none at this frequency, one at
@@ -215,25 +202,35 @@ class StabilizationPole:
     frequency_hz: float
     damping_ratio: float
     status: Status
+    frequency_se_hz: float = math.nan
+    damping_se: float = math.nan
+    phase_collinearity: float = math.nan
+    mode: int | None = None  # row of the table of modes that it belongs to
 
 
-def stabilization(modes: Mapping[int, Sequence[ModeOfOrder]]) -> list[StabilizationPole]:
+def stabilization(
+    modes: Mapping[int, Sequence[Mode]], row_of: Mapping[tuple[int, int], int] | None = None
+) -> list[PoleOfOrder]:
     """Modes by the order of their model, each compared with those of the next lower order.
 
-    By order, then as they are given.
+    ``row_of``: rows of the table of modes by order and index.  By order, then as they are given.
     """
-    poles: list[StabilizationPole] = []
-    below: Sequence[ModeOfOrder] = []
+    poles: list[PoleOfOrder] = []
+    below: Sequence[Mode] = []
     for order in sorted(modes):
         poles += [
-            StabilizationPole(order, each.frequency_hz, each.damping_ratio, _status(each, below))
-            for each in modes[order]
+            PoleOfOrder(
+                *(order, mode.frequency_hz, mode.damping_ratio, _status(mode, below)),
+                *(mode.frequency_se_hz, mode.damping_se, mode.phase_collinearity),
+                (row_of or {}).get((order, index)),
+            )
+            for index, mode in enumerate(modes[order])
         ]
         below = modes[order]
     return poles
 
 
-def persistent_frequencies(poles: Sequence[StabilizationPole]) -> list[float]:
+def persistent_frequencies(poles: Sequence[PoleOfOrder]) -> list[float]:
     """Median natural frequencies in Hz of the modes that persist over the orders.
 
     Stable poles are grouped by frequency. A group persists when it covers
@@ -254,7 +251,7 @@ def persistent_frequencies(poles: Sequence[StabilizationPole]) -> list[float]:
     ]
 
 
-def _status(mode: ModeOfOrder, below: Sequence[ModeOfOrder]) -> Status:
+def _status(mode: Mode, below: Sequence[Mode]) -> Status:
     width = FREQUENCY_TOLERANCE * mode.frequency_hz
     near = [other for other in below if abs(other.frequency_hz - mode.frequency_hz) <= width]
     if not near:

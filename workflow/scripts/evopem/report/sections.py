@@ -23,7 +23,7 @@ from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import FitRecord
 from evopem.figures.shapes import ShapeDrawing
 from evopem.figures.view import View
-from evopem.models.mode_matching import damping_deviation, frequency_deviation, matched_modes
+from evopem.models.mode_matching import deviations, matched_modes
 from evopem.models.modes import Mode
 from evopem.models.structures import armax_orders
 from evopem.report import equations
@@ -59,8 +59,7 @@ class ModeRow:
         """Estimate minus truth of frequency and damping in standard errors; NaN where not known."""
         if self.estimate is None or self.truth is None:
             return math.nan, math.nan
-        both = self.estimate, self.truth
-        return frequency_deviation(*both), damping_deviation(*both)
+        return deviations(self.estimate, self.truth)
 
 
 def mode_rows(*beside: Sequence[Mode]) -> list[ModeRow]:

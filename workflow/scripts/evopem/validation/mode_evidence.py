@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.mode_matching import OrderModel, cluster_modes
+from evopem.models.mode_matching import OrderModel, PoleOfOrder, cluster_modes, stabilization
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
 from evopem.models.response_tables import Column, shaped_modes_table
@@ -54,19 +54,6 @@ NO_DECAY = 1e-6
 # Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
 # expected to have with the true one: that of well correlated shapes (Ewins 2000).
 POLES_APART, KNOWN_SHAPE = 0.01, 0.9
-
-
-@dataclass(frozen=True)
-class PoleOfOrder:
-    """A pole of a stabilisation diagram."""
-
-    order: int
-    frequency_hz: float
-    damping_ratio: float
-    frequency_se_hz: float
-    damping_se: float
-    phase_collinearity: float
-    mode: int | None  # row of the table that it belongs to
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,18 +201,11 @@ def table_of_models(
         row_of |= {(order, index): len(judged) for order, index in group.items()}
         of_mode = tests[order][group[order]]
         judged.append(_judged(found, group, of_mode, by_order, samples[order]))
-    poles = tuple(
-        PoleOfOrder(
-            *(order, mode.frequency_hz, mode.damping_ratio, mode.frequency_se_hz, mode.damping_se),
-            *(mode.phase_collinearity, row_of.get((order, index))),
-        )
-        for order, each in by_order.items()
-        for index, mode in enumerate(each.modes)
-    )
+    poles = stabilization({order: each.modes for order, each in by_order.items()}, row_of)
     rows = _with_pairs(judged, by_order, row_of)
     shapes = [each.mode.shape for each in rows]
     alike = tuple(tuple(round(assurance(a, b), 12) for b in shapes) for a in shapes)
-    return ModeTable(chosen, tuple(by_order), rows, poles, alike)
+    return ModeTable(chosen, tuple(by_order), rows, tuple(poles), alike)
 
 
 def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> ModeTable:
