@@ -111,9 +111,7 @@ def _matrices(o: Orders, parameters: NDArray) -> tuple[NDArray, ...]:
 def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceModel:
     """A plant without noise model and a noise model without input in one model, the plant first.
 
-    A = [[A_plant, 0], [0, A_noise]], C = [C_plant, C_noise], K = [0; K_noise]: the state-space
-    counterpart of a Box-Jenkins model (Ljung 1999, section 4.3).  Their entries are independent:
-    they are estimated one after the other.
+    The state-space counterpart of a Box-Jenkins model; entries of the two are independent.
     """
     model = _stacked(plant, noise)
     if plant.covariance is None or noise.covariance is None:

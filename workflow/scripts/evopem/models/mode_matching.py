@@ -1,10 +1,7 @@
 """The same mode in several models: paired with a reference, or grouped over all orders.
 
-Modes are paired with those of a reference by frequency.  Poles of different orders belong to one
-mode where they agree within their standard errors or the usual tolerances of modal analysis, and a
-mode has at most one pole of an order.  The nearest pairs are joined first, so that two close modes,
-both of which every order has, stay apart.  A stabilization diagram compares each pole with those of
-the next lower order: poles of a structure stay where they are, poles that fit noise do not.
+Poles of different orders belong to one mode where they agree within their standard errors or the
+usual tolerances of modal analysis; a mode has at most one pole of an order.
 """
 
 from __future__ import annotations
@@ -77,12 +74,10 @@ class OrderModels:
 
 
 def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[int, int]:
-    """Pair modes by natural frequency, each at most once.
+    """Pair modes by natural frequency, each at most once: index of the reference by that of estimates.
 
-    As many modes as possible are paired, with the least sum of squared distances in the logarithm
-    of frequency (an assignment problem). Modes further apart than :data:`SAME_MODE` are not
-    paired.
-    Returns the index of the reference, by index of the estimate.
+    As many as possible, none further apart than :data:`SAME_MODE`, with the least sum of squared
+    distances in the logarithm of frequency.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -131,8 +126,7 @@ def deviations(estimate: Mode, truth: Mode) -> tuple[float, float]:
 def mode_distance(first: Mode, second: Mode) -> float:
     """Distance of two estimates of what may be one mode; above 1 they are not.
 
-    The largest of three differences, each relative to what is allowed: of frequency, of damping
-    ratio, and of shape, ``1 - MAC``.
+    The largest of the differences of frequency, damping and shape, relative to what is allowed.
     """
     frequency = 0.5 * (first.frequency_hz + second.frequency_hz)
     damping = 0.5 * (abs(first.damping_ratio) + abs(second.damping_ratio))
@@ -147,10 +141,9 @@ def mode_distance(first: Mode, second: Mode) -> float:
 
 
 def cluster_modes(modes: Mapping[int, Sequence[Mode]]) -> list[dict[int, int]]:
-    """Group the modes of models of several orders.
+    """Group the modes of models of several orders, the nearest pairs first.
 
-    ``modes``: by the order of their model.  Returns groups, by increasing median frequency: the
-    index of the mode in the model of each order that has it.
+    Returns the index of the mode by order for each group, by increasing median frequency.
     """
     nodes = [(order, index) for order in sorted(modes) for index in range(len(modes[order]))]
     pairs = []
@@ -233,8 +226,7 @@ def stabilization(
 def persistent_frequencies(poles: Sequence[PoleOfOrder]) -> list[float]:
     """Median natural frequencies in Hz of the modes that persist over the orders.
 
-    Stable poles are grouped by frequency. A group persists when it covers
-    :data:`PERSISTENT_ORDERS` orders; a pole that is stable at n - 1 orders was present at n.
+    Stable poles are grouped by frequency; one that is stable at n - 1 orders was present at n.
     """
     stable = sorted(
         (pole for pole in poles if pole.status == "stable"), key=lambda pole: pole.frequency_hz

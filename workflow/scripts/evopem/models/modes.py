@@ -104,10 +104,9 @@ def modes_of(coefficients: Array, sampling_rate: float) -> list[Mode]:
 
 
 def pole_mode(coefficients: Array, pole: complex, sampling_rate: float) -> tuple[Array, Array]:
-    """Frequency in Hz and damping ratio of one pole, (2,), and their derivatives, (2, na).
+    """Frequency in Hz and damping ratio of one root of ``1, a_1 ... a_na``, and derivatives, (2, na).
 
-    ``coefficients`` (na,): ``a_1 ... a_na``.  ``pole``: A root; for zero, and for a repeated root,
-    the derivatives are taken for zero.  ``sampling_rate``: Hz.
+    For a pole of zero, and for a repeated one, the derivatives are taken for zero.
     """
     if pole == 0.0:
         return np.array([sampling_rate, 1.0]), np.zeros((2, len(coefficients)))
@@ -128,9 +127,7 @@ def state_space_modes(
 ) -> list[Mode]:
     """Modes of ``x+ = A x + B u + K e, y = C x + ...``, by frequency.
 
-    ``A`` (n, n).  ``B`` (n, m).  ``C`` (l, n).  ``K`` (n, l).  ``levels``: entries that follow
-    ``[A, B, C, D, K]`` in the covariance.  ``sampling_rate``: Hz.  ``covariance``: of ``[A, B, C,
-    D, K, level]``, row by row; propagated to first order.
+    ``levels``: entries that follow ``[A, B, C, D, K]``, row by row, in the covariance.
     """
     poles, right, left = _eigenvectors(A)
     adjoint: Complex = left.conj().T.astype(complex)
@@ -192,8 +189,7 @@ def _scale(shape: Complex) -> complex:
 def _eigenvectors(A: Array) -> tuple[Complex, Complex, Complex]:
     """Eigenvalues, right and left eigenvectors with ``left[:, k]^H right[:, k] = 1``.
 
-    Left vectors of defective eigenvalues, such as repeated ones at zero, are zero: these have no
-    part of their own.
+    Left vectors of defective eigenvalues, such as repeated ones at zero, are zero.
     """
     from scipy.linalg import eig
 

@@ -1,8 +1,7 @@
 """Covariance of estimated parameters in factored form, with the directions the data do not show.
 
-A covariance matrix alone has two weaknesses.  Propagated through a Jacobian in floating point it
-can give negative variances where the parameters are almost linearly dependent, and it has no
-honest entry for a direction of infinite variance.  The factored form has neither weakness.
+A matrix alone can give negative variances where the parameters are almost linearly dependent, and
+has no entry for a direction of infinite variance.
 """
 
 from __future__ import annotations
@@ -23,17 +22,9 @@ CANCELLATION = 1e-6
 class ParameterCovariance:
     """Covariance ``factor @ factor.T`` of parameters, infinite along unidentifiable directions.
 
-    NumPy functions see it as its :attr:`matrix`.
-
-    Attributes
-    ----------
-    factor : (n, r) array
-        A square root of the covariance in the identifiable directions.
-    null_space : (n, k) array
-        Basis of the unidentifiable directions, the null space of the information matrix;
-        k = 0 where the data determine every parameter.
-
-    A Jacobian may have fewer columns: its functions do not depend on the last parameters.
+    ``factor``, (n, r): a square root of it in the others.  ``null_space``, (n, k): their basis.
+    NumPy functions see its :attr:`matrix`.  A Jacobian may have fewer columns: its functions do not
+    depend on the last parameters.
     """
 
     factor: Array
@@ -41,13 +32,10 @@ class ParameterCovariance:
 
     @classmethod
     def from_matrix(cls, matrix: ArrayLike) -> ParameterCovariance:
-        """The factored form of a covariance matrix, (n, n).
+        """The factored form of a covariance matrix, (n, n); ValueError when it is not square.
 
         A parameter whose variance is not finite is unidentifiable.  Eigenvalues of the correlation
-        matrix below its rounding error, negative ones among them, are raised to that error: the
-        variance of what depends on them is then an upper bound.
-
-        Raises ValueError when the matrix is not square.
+        matrix below its rounding error are raised to that error.
         """
         covariance = np.asarray(matrix, dtype=float)
         if covariance.ndim != 2 or covariance.shape[0] != covariance.shape[1]:
@@ -68,11 +56,7 @@ class ParameterCovariance:
 
     @property
     def matrix(self) -> Array:
-        """The covariance matrix, (n, n).
-
-        Infinite variance for a parameter with a component in the null space, and NaN for its
-        covariances with others.
-        """
+        """The covariance matrix, (n, n), as :meth:`of` has it."""
         return self.of(np.eye(len(self.factor)))
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray:

@@ -214,16 +214,9 @@ class Polynomials:
     ) -> Array:
         """One-step prediction errors ``e = (D/C) (A y - sum (B_i/F_i) u_i - level)``, (N,).
 
-        Parameters
-        ----------
-        inputs : (N,) or (N, m) array_like
-        output : (N,) array_like
-        plant_state : (nf_1 + ... + nf_m,) array, optional
-            What the past adds to the first nf_i equations of ``F_i x_i = -B_i u_i``.
-        noise_state : (max(nc, nd),) array, optional
-            What the past adds to the first equations of ``C e = D v``.
-        start : int, optional
-            First residual, by default ``orders.first_residual``.  Earlier residuals are NaN.
+        Of (N,) or (N, m) inputs and (N,) outputs.  ``plant_state``, (nf_1 + ... + nf_m,): what the past
+        adds to the first nf_i equations of ``F_i x_i = -B_i u_i``; ``noise_state``, (max(nc, nd),): to
+        those of ``C e = D v``.  NaN before ``start``, by default ``orders.first_residual``.
         """
         from scipy.signal import lfilter
 

@@ -30,11 +30,9 @@ def max_root_radius(coefficients: Array) -> float:
 
 
 def powers_of_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
-    """Write a ratio of polynomials in q^-1 in descending powers of z, without leading zeros.
+    """Write a ratio of polynomials in q^-1, lag 0 first, in descending powers of z.
 
-    The delay is then the difference of the degrees.
-
-    ``numerator`` (m,), ``denominator`` (n,): coefficients from lag 0 on; the latter begins with 1.
+    Without leading zeros: the delay is then the difference of the degrees.
     """
     length = max(len(numerator), len(denominator))
     above = np.pad(numerator, (0, length - len(numerator)))
@@ -44,13 +42,10 @@ def powers_of_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:
 
 
 def reflect_into_disc(coefficients: Array, radius: float) -> Array:
-    """Coefficients whose roots lie within ``radius``, of many polynomials at once.
+    """Coefficients whose roots lie within ``radius``, of many polynomials, (M, m), at once.
 
-    Roots outside the unit circle are replaced by their reflection ``1/conj(z)``, which leaves the
-    magnitude of the frequency response as it was but for a constant (Söderström & Stoica 1989);
-    roots that still lie beyond ``radius`` are drawn in to it along their ray.
-
-    ``coefficients`` (M, m).  Returns (M, m).
+    Roots outside the unit circle are replaced by ``1/conj(z)``, which leaves the shape of the
+    frequency response (Söderström & Stoica 1989); those still beyond ``radius`` are drawn in.
     """
     count, m = coefficients.shape
     companions = np.zeros((count, m, m))
@@ -72,8 +67,7 @@ def reflect_into_disc(coefficients: Array, radius: float) -> Array:
 def root_gradient(coefficients: Array, root: complex) -> NDArray[np.complex128]:
     """Derivative of a root with respect to every coefficient of its polynomial in z.
 
-    For p(z) = Σ c_i z^(n−i) and p(r) = 0: dr/dc_i = −r^(n−i) / p'(r). Not finite at a repeated
-    root, which has no derivative.
+    dr/dc_i = −r^(n−i) / p'(r); not finite at a repeated root.
     """
     degree = coefficients.size - 1
     powers = root ** np.arange(degree, -1, -1)
@@ -86,8 +80,7 @@ def uncertain_roots(
 ) -> list[tuple[complex, Array]]:
     """Roots of a polynomial, highest power first, with the covariance of real and imaginary part.
 
-    ``covariance``: of the coefficients, as of :func:`root_covariance`; (2, 2), NaN where it is not
-    known or not finite.
+    As of :func:`root_covariance`, (2, 2); NaN where it is not known or not finite.
     """
     found = []
     for root in map(complex, np.roots(coefficients)):
@@ -103,9 +96,8 @@ def root_covariance(
 ) -> Array:
     """Covariance of a root's real and imaginary part, to first order, (2, 2).
 
-    ``coefficients`` (n + 1,), highest power first; ``covariance`` of them, or of all but the first
-    where that is a 1 known exactly.  Infinite variances where the data do not determine the root,
-    NaN for a repeated root.
+    ``covariance`` of all ``coefficients``, highest power first, or of all but a leading 1.  Infinite
+    where the data do not determine the root, NaN for a repeated root.
     """
     if not isinstance(covariance, ParameterCovariance):
         covariance = ParameterCovariance.from_matrix(covariance)

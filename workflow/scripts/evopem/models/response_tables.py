@@ -68,21 +68,9 @@ def response_interval(
     """95 % confidence intervals of gains, and standard errors of phases in radians, (M, l, m) each.
 
     The parameter covariance is propagated to ``ln G``, whose real part is ``ln |G|`` and whose
-    imaginary part is the phase, to first order (Ljung 1999, section 9.4), so that an interval has
-    the same width in decibels above and below.  Of ``G`` at (M,) frequencies in Hz, or with
-    ``noise`` of ``H``, (M, l, l).  NaN where the gain is zero, where the
-    covariance is not known, and where the response depends on a direction that the data do not
-    determine, as between the lines of a periodic input.  The upper end is infinite where it leaves
-    the range of numbers.
-
-    Examples
-    --------
-    >>> from evopem.models.parameter_covariance import ParameterCovariance
-    >>> covariance = ParameterCovariance.from_matrix(1e-4 * np.eye(2))
-    >>> model = PolynomialModel([1, -0.5], [2.0], nk=1, covariance=covariance)
-    >>> lower, upper, _ = response_interval(model, [0.0])  # around the gain 4
-    >>> lower.round(3), upper.round(3)
-    (array([[[3.842]]]), array([[[4.165]]]))
+    imaginary part is the phase, to first order (Ljung 1999, section 9.4).  Of ``G`` at (M,)
+    frequencies in Hz, or with ``noise`` of ``H``, (M, l, l).  NaN where the gain is zero or depends
+    on what the data do not determine, as between the lines of a periodic input.
     """
     frequencies = np.asarray(frequencies, dtype=float)
     response = (model.noise_response if noise else model.frequency_response)(frequencies)

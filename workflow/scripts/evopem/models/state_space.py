@@ -232,12 +232,9 @@ class StateSpaceModel:
     ) -> Array:
         """Simulation, (N, ny), from the initial state that the first outputs make most probable.
 
-        Of normal states with the second moments of a simulation from rest, in noise of the size
-        that the least-squares state leaves over the first outputs: a state that they hardly
-        determine, as of poles that zeros nearly cancel, stays small instead of growing over the
-        samples behind them.  Of (N, nu) inputs and (N, ny) outputs the first ``known`` samples
-        count, at least 1.  With ``free_level`` a constant is fitted to them as well; ``robust``
-        takes the least absolute instead of squared errors.
+        Of normal states with the second moments of a simulation from rest, in noise of the size that
+        the least-squares state leaves over the first ``known`` outputs: a state that these hardly
+        determine stays small.  ``free_level`` and ``robust`` as of :meth:`simulate_from_fitted_state`.
         """
         return self._simulated(inputs, outputs, known, free_level, robust)
 

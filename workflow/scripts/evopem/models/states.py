@@ -33,8 +33,8 @@ def fitted(
 ) -> Array:
     """Coefficients, (k,), of columns, (N, ny, k), that fit a target, (N, ny), best.
 
-    Least squares relative to the spread, (ny,), of each output; ``robust``: by reweighting nearly
-    least absolute errors.  ``prior`` (M, k): further rows, of target 0, that are not reweighted.
+    Relative to the spread, (ny,); ``robust``: nearly least absolute errors by reweighting.
+    ``prior`` (M, k): further rows, of target 0, that are not reweighted.
     """
     scale = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
     rows, aim = (columns * scale[:, None]).reshape(-1, columns.shape[2]), (target * scale).ravel()

@@ -189,10 +189,8 @@ def orders_of(
 ) -> Orders:
     """Orders of a structure from a mapping of names, or from MATLAB's tuple for that structure.
 
-    ``structure``: A key of :data:`STRUCTURES`.  ``orders``: of nb, nf and nk one number for all
-    inputs, or a sequence with one for each.  A mapping may leave out orders that are 0.  ValueError
-    when the structure is not known, does not have an order that is given, or a sequence is not as
-    long as there are inputs.
+    Of nb, nf and nk one number for all inputs, or one for each; a mapping may leave out orders that
+    are 0.  ValueError when structure and orders do not fit.
     """
     if structure not in STRUCTURES:
         raise ValueError(f"structure must be one of {', '.join(STRUCTURES)}, not {structure!r}")

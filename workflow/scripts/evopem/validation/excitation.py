@@ -1,8 +1,4 @@
-"""How well inputs excite a model, and whether both parts of a split have power alike.
-
-A model is valid where its input had power.  Validation samples with power at other frequencies
-test extrapolation: a sweep cut in two is the plain case.
-"""
+"""How well inputs excite a model, and whether both parts of a split have power alike."""
 
 from __future__ import annotations
 
@@ -32,12 +28,10 @@ LONGEST_SEGMENT = 8192
 
 
 def excitation_order(inputs: ArrayLike, largest: int) -> int:
-    """Number of directions of the input's past that it excites, out of ``largest``.
+    """Number of directions of the past of an input, (N,), that it excites, out of ``largest``.
 
-    ``inputs`` (N,): the input; its mean is removed.  ``largest``: size of the covariance matrix, na
-    + nb for an ARMAX model.  Returns the number of its eigenvalues above 10⁻⁴ of the biggest;
-    ``largest`` means persistently exciting of that order in practice, not only in rank (Ljung 1999,
-    chapter 13).
+    Eigenvalues of its covariance above 10⁻⁴ of the biggest: persistent excitation of that order in
+    practice (Ljung 1999, chapter 13).
     """
     u = np.asarray(inputs, dtype=float)
     if u.size < largest or largest < 1 or np.ptp(u) == 0:
@@ -70,8 +64,7 @@ def split_spectra(
 ) -> SplitSpectra:
     """Compare the input's multitaper spectra in the estimation and the validation part.
 
-    Both are averages over segments as long as the shorter part, so that lines have equal width,
-    and scaled to unit power: amplitude alone makes no difference to a linear model.
+    Averages over segments as long as the shorter part, scaled to unit power.
     """
     parts = [np.asarray(part, dtype=float) for part in (estimation, validation)]
     length = min(LONGEST_SEGMENT, *(part.size for part in parts))

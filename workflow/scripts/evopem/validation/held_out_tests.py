@@ -1,8 +1,7 @@
 """Tests of parts of a model on samples that took no part in its estimation.
 
-Whether the input matters cannot be judged on the estimation samples: the choice of delay and
-orders, and nearly common factors of A and C, make Wald and likelihood-ratio tests reject far too
-often.  On held-out samples neither has any influence on the level of a test.
+On the estimation samples the choice of orders makes Wald and likelihood-ratio tests reject far too
+often.
 """
 
 from __future__ import annotations
@@ -62,13 +61,10 @@ class HeldOutContribution:
 def joint_contribution_test(records: Sequence[HeldOutContribution]) -> HeldOutTest:
     """Test that a contribution explains prediction errors made without it.
 
-    Regression of the errors on the contribution and on what else may be in them.  An
-    autoregression of the remaining errors, its order chosen by BIC, whitens both sides first
-    (Cochrane & Orcutt 1949), so that the test holds where the noise model is imperfect.  One
-    coefficient for all outputs of all records, each weighed by the inverse of its noise
-    (Zellner 1962 without the correlations).  Its standard error takes the correlations of the
-    outputs' noise at the same sample into account.  A part that is weak at each output can be
-    significant at all together.  Records and outputs where no test is possible are left out.
+    Regression of the errors on it and on what else may be in them, both sides whitened by an
+    autoregression of what remains (Cochrane & Orcutt 1949).  One coefficient for all outputs of all
+    records, each weighed by the inverse of its noise; its standard error allows for the correlations
+    of the outputs' noise.  Records and outputs where no test is possible are left out.
     """
     samples = sum(len(each.errors_without) for each in records)
     sums = [found for each in records if (found := _weighed_sums(each)) is not None]

@@ -1,14 +1,7 @@
 """Whether a quantity that was estimated again and again has changed, and when.
 
-Estimates ``x_i`` with standard errors ``s_i``, in their order, have one level, up to a step; their
-scatter beyond the standard errors, from conditions that nobody recorded, is estimated from
-successive differences, which a step hardly touches, and tests allow for its own uncertainty.
-Two tests share the significance given: one for steps, one for single estimates away from the level
-of their neighbours.
-
-Drifts, trends and oscillations, are fitted by weighted least squares.  There the scatter is what
-the fit leaves (Paule and Mandel 1982), so that a drift is not taken for scatter, and the F test
-allows for its uncertainty (Knapp and Hartung 2003).
+Estimates ``x_i`` with standard errors ``s_i`` have one level, up to steps and drifts; their scatter
+beyond the standard errors is estimated, and tests allow for its own uncertainty.
 """
 
 from __future__ import annotations
@@ -65,10 +58,8 @@ class Levels:
 def find_levels(values: Array, standard_errors: Array, significance: float) -> Levels:
     """Find steps and outlying estimates in a sequence.
 
-    The probability of finding anything where nothing changes is at most ``significance``: half of
-    it for single estimates (Bonferroni), half for steps.  A sequence is divided at its most
-    significant step and each part tested again, with a quarter of the significance at each
-    division, so that all parts together keep to it.
+    The probability of finding anything where nothing changes is at most ``significance``, half of
+    it for single estimates (Bonferroni), half for steps: each part is tested again with a quarter.
     """
     count = len(values)
     scatter = excess_scatter(values, standard_errors)
@@ -95,11 +86,10 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
 
 
 def excess_scatter(values: Array, standard_errors: Array) -> float:
-    """Standard deviation of estimates beyond their standard errors.
+    """Standard deviation of estimates beyond their standard errors, 0 where these explain all.
 
-    With it the squared successive differences, relative to their variances, have the median of
-    squared normal variables, less half of that median's standard error: too small a scatter
-    would make false alarms.  0 where they are smaller without it.
+    With it the squared successive differences, which a step hardly touches, have the median of
+    squared normal variables, less half of its standard error: too small a scatter makes alarms.
     """
     from scipy.optimize import brentq
 

@@ -1,9 +1,7 @@
 """The modes of models of several orders, each with its evidence and reasons to doubt it.
 
-For each mode: do the inputs reach it, does the predictor need it beside the noise, do other orders
-agree, how well is it known?  A mode is a group of poles of several orders that agree
-(:mod:`evopem.models.mode_matching`); its numbers are those of the model of the chosen order or,
-where that one lacks it, of the model of lowest BIC that has it.
+A mode is a group of poles of several orders that agree; its numbers are those of the model of the
+chosen order or, where that one lacks it, of the model of lowest BIC that has it.
 """
 
 from __future__ import annotations

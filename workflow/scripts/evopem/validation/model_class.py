@@ -1,8 +1,6 @@
 """Tests of what every model assumes: a linear system that stays as it is, and no feedback.
 
-What a model of the wrong class leaves in its residuals is small at each lag, and hidden by noise,
-but has a known form.  Residuals and regressors are whitened by an autoregression of the residuals,
-so that the tests hold where the noise model is imperfect.
+What a wrong class leaves in the residuals is small at each lag but has a known form.
 """
 
 from __future__ import annotations
@@ -56,9 +54,8 @@ class ModelClass:
 def model_class(records: Sequence[HeldOut]) -> ModelClass:
     """Test the one-step prediction errors of stretches on all samples that are known.
 
-    The regressors are functions of the inputs and of the simulated response alone, which are
-    independent of the noise unless there is feedback.  Without an input the past output takes
-    their place.
+    Regressors are functions of the inputs and of the simulated response, which are independent of
+    the noise unless there is feedback; without an input the past output takes their place.
     """
     with np.errstate(all="ignore"):
         found = [_Stretch.of(each) for each in records]

@@ -38,14 +38,10 @@ def peak_evidence(
 ) -> tuple[PeakEvidence, ...]:
     """Compare the peaks of an output's spectrum with the spectrum that the model gives it.
 
-    The model's density is the multitaper estimate of its simulated output, made like that of the
-    measured one, plus ``2 H Λ H* / fs`` averaged over ± W. Where the model is right and the noise
-    prevails, their ratio is a chi-square variable over its degrees of freedom (Percival & Walden
-    1993, section 7.4); where the response to the input prevails, it is nearer to one. The limit
-    counts every resolution cell (width 2W), because peaks are picked from all of them
-    (Bonferroni).
-
-    Returns by rising frequency; empty where no spectrum can be estimated.
+    That is the multitaper estimate of the simulated output plus ``2 H Λ H* / fs`` averaged over ± W.
+    Where the model is right and the noise prevails, the ratio is a chi-square variable over its
+    degrees of freedom (Percival & Walden 1993, section 7.4).  The limit counts every resolution
+    cell (Bonferroni).  By rising frequency; empty where no spectrum can be estimated.
     """
     from scipy.stats import chi2
 

@@ -77,11 +77,10 @@ def _residuals(stretch: HeldOut) -> Array:
 
 
 def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:
-    """P(sum of weights_i x_i² > value) for independent standard normal x_i.
+    """P(sum of weights_i x_i² > value) for independent standard normal x_i; NaN where not known.
 
     By the chi-square variable of the same mean, variance and skewness (Imhof 1961, Biometrika
-    48:419, eq. 5.1), exact for equal weights and to 0.002 where the probability is below 0.1.  NaN
-    when no weight is positive or the value is not finite.
+    48:419, eq. 5.1), exact for equal weights and to 0.002 where the probability is below 0.1.
     """
     lam = np.asarray(weights, dtype=float)
     mean, square, cube = (float(np.sum(lam**power)) for power in (1, 2, 3))
@@ -201,12 +200,10 @@ class ResidualCorrelation:
 
 
 def apart(signal: Array, bounds: Sequence[int], lags: int) -> Array:
-    """A signal of several recordings with its mean, as often as there are lags, between them.
+    """A signal of several recordings, (N,), with its mean, as often as there are lags, between them.
 
     Without that mean, products of samples up to ``lags`` apart are those within the recordings.
-
-    ``signal`` (N,).  ``bounds``: first sample of each of several recordings, and N; none for one
-    recording.
+    ``bounds``: first sample of each recording, and N; none for one recording.
     """
     if len(bounds) <= 2:
         return signal
@@ -220,9 +217,7 @@ def autocorrelation_of(
 ) -> ResidualCorrelation:
     """Biased autocorrelation of (N,) residuals at lags 0, 1, …, N - 1 at most, mean removed.
 
-    The 95 % bound of a white sequence is 1.96/√N, and 0 at lag 0 (Ljung 1999, section 16.6).  It is
-    cautious at the first few lags, which a fit makes smaller (Box and Pierce 1970).  ``bounds``: as
-    of :func:`apart`.
+    The 95 % bound of a white sequence is 1.96/√N, 0 at lag 0 (Ljung 1999, section 16.6).
     """
     e = np.asarray(residuals, dtype=float)
     lags = min(lags, e.size - 1)
@@ -244,10 +239,9 @@ def share_inside(correlation: ArrayLike, bound: ArrayLike) -> float:
 
 
 def ljung_box_lags(samples: int, parameters: int, largest: int) -> int:
-    """Number of lags for the joint test.
+    """Number of lags for the joint test: 10 log10(N), but ten more than the parameters at least.
 
-    10 log10(N), but at least ten more than the parameters, so that freedom is left: a test over
-    all 1200 lags would dilute the few that a missed pole or zero moves.
+    A test over all lags would dilute the few that a missed pole or zero moves.
     """
     return max(0, min(largest, max(parameters + 10, round(10 * math.log10(samples)))))
 
@@ -258,13 +252,11 @@ def correlation_with_input(
     lags: int = CROSS_CORRELATION_LAGS,
     bounds: Sequence[int] = (),
 ) -> ResidualCorrelation:
-    """Cross-correlation of residuals with the input, with its 95 % bound.
+    """Cross-correlation of residuals e(t) with the input u(t - lag), (N,) each, with its 95 % bound.
 
-    Of ``e(t)`` with ``u(t - lag)``, (N,) each, lags to either side of N - 1 at most, both without
-    mean; ``bounds``: as of :func:`apart`.  At positive lags the residual follows the input:
-    dynamics that the model missed.  At negative lags it precedes it: feedback.  For independent e
-    and u, √N R_eu is asymptotically normal with variance P = Σ_k R_e(k) R_u(k) (Ljung 1999, section
-    16.6), so that a coloured input widens the bound only as far as the residuals are coloured too.
+    At positive lags the residual follows the input: dynamics that the model missed; at negative
+    lags it precedes it: feedback.  For independent e and u, √N R_eu is asymptotically normal with
+    variance Σ_k R_e(k) R_u(k) (Ljung 1999, section 16.6).
     """
     e, u = np.asarray(residuals, dtype=float), np.asarray(inputs, dtype=float)
     lags = min(lags, e.size - 1)

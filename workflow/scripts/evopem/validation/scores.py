@@ -24,10 +24,9 @@ def fit_percent(measured: ArrayLike, computed: ArrayLike) -> float:
 
 
 def outlier_percent(residuals: ArrayLike) -> float:
-    """Percentage of residuals that lie beyond five robust standard deviations of their median.
+    """Percentage of residuals beyond five robust standard deviations of their median.
 
-    The robust standard deviation is 1.4826 times the median distance from the median; of normal
-    residuals one in two million lies so far out.
+    Of normal residuals one in two million lies so far out.
     """
     e = np.asarray(residuals, dtype=float)
     distance = np.abs(e - np.median(e))

@@ -34,8 +34,7 @@ def recorded_series(
 ) -> RecordedSeries:
     """Take the validation samples of a model back to the units of the recording.
 
-    The one-step prediction uses the measured past in recorded units as well: differencing is
-    monic, so its errors are those of the differenced output.
+    Differencing is monic: errors one step ahead are those of the differenced output.
     """
     origins = transforms.validation
     ends = np.cumsum([each.samples for each in origins], dtype=int)[:-1]

@@ -1,7 +1,6 @@
 """A fitted model against the data: residual tests, prediction, and pure simulation.
 
-Prediction and simulation answer different questions and are never mixed. The one-step prediction
-uses every measured output up to the sample before; the simulation sees the inputs alone.
+The one-step prediction uses every measured output before a sample, the simulation inputs alone.
 """
 
 from __future__ import annotations
@@ -101,47 +100,12 @@ def validate(
 ) -> tuple[Validation, ValidationTables]:
     """Validate a model on the estimation samples and on samples it was not estimated from.
 
-    Parameters
-    ----------
-    model : PolynomialModel or StateSpaceModel
-    prepared : PreparedData
-        Estimation and validation samples, transformed alike.
-    objective : {"absolute", "quadratic"}
-        What the estimate minimised.
-    models : sequence of OrderModel
-        Models of all orders of the same samples, this one among them, for its modes.
-    order : int
-        The one of this model.
-    spectrum : SpectrumSettings, optional
-        Of the multitaper estimates of the outputs' spectra.
-    lags : int
-        Largest lag of the residual autocorrelation; cut to the number of residuals less one.
-    free_level : bool
-        Whether a constant level of the simulation is fitted to the validation samples.
-
-    Returns
-    -------
-    Validation, ValidationTables
-
-    Raises
-    ------
-    ValueError
-        When too few samples are left for a test, or the objective is not known.
-
-    Notes
-    -----
-    The simulation of the validation samples sees none of their output, but for a level where one is
-    fitted.  When they continue the estimation samples it runs on from these, which determine its
-    state; else the first tenth of a recording does, and is not scored.  A second simulation starts
-    from the initial state that fits the validation samples best, as MATLAB's ``compare`` has it
-    (``fitted_state_error_percent``): poles near the unit circle that zeros nearly cancel let such a
-    state draw slow waves through drifts.
-
-    An independent recording has no past on record: there the predictor starts with the recording,
-    its states are fitted to it, and its first tenth is not scored, or at least the samples that its
-    states determine.
-
-    Of a model without input there is no simulation, and no test concerns the input.
+    ``objective``: what the estimate minimised.  ``models``: of all orders of the same samples, this
+    one of ``order`` among them, for its modes.  ``lags``: the largest of the residual
+    autocorrelation.  ``free_level``: a level of the simulation is fitted to the validation samples,
+    else it sees none of their outputs: it runs on from the estimation samples, or from the first
+    tenth of a recording without a past, which is not scored.  Of a model without input there is no
+    simulation.  ValueError when too few samples are left for a test.
     """
     check_choice("objective", objective, OBJECTIVES)
     held_out = held_out_stretches(model, prepared, free_level)
@@ -325,12 +289,10 @@ def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]
 def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
     """Test that the response to the inputs is in the outputs of the validation samples.
 
-    The measured outputs are regressed on the simulated ones and on the free responses of the plant,
-    which depend on signals before the held-out samples.  Where inputs and outputs are unrelated the
-    two are independent there, whatever the model and its selection.  Half waves that are as long as
-    a sixth of the samples or longer are taken for drift: two slow signals always have some alike.
-    The noise model is not used: where A and C have nearly common factors, the predictor's errors
-    without the input have a narrow peak just where ``(B/C) u`` has one.
+    The measured outputs are regressed on the simulated ones and on the free responses of the plant.
+    Half waves as long as a sixth of the samples or longer are taken for drift: two slow signals
+    always have some alike.  The noise model is not used: where A and C have nearly common factors,
+    the errors without the input have a narrow peak just where ``(B/C) u`` has one.
     """
     model = held_out[0].model
     if not model.inputs:

@@ -53,9 +53,8 @@ STATES = "“orders.nx”"
 def are_white(p_value: float, share: float, lags: int, outputs: int = 1) -> bool | None:
     """Whether residuals are as white as a test can tell; None where it was not possible.
 
-    ``p_value``: of the joint test.  ``share``: share of the autocorrelations inside their 95 %
-    bounds, 0 to 1.  ``lags``: number of these.  ``outputs``: that are judged together, by
-    Bonferroni's bound.
+    ``share`` of the ``lags`` autocorrelations inside their 95 % bounds.  ``outputs`` that are judged
+    together, by Bonferroni's bound.
     """
     if math.isnan(share) or math.isnan(p_value) or lags < 1:
         return None
@@ -65,9 +64,8 @@ def are_white(p_value: float, share: float, lags: int, outputs: int = 1) -> bool
 def are_independent(largest: float, share: float, lags: int, pairs: int = 1) -> bool:
     """Whether the cross-correlations of residuals and input are as small as chance makes them.
 
-    ``largest``: the largest one, in its 95 % bounds.  ``share``: share of them inside these bounds,
-    0 to 1.  ``lags``: largest lag, of both signs.  ``pairs``: of outputs and inputs, judged
-    together by Bonferroni's bound.
+    ``largest`` in its 95 % bounds, ``share`` of them inside, up to ``lags`` of both signs of
+    ``pairs`` of outputs and inputs, judged together by Bonferroni's bound.
     """
     allowed = largest_by_chance((2 * lags + 1) * pairs)
     return largest <= allowed and share >= MIN_CROSS_CORRELATION_SHARE

@@ -198,9 +198,7 @@ def indistinguishable(
 ) -> bool:
     """Whether the 95 % confidence region of pole minus zero contains 0.
 
-    ``pole``, ``zero``: both real, or both with positive imaginary parts.  ``a`` (na + 1,):
-    denominator, leading 1 included.  ``b`` (nb,): numerator.  ``covariance``: of ``[a_1..,
-    b_0..]``.
+    Both real, or both with positive imaginary parts.  ``covariance``: of ``[a_1.., b_0..]``.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         gradient = np.concatenate([root_gradient(a, pole)[1:], -root_gradient(b, zero)])
