@@ -74,7 +74,7 @@ class OrderModels:
 
 
 def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[int, int]:
-    """Pair modes by natural frequency, each at most once: index of the reference by that of estimates.
+    """Pair modes by natural frequency, each at most once: indices of references by estimate.
 
     As many as possible, none further apart than :data:`SAME_MODE`, with the least sum of squared
     distances in the logarithm of frequency.

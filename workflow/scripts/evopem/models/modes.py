@@ -104,7 +104,7 @@ def modes_of(coefficients: Array, sampling_rate: float) -> list[Mode]:
 
 
 def pole_mode(coefficients: Array, pole: complex, sampling_rate: float) -> tuple[Array, Array]:
-    """Frequency in Hz and damping ratio of one root of ``1, a_1 ... a_na``, and derivatives, (2, na).
+    """Frequency (Hz) and damping ratio of a root of ``1, a_1 ... a_na``, and derivatives, (2, na).
 
     For a pole of zero, and for a repeated one, the derivatives are taken for zero.
     """

@@ -214,9 +214,10 @@ class Polynomials:
     ) -> Array:
         """One-step prediction errors ``e = (D/C) (A y - sum (B_i/F_i) u_i - level)``, (N,).
 
-        Of (N,) or (N, m) inputs and (N,) outputs.  ``plant_state``, (nf_1 + ... + nf_m,): what the past
-        adds to the first nf_i equations of ``F_i x_i = -B_i u_i``; ``noise_state``, (max(nc, nd),): to
-        those of ``C e = D v``.  NaN before ``start``, by default ``orders.first_residual``.
+        Of (N,) or (N, m) inputs and (N,) outputs.  ``plant_state``, (nf_1 + ... + nf_m,): what the
+        past adds to the first nf_i equations of ``F_i x_i = -B_i u_i``; ``noise_state``, (max(nc,
+        nd),): to those of ``C e = D v``.  NaN before ``start``, by default
+        ``orders.first_residual``.
         """
         from scipy.signal import lfilter
 

@@ -96,8 +96,8 @@ def root_covariance(
 ) -> Array:
     """Covariance of a root's real and imaginary part, to first order, (2, 2).
 
-    ``covariance`` of all ``coefficients``, highest power first, or of all but a leading 1.  Infinite
-    where the data do not determine the root, NaN for a repeated root.
+    ``covariance`` of all ``coefficients``, highest power first, or of all but a leading 1.
+    Infinite where the data do not determine the root, NaN for a repeated root.
     """
     if not isinstance(covariance, ParameterCovariance):
         covariance = ParameterCovariance.from_matrix(covariance)

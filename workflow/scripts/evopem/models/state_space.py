@@ -232,9 +232,10 @@ class StateSpaceModel:
     ) -> Array:
         """Simulation, (N, ny), from the initial state that the first outputs make most probable.
 
-        Of normal states with the second moments of a simulation from rest, in noise of the size that
-        the least-squares state leaves over the first ``known`` outputs: a state that these hardly
-        determine stays small.  ``free_level`` and ``robust`` as of :meth:`simulate_from_fitted_state`.
+        Of normal states with the second moments of a simulation from rest, in noise of the size
+        that the least-squares state leaves over the first ``known`` outputs: a state that these
+        hardly determine stays small.  ``free_level`` and ``robust`` as of
+        :meth:`simulate_from_fitted_state`.
         """
         return self._simulated(inputs, outputs, known, free_level, robust)
 

@@ -63,8 +63,8 @@ def joint_contribution_test(records: Sequence[HeldOutContribution]) -> HeldOutTe
 
     Regression of the errors on it and on what else may be in them, both sides whitened by an
     autoregression of what remains (Cochrane & Orcutt 1949).  One coefficient for all outputs of all
-    records, each weighed by the inverse of its noise; its standard error allows for the correlations
-    of the outputs' noise.  Records and outputs where no test is possible are left out.
+    records, each weighed by the inverse of its noise; its standard error allows for the
+    correlations of the outputs' noise.  Records and outputs where no test is possible are left out.
     """
     samples = sum(len(each.errors_without) for each in records)
     sums = [found for each in records if (found := _weighed_sums(each)) is not None]

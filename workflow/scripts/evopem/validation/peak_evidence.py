@@ -38,8 +38,8 @@ def peak_evidence(
 ) -> tuple[PeakEvidence, ...]:
     """Compare the peaks of an output's spectrum with the spectrum that the model gives it.
 
-    That is the multitaper estimate of the simulated output plus ``2 H Λ H* / fs`` averaged over ± W.
-    Where the model is right and the noise prevails, the ratio is a chi-square variable over its
+    That is the multitaper estimate of the simulated output plus ``2 H Λ H* / fs`` averaged over ±
+    W. Where the model is right and the noise prevails, the ratio is a chi-square variable over its
     degrees of freedom (Percival & Walden 1993, section 7.4).  The limit counts every resolution
     cell (Bonferroni).  By rising frequency; empty where no spectrum can be estimated.
     """

@@ -200,7 +200,7 @@ class ResidualCorrelation:
 
 
 def apart(signal: Array, bounds: Sequence[int], lags: int) -> Array:
-    """A signal of several recordings, (N,), with its mean, as often as there are lags, between them.
+    """A signal of several recordings, (N,), with its mean, once for each lag, between them.
 
     Without that mean, products of samples up to ``lags`` apart are those within the recordings.
     ``bounds``: first sample of each recording, and N; none for one recording.
@@ -252,7 +252,7 @@ def correlation_with_input(
     lags: int = CROSS_CORRELATION_LAGS,
     bounds: Sequence[int] = (),
 ) -> ResidualCorrelation:
-    """Cross-correlation of residuals e(t) with the input u(t - lag), (N,) each, with its 95 % bound.
+    """Cross-correlation of residuals e(t) with the input u(t - lag), with its 95 % bound.
 
     At positive lags the residual follows the input: dynamics that the model missed; at negative
     lags it precedes it: feedback.  For independent e and u, √N R_eu is asymptotically normal with

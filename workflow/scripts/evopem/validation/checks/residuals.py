@@ -53,8 +53,8 @@ STATES = "“orders.nx”"
 def are_white(p_value: float, share: float, lags: int, outputs: int = 1) -> bool | None:
     """Whether residuals are as white as a test can tell; None where it was not possible.
 
-    ``share`` of the ``lags`` autocorrelations inside their 95 % bounds.  ``outputs`` that are judged
-    together, by Bonferroni's bound.
+    ``share`` of the ``lags`` autocorrelations inside their 95 % bounds.  ``outputs`` that are
+    judged together, by Bonferroni's bound.
     """
     if math.isnan(share) or math.isnan(p_value) or lags < 1:
         return None
