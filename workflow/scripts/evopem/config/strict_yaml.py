@@ -75,11 +75,10 @@ def _checked_node(text: str, source: str, cell: str = "") -> yaml.Node | None:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
+        problem = f"this is not YAML: {getattr(error, 'problem', None) or error}"
+        remedy = "check indentation (spaces, no tabs), colons and brackets"
         raise InputError(
-            source,
-            f"this is not YAML: {getattr(error, 'problem', None) or error}",
-            "check indentation (spaces, no tabs), colons and brackets",
-            cell or (f"line {mark.line + 1}" if mark else ""),
+            source, problem, remedy, cell or (f"line {mark.line + 1}" if mark else "")
         ) from None
     except RecursionError:
         raise InputError(source, "it is nested too deeply", "remove brackets", cell) from None

@@ -303,10 +303,7 @@ def _value(column: str, text: str, comma_place: str, path: str, place: str) -> A
     if not _FLOAT.fullmatch(text):
         return text
     if comma_place and "." in text:
-        raise InputError(
-            path,
-            f"{text[:40]} has a point, and numbers have a decimal comma here ({comma_place})",
-            "write all numbers with a decimal comma or all with a decimal point",
-            place,
-        )
+        problem = f"{text[:40]} has a point, and numbers have a decimal comma here ({comma_place})"
+        remedy = "write all numbers with a decimal comma or all with a decimal point"
+        raise InputError(path, problem, remedy, place)
     return float(text)

@@ -80,11 +80,8 @@ def check_replaceable(files: Iterable[str | Path], folder: str | Path) -> None:
         # The files of checksums have none of their own.
         of_checksums = file.is_relative_to(Path(folder) / FOLDER) and file.is_file()
         if in_place and not of_checksums and not _is_right(file, known.get(file)):
-            raise InputError(
-                str(file),
-                "is not as evopem wrote it, and would be replaced",
-                "choose another folder, or move the file away",
-            )
+            remedy = "choose another folder, or move the file away"
+            raise InputError(str(file), "is not as evopem wrote it, and would be replaced", remedy)
 
 
 def checksummed(folder: str | Path) -> dict[Path, str]:
@@ -117,11 +114,8 @@ def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
                 known[folder] = _checksums_in(folder)
             checksum = known[folder].get(file.relative_to(folder).as_posix())
             if checksum is not None and not _is_right(file, checksum):
-                raise InputError(
-                    str(file),
-                    "was changed or damaged after it was written",
-                    "delete it and run snakemake again, which writes it anew",
-                )
+                remedy = "delete it and run snakemake again, which writes it anew"
+                raise InputError(str(file), "was changed or damaged after it was written", remedy)
 
 
 def _regular_files(files: Iterable[str | Path]) -> Iterator[Path]:

@@ -261,12 +261,11 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
     source, time = str(path), contents.time.reference
     if len(contents.signals) != 2:
         names = ", ".join(repr(each.reference) for each in contents.signals) or "none"
-        raise InputError(
-            source,
+        problem = (
             f"beside the time there are {len(contents.signals)} channels that may be input or"
-            f" output ({names}), where two can be told apart",
-            "name input and output",
+            f" output ({names}), where two can be told apart"
         )
+        raise InputError(source, problem, "name input and output")
     first, second = contents.signals
     inputs, outputs = (named(contents.signals, words) for words in (INPUT_NAMES, OUTPUT_NAMES))
     if len(inputs) == 1 and len(outputs) == 1 and inputs != outputs:
@@ -278,14 +277,13 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
     test = causality_test(*signals[np.isfinite(signals).all(axis=1)].T)
     if test.direction == 0:
         both = test.forward < SIGNIFICANCE
-        raise InputError(
-            source,
+        problem = (
             f"{first.reference!r} and {second.reference!r} cannot be told apart as input and"
             " output: their names do not say it, and the past of"
             f" {'each' if both else 'neither'} improves predictions of the other at"
-            f" {100 * SIGNIFICANCE:g} %",
-            "name input and output",
+            f" {100 * SIGNIFICANCE:g} %"
         )
+        raise InputError(source, problem, "name input and output")
     if test.direction > 0:
         return ChannelRoles(first.reference, second.reference, time, test)
     turned = CausalityTest(test.backward, test.forward, test.lags)

@@ -78,11 +78,8 @@ def format_of(path: Path) -> str:
     """The format of a file, one of the values of `FORMATS`, by its extension."""
     extension = path.suffix.lower()
     if extension not in FORMATS:
-        raise InputError(
-            str(path),
-            f'the extension "{extension}" is none of a known format',
-            f"use one of {' '.join(FORMATS)}",
-        )
+        problem = f'the extension "{extension}" is none of a known format'
+        raise InputError(str(path), problem, f"use one of {' '.join(FORMATS)}")
     return FORMATS[extension]
 
 
@@ -135,11 +132,8 @@ def _reader_of(path: Path) -> ModuleType:
         raise InputError(str(path), "the file is empty", "export or copy it again")
     for signature, (label, formats) in _SIGNATURES.items():
         if beginning.startswith(signature) and format_name not in formats:
-            raise InputError(
-                str(path),
-                f"its content is {label}, which the extension does not say",
-                "give the file the extension of its format",
-            )
+            problem = f"its content is {label}, which the extension does not say"
+            raise InputError(str(path), problem, "give the file the extension of its format")
     return importlib.import_module(f"evopem.signals.readers.{format_name}")
 
 

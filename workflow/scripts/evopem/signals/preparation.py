@@ -214,11 +214,8 @@ def _estimation_range(
 ) -> tuple[int, int]:
     """First estimation sample and the one after the last, among the differenced samples."""
     if available < 1:
-        raise InputError(
-            source,
-            "the differences leave no sample of the recording",
-            "difference less often or give a longer recording",
-        )
+        remedy = "difference less often or give a longer recording"
+        raise InputError(source, "the differences leave no sample of the recording", remedy)
     first = _discarded(available, split, source)
     remaining = available - first
     samples = max(1, _number_of_samples(split.estimation, remaining))
@@ -260,11 +257,8 @@ def _discarded(available: int, split: SplitSettings, source: str) -> int:
     """Number of samples to leave out at the start of `available` ones."""
     discard = _number_of_samples(split.discard, available)
     if discard >= available:
-        raise InputError(
-            f"{source}.discard",
-            f"{discard} samples are to be discarded and there are only {available}",
-            "discard fewer samples",
-        )
+        problem = f"{discard} samples are to be discarded and there are only {available}"
+        raise InputError(f"{source}.discard", problem, "discard fewer samples")
     return discard
 
 
@@ -284,11 +278,8 @@ def _transformed(
         return stretches, None, 0.0
     outputs = stretches[0].recording.outputs.shape[1]
     if outputs > 1:
-        raise InputError(
-            source,
-            f"the Box-Cox transform bends the scale of one output, and there are {outputs}",
-            "use box_cox: none",
-        )
+        problem = f"the Box-Cox transform bends the scale of one output, and there are {outputs}"
+        raise InputError(source, problem, "use box_cox: none")
     signals = [each.recording.output for each in stretches]
     shift = positive_shift(*signals)
     if setting == "auto":

@@ -51,11 +51,8 @@ def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecord
     roles = list(references)
     for first, second in itertools.combinations(roles, 2):
         if references[first] == references[second]:
-            raise InputError(
-                source,
-                f"channel {references[first]!r} is named as the {first} and as the {second}",
-                "choose two different channels",
-            )
+            problem = f"channel {references[first]!r} is named as the {first} and as the {second}"
+            raise InputError(source, problem, "choose two different channels")
     if channels.time is not None:
         references["time"] = channels.time
     read = read_channels(
@@ -66,19 +63,16 @@ def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecord
     first = roles[0]
     for role, each in values.items():
         if each.size != values[first].size:
-            raise InputError(
-                source,
-                f"the {first} has {values[first].size} samples and the {role} {each.size}",
-                f"choose {'two ' * (len(values) == 2)}channels that were sampled together",
-            )
+            problem = f"the {first} has {values[first].size} samples and the {role} {each.size}"
+            remedy = f"choose {'two ' * (len(values) == 2)}channels that were sampled together"
+            raise InputError(source, problem, remedy)
     for one, other in itertools.combinations(found, 2):
         if _are_equal(found[one].values, found[other].values):
-            raise InputError(
-                source,
+            problem = (
                 f"the {one} ({references[one]!r}) and the {other}"
-                f" ({references[other]!r}) hold the same values",
-                "choose different channels",
+                f" ({references[other]!r}) hold the same values"
             )
+            raise InputError(source, problem, "choose different channels")
     timed = _timing(found, channels, source)
     for role in roles:
         _refuse_other_start(found[first], found[role], timed.rate, source)
@@ -96,12 +90,8 @@ def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecord
     check_measured(recording, source)
     for place, signal in recording.longest.signals.items():
         if is_time(signal, timed.rate):
-            raise InputError(
-                source,
-                "the channel increases by the sampling period in every sample, as a time does",
-                "choose another channel",
-                place,
-            )
+            problem = "the channel increases by the sampling period in every sample, as a time does"
+            raise InputError(source, problem, "choose another channel", place)
     return MeasuredRecording(recording, timed.unevenness, whole.samples - recording.samples)
 
 
@@ -119,11 +109,10 @@ def _signal(channel: Channel, role: str, source: str) -> Array:
     kind = channel.values.dtype.kind
     if kind not in "fiub":
         held = {"c": "complex numbers", "M": "dates"}.get(kind, "text or objects")
+        problem = f"the channel holds {held}, not real numbers"
+        remedy = "choose another channel"
         raise InputError(
-            source,
-            f"the channel holds {held}, not real numbers",
-            "choose another channel",
-            f'{role} "{channel.name}"' if channel.name else role,
+            source, problem, remedy, f'{role} "{channel.name}"' if channel.name else role
         )
     return channel.values.astype(np.float64)
 
@@ -140,11 +129,8 @@ def _refuse_other_start(first: Channel, other: Channel, rate: float, source: str
     late = other.start - first.start
     # A date in seconds since 1970 has a resolution of less than a microsecond as a float.
     if abs(late) > max(0.5 / rate, 1e-6):
-        raise InputError(
-            source,
-            f"the output begins {late:g} s after the input",
-            "choose two channels that were sampled together",
-        )
+        remedy = "choose two channels that were sampled together"
+        raise InputError(source, f"the output begins {late:g} s after the input", remedy)
 
 
 def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: str) -> Timing:
@@ -153,11 +139,8 @@ def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: st
     in_file = list(dict.fromkeys(channel.sampling_rate for channel in signals))
     if len(in_file) > 1 and stated.sampling_rate is None:
         rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
-        raise InputError(
-            source,
-            f"the file states different sampling rates for input and output ({rates})",
-            "choose two channels that were sampled together",
-        )
+        problem = f"the file states different sampling rates for input and output ({rates})"
+        raise InputError(source, problem, "choose two channels that were sampled together")
     own = in_file[0] if len(in_file) == 1 else None
     known = own if stated.sampling_rate is None else float(stated.sampling_rate)
     if known is not None and not (np.isfinite(known) and known > 0.0):
@@ -165,12 +148,9 @@ def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: st
     if "time" in channels:
         time, samples = channels["time"], signals[0].values.size
         if time.values.size != samples:
-            raise InputError(
-                source,
-                f"there are {time.values.size} time stamps and {samples} samples",
-                "choose the time channel of these signals",
-                f'time "{time.name}"',
-            )
+            problem = f"there are {time.values.size} time stamps and {samples} samples"
+            remedy = "choose the time channel of these signals"
+            raise InputError(source, problem, remedy, f'time "{time.name}"')
         stamps, interpolate = time.values, stated.uneven_time == "interpolate"
         return timing(stamps, source, time.name, time.unit, known, stated.time_unit, interpolate)
     for key, is_stated in (
@@ -178,18 +158,13 @@ def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: st
         ("time_unit", stated.time_unit is not None),
     ):
         if is_stated:
-            raise InputError(
-                source,
-                f"{key} is stated without a time channel",
-                f"state time{_named_times(source)}, or remove {key}",
-            )
+            remedy = f"state time{_named_times(source)}, or remove {key}"
+            raise InputError(source, f"{key} is stated without a time channel", remedy)
     if known is None:
         problem = next((one.rate_problem for one in signals if one.rate_problem), "")
-        raise InputError(
-            source,
-            f"the sampling rate is not known, since {problem or 'the file states none'}",
-            f"give sampling_rate in Hz or the name of a time channel{_named_times(source)}",
-        )
+        problem = f"the sampling rate is not known, since {problem or 'the file states none'}"
+        remedy = f"give sampling_rate in Hz or the name of a time channel{_named_times(source)}"
+        raise InputError(source, problem, remedy)
     return Timing(known)
 
 
@@ -217,12 +192,9 @@ def _units(
 ) -> tuple[str, ...]:
     """The unit of each channel: the stated one, else the file's own."""
     if given.in_order and len(given.in_order) != len(channels):
-        raise InputError(
-            source,
-            f"there are {len(given.in_order)} units and {len(channels)} channels",
-            "give one unit for each, one for all, or a mapping by their names",
-            key,
-        )
+        problem = f"there are {len(given.in_order)} units and {len(channels)} channels"
+        remedy = "give one unit for each, one for all, or a mapping by their names"
+        raise InputError(source, problem, remedy, key)
     unknown = next((name for name in given.by_name if name not in names), None)
     if unknown is not None:
         raise InputError(
@@ -258,20 +230,14 @@ def _expanded(
         # A channel of a group is found by its own name as well, as one without a pattern is.
         matching = _matching(str(pattern), names, named) or _matching(str(pattern), short, named)
         if not matching:
-            raise InputError(
-                str(path),
-                f'no channel matches "{pattern}"',
-                f"choose among {listing(names)}" if any(names) else "give numbers",
-                role,
-            )
+            remedy = f"choose among {listing(names)}" if any(names) else "give numbers"
+            raise InputError(str(path), f'no channel matches "{pattern}"', remedy, role)
         for number in matching:
             if number in taken:
-                raise InputError(
-                    str(path),
-                    f'the channel "{names[number - 1]}" matches "{pattern}" and {taken[number]}',
-                    "give patterns that share no channel",
-                    role,
+                problem = (
+                    f'the channel "{names[number - 1]}" matches "{pattern}" and {taken[number]}'
                 )
+                raise InputError(str(path), problem, "give patterns that share no channel", role)
             taken[number] = f'"{pattern}" of {role}'
         return matching
 

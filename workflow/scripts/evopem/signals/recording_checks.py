@@ -47,11 +47,8 @@ def check_recording(
     by its free response.
     """
     if recording.samples < MINIMUM_SAMPLES:
-        raise InputError(
-            source,
-            f"there are only {recording.samples} samples",
-            f"give a longer recording, of at least {MINIMUM_SAMPLES} samples",
-        )
+        remedy = f"give a longer recording, of at least {MINIMUM_SAMPLES} samples"
+        raise InputError(source, f"there are only {recording.samples} samples", remedy)
     inputs = recording.inputs.shape[1]
     several = max(inputs, recording.outputs.shape[1]) > 1
     for number, (channel, values) in enumerate(recording.signals.items()):
@@ -98,15 +95,14 @@ def without_missing(recording: Recording, source: str) -> Recording:
         place = next(each for each, of_channel in good.items() if not of_channel[first])
         value = recording.signals[place][first]
         what = "missing" if np.isnan(value) else f"{value:g}, which is none"
-        raise InputError(
-            source,
+        problem = (
             f"the value is {what}; without the {np.count_nonzero(~kept)} such samples and what is"
             f" left of fewer than {SHORTEST_STRETCH} in sequence"
             f" {100.0 * left / recording.samples:.0f} % of the recording are lost, and up to"
-            f" {100.0 * MOST_MISSING:g} % may be",
-            "repair the recording or cut that part away",
-            f"{place}, sample {first + 1}",
+            f" {100.0 * MOST_MISSING:g} % may be"
         )
+        remedy = "repair the recording or cut that part away"
+        raise InputError(source, problem, remedy, f"{place}, sample {first + 1}")
     (whole,) = recording.segments
     return recording.with_segments([whole.between(*each) for each in ranges])
 
@@ -196,20 +192,16 @@ def _in_common(recording: Recording) -> dict[tuple[str, str], str]:
 def check_validation(recording: Recording, validation: Recording, source: str) -> None:
     """Refuse a validation recording of another rate, of other channels, or of the same samples."""
     if recording.sampling_rate != validation.sampling_rate:
-        raise InputError(
-            source,
+        problem = (
             f"it was sampled at {validation.sampling_rate:g} Hz and the estimation recording at"
-            f" {recording.sampling_rate:g} Hz",
-            "validate on a recording of the same rate",
+            f" {recording.sampling_rate:g} Hz"
         )
+        raise InputError(source, problem, "validate on a recording of the same rate")
     for role in ("inputs", "outputs"):
         expected, given = (getattr(each, role).shape[1] for each in (recording, validation))
         if given != expected:
-            raise InputError(
-                source,
-                f"it has {given} {role} and the estimation recording {expected}",
-                "validate on a recording of the same channels",
-            )
+            problem = f"it has {given} {role} and the estimation recording {expected}"
+            raise InputError(source, problem, "validate on a recording of the same channels")
     check_independent(recording, validation, source)
 
 

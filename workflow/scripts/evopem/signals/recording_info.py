@@ -115,9 +115,6 @@ def check_measured_places(geometry: Geometry | None, names: Iterable[str], place
     outputs = list(names)
     for channel in geometry.channels if geometry else ():
         if channel not in outputs:
-            raise InputError(
-                place,
-                f'there is no output "{channel}"',
-                f"choose one of {listing(outputs)}",
-                f"channels.{channel}",
-            )
+            problem = f'there is no output "{channel}"'
+            remedy = f"choose one of {listing(outputs)}"
+            raise InputError(place, problem, remedy, f"channels.{channel}")

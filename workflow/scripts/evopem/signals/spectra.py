@@ -134,11 +134,8 @@ def frequency_response(
     signals = [np.column_stack([each.inputs, each.outputs]) for each in parts or recording.segments]
     found = _spectra(signals, recording.sampling_rate, time_halfbandwidth, nfft)
     if found.layout.tapers * found.layout.segments < 2:
-        raise InputError(
-            "spectrum: time_halfbandwidth",
-            f"{time_halfbandwidth:g} gives a single taper, and a coherence needs two",
-            "choose at least 1.5",
-        )
+        problem = f"{time_halfbandwidth:g} gives a single taper, and a coherence needs two"
+        raise InputError("spectrum: time_halfbandwidth", problem, "choose at least 1.5")
     spectra, freedom = found.matrices, found.freedom
     s_uu, s_yu = spectra[:, :inputs, :inputs], spectra[:, inputs:, :inputs]
     s_yy = np.einsum("fii->fi", spectra)[:, inputs:].real
@@ -186,11 +183,9 @@ class _Tapering:
 
         tapers = int(2 * time_halfbandwidth - 1)
         if tapers < 1:
-            raise InputError(
-                "spectrum: time_halfbandwidth",
-                f"{time_halfbandwidth:g} leaves no taper",
-                "choose at least 1; 4 is usual",
-            )
+            problem = f"{time_halfbandwidth:g} leaves no taper"
+            remedy = "choose at least 1; 4 is usual"
+            raise InputError("spectrum: time_halfbandwidth", problem, remedy)
         segments = -(-samples // nfft)
         length = samples // max(segments, 1)
         if length <= 2 * time_halfbandwidth:

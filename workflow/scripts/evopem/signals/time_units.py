@@ -62,20 +62,12 @@ def stated_unit(name: str, unit: str, source: str, place: str) -> str | None:
     stated = [text for text in ("" if own == "-" else own, in_name) if text]
     for text in stated:
         if text not in _UNIT_OF:
-            raise InputError(
-                source,
-                f'"{text}" is no known unit of time',
-                f"set time_unit to one of {', '.join(TIME_UNITS)}",
-                place,
-            )
+            remedy = f"set time_unit to one of {', '.join(TIME_UNITS)}"
+            raise InputError(source, f'"{text}" is no known unit of time', remedy, place)
     units = {_UNIT_OF[text] for text in stated}
     if len(units) > 1:
-        raise InputError(
-            source,
-            f'the file states the unit "{unit}" for a channel whose name states "{in_name}"',
-            "set time_unit to the right one",
-            place,
-        )
+        problem = f'the file states the unit "{unit}" for a channel whose name states "{in_name}"'
+        raise InputError(source, problem, "set time_unit to the right one", place)
     return units.pop() if units else None
 
 

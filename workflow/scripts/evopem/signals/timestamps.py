@@ -261,13 +261,11 @@ def _scale(
             choice = f"set time_unit to {unit} if they count from 1970 ({1 / (step * scale):g} Hz)"
             choice += f", else to one of {', '.join(TIME_UNITS)}"
             break
-    raise InputError(
-        source,
+    problem = (
         f"the time stamps are whole numbers {step:g} apart, which may be seconds, milliseconds or"
-        " microseconds",
-        choice,
-        place,
+        " microseconds"
     )
+    raise InputError(source, problem, choice, place)
 
 
 def _clock_of_uneven(times: Array) -> CoarseClock | None:

@@ -42,24 +42,21 @@ def box_cox(
     shifted = signal + shift
     if shifted.min() <= 0.0:
         first = int(np.argmax(shifted <= 0.0))
-        raise InputError(
-            source,
+        problem = (
             f"the output plus its shift {shift:g} is {shifted[first]:g}, and the transform needs"
-            " positive values",
-            "use box_cox: none",
-            f"sample {first + 1}",
+            " positive values"
         )
+        raise InputError(source, problem, "use box_cox: none", f"sample {first + 1}")
     with np.errstate(over="ignore"):
         transformed = boxcox(shifted, parameter)
         back = invert_box_cox(transformed, parameter, shift)
     largest = float(np.max(np.abs(back - signal)))
     if not largest <= 1e-6 * float(np.ptp(signal)):
-        raise InputError(
-            source,
+        problem = (
             f"the parameter {parameter:g} flattens this output so far that it could not be"
-            " transformed back",
-            "choose a parameter nearer to 1 or box_cox: none",
+            " transformed back"
         )
+        raise InputError(source, problem, "choose a parameter nearer to 1 or box_cox: none")
     return transformed
 
 
@@ -89,11 +86,8 @@ def likeliest_box_cox(signal: NDArray[np.float64], shift: float, source: str = "
     parameter = float(boxcox_normmax(scaled, method="mle", optimizer=within_range))
     low, high = BOX_COX_RANGE
     if not low + 1e-3 < parameter < high - 1e-3:
-        raise InputError(
-            source,
-            f"no parameter between {low:g} and {high:g} makes the output normal",
-            "give a number or box_cox: none",
-        )
+        problem = f"no parameter between {low:g} and {high:g} makes the output normal"
+        raise InputError(source, problem, "give a number or box_cox: none")
     return parameter
 
 
@@ -130,21 +124,19 @@ def resample_recording(recording: Recording, sampling_rate: float, source: str) 
     """
     old = recording.sampling_rate
     if sampling_rate > old:
-        raise InputError(
-            source,
-            f"{sampling_rate:g} Hz is above the recording's {old:g} Hz and would add an empty band",
-            "choose a lower rate or leave the key out",
+        problem = (
+            f"{sampling_rate:g} Hz is above the recording's {old:g} Hz and would add an empty band"
         )
+        raise InputError(source, problem, "choose a lower rate or leave the key out")
     ratio = Fraction(sampling_rate / old).limit_denominator(LARGEST_FACTOR)
     if ratio == 1:
         return recording
     if ratio == 0 or abs(float(ratio) * old / sampling_rate - 1.0) > 1e-9:
-        raise InputError(
-            source,
+        problem = (
             f"{sampling_rate!r} Hz and the recording's {old!r} Hz are not in the ratio of whole"
-            f" numbers up to {LARGEST_FACTOR}",
-            "choose a rate that divides more evenly",
+            f" numbers up to {LARGEST_FACTOR}"
         )
+        raise InputError(source, problem, "choose a rate that divides more evenly")
     return replace(
         recording,
         inputs=resample_signal(recording.inputs, ratio),

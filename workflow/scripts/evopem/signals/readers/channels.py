@@ -93,11 +93,9 @@ class Contents:
         if len(places) == 1:
             return places[0]
         if places:
-            raise InputError(
-                source,
-                f'the name "{reference}" stands at {len(places)} {kind}s',
-                f"give its number, one of {', '.join(str(place + 1) for place in places)}",
-            )
+            problem = f'the name "{reference}" stands at {len(places)} {kind}s'
+            remedy = f"give its number, one of {', '.join(str(place + 1) for place in places)}"
+            raise InputError(source, problem, remedy)
         if reference.lstrip("/") in self.refusals:
             raise self.refusals[reference.lstrip("/")]
         why = "" if named else f", because there is no header with a name for each {kind}"
@@ -126,17 +124,13 @@ def library(module: str, path: Path) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:
-        raise InputError(
-            str(path),
-            f"reading this format needs the package {module.split('.')[0]}, which is not installed",
-            'run pip install "evopem[formats]"',
-        ) from None
+        problem = (
+            f"reading this format needs the package {module.split('.')[0]}, which is not installed"
+        )
+        raise InputError(str(path), problem, 'run pip install "evopem[formats]"') from None
 
 
 def refuse_unreadable(path: Path, kind: str) -> NoReturn:
     """Say that a file is not what its name promises."""
-    raise InputError(
-        str(path),
-        f"is not a readable {kind} (truncated, damaged, or of another format)",
-        "export or copy the file again and check its extension",
-    )
+    problem = f"is not a readable {kind} (truncated, damaged, or of another format)"
+    raise InputError(str(path), problem, "export or copy the file again and check its extension")

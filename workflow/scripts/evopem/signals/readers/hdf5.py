@@ -136,12 +136,8 @@ def _refuse_incomplete(path: Path, dataset: Any) -> None:
     elif dataset.size and not dataset.id.get_storage_size():
         problem = "its values were never written"
     if problem:
-        raise InputError(
-            str(path),
-            problem,
-            "copy the whole recording into one file",
-            f'dataset "{dataset.name.lstrip("/")}"',
-        )
+        remedy = "copy the whole recording into one file"
+        raise InputError(str(path), problem, remedy, f'dataset "{dataset.name.lstrip("/")}"')
 
 
 def _without_missing(path: Path, dataset: Any, values: NDArray) -> NDArray:
@@ -149,12 +145,9 @@ def _without_missing(path: Path, dataset: Any, values: NDArray) -> NDArray:
     attributes = dataset.attrs
     for name, neutral in (("scale_factor", 1.0), ("add_offset", 0.0)):
         if name in attributes and np.any(np.asarray(attributes[name]) != neutral):
-            raise InputError(
-                str(path),
-                f"its values are packed: the attribute {name} is {attributes[name]}",
-                "store the values in their unit",
-                f'dataset "{dataset.name.lstrip("/")}"',
-            )
+            problem = f"its values are packed: the attribute {name} is {attributes[name]}"
+            remedy = "store the values in their unit"
+            raise InputError(str(path), problem, remedy, f'dataset "{dataset.name.lstrip("/")}"')
     for name in ("_FillValue", "missing_value"):
         if name in attributes and values.dtype.kind in "fiu":
             missing = np.isin(values, np.asarray(attributes[name]))

@@ -126,13 +126,12 @@ def _refuse_interruptions(
     numbers = [number for number, _ in lines.rows[heading.start :]]
     # Double line ends leave a blank line after every row.
     if between and not all(below - above == 2 for above, below in pairwise(numbers)):
-        raise InputError(
-            str(path),
+        problem = (
             "the line between rows of numbers is blank, so a sample may be missing or another"
-            " table begin",
-            "remove that line or repair the recording",
-            f"line {between[0]}",
+            " table begin"
         )
+        remedy = "remove that line or repair the recording"
+        raise InputError(str(path), problem, remedy, f"line {between[0]}")
 
 
 def _may_be_sample(line: str, dialect: Dialect, width: int, below: bool) -> bool:
@@ -164,12 +163,8 @@ def _columns(
         if len(fields) == width + 1 and not fields[-1].strip():
             fields.pop()
         if len(fields) != width:
-            raise InputError(
-                str(path),
-                f"the row has {len(fields)} fields where the others have {width}",
-                "repair or remove that row",
-                f"line {number}",
-            )
+            problem = f"the row has {len(fields)} fields where the others have {width}"
+            raise InputError(str(path), problem, "repair or remove that row", f"line {number}")
         for column, values in zip(columns, taken, strict=True):
             values.append(fields[column])
     return taken
@@ -220,23 +215,19 @@ def _dates(path: Path, fields: list[str], rows: Sequence[Row], column: int) -> N
     for index, text in enumerate(fields):
         if not is_date(text):
             shown = text.strip()[:40]
+            problem = f'"{shown}" is not a date like those above' if shown else "the field is empty"
+            remedy = "repair or remove that sample"
             raise InputError(
-                str(path),
-                f'"{shown}" is not a date like those above' if shown else "the field is empty",
-                "repair or remove that sample",
-                f"line {rows[index][0]}, column {column + 1}",
+                str(path), problem, remedy, f"line {rows[index][0]}, column {column + 1}"
             )
     try:
         stamps = pandas.to_datetime(
             [text.strip().replace(",", ".") for text in fields], format="ISO8601", utc=True
         )
     except ValueError as error:
-        raise InputError(
-            str(path),
-            f"the dates cannot be read ({error})",
-            "write them as 2024-05-31T12:00:00.000",
-            f"column {column + 1}",
-        ) from None
+        problem = f"the dates cannot be read ({error})"
+        remedy = "write them as 2024-05-31T12:00:00.000"
+        raise InputError(str(path), problem, remedy, f"column {column + 1}") from None
     return stamps.tz_localize(None).to_numpy().astype("datetime64[ns]")
 
 
@@ -244,9 +235,7 @@ def _refuse_row_numbers(path: Path, values: NDArray, names: Sequence[str], colum
     """Refuse the column without a heading that R and pandas write in front of the others."""
     nameless = any(names) and not names[column]
     if nameless and values.dtype.kind == "f" and values.size > 1 and (np.diff(values) == 1).all():
-        raise InputError(
-            str(path),
-            f"the column has no heading and holds the row numbers {values[0]:g} to {values[-1]:g}",
-            "choose another column",
-            f"column {column + 1}",
+        problem = (
+            f"the column has no heading and holds the row numbers {values[0]:g} to {values[-1]:g}"
         )
+        raise InputError(str(path), problem, "choose another column", f"column {column + 1}")

@@ -75,11 +75,10 @@ def _decode(path: Path) -> str:
         text = data.decode("latin-1")
     found = _CONTROL.search(text)
     if found:
+        problem = "is not a text file"
+        remedy = "give it the extension of its real format or export it as text"
         raise InputError(
-            str(path),
-            "is not a text file",
-            "give it the extension of its real format or export it as text",
-            f"line {text.count(chr(10), 0, found.start()) + 1}",
+            str(path), problem, remedy, f"line {text.count(chr(10), 0, found.start()) + 1}"
         )
     return text
 
@@ -226,13 +225,12 @@ def refuse_ambiguous_thousands(
     )
     if mark == "," or (dialect.separator == ";" and whole):
         kind = "comma" if mark == "," else "point"
-        raise InputError(
-            str(path),
-            f'"{marked[0][:40]}" may mean a decimal {kind} or a thousands separator',
+        problem = f'"{marked[0][:40]}" may mean a decimal {kind} or a thousands separator'
+        remedy = (
             f'set decimal_mark: "{mark}" if it is the decimal mark, else export the numbers without'
-            " thousands separators",
-            f"column {column + 1}",
+            " thousands separators"
         )
+        raise InputError(str(path), problem, remedy, f"column {column + 1}")
 
 
 def refuse_split_decimals(
@@ -258,9 +256,6 @@ def refuse_split_decimals(
     blanks = {tuple(text.startswith(" ") for text in fields[1:]) for fields in rows}
     paired = width > 2 and blanks == {tuple(place % 2 == 1 for place in range(width - 1))}
     if halved or odd or paired:
-        raise InputError(
-            str(path),
-            "the comma seems to be both the separator and the decimal mark",
-            "export the table with semicolons or with decimal points",
-            f"line {first[0]}",
-        )
+        problem = "the comma seems to be both the separator and the decimal mark"
+        remedy = "export the table with semicolons or with decimal points"
+        raise InputError(str(path), problem, remedy, f"line {first[0]}")

@@ -55,12 +55,8 @@ def find_heading(
         return search.stated(lines.comments, header_lines, references)
     start = next((i for i in range(len(lines.rows)) if search.kind(i) == "numbers"), None)
     if start is None:
-        raise InputError(
-            str(path),
-            "holds no row of numbers",
-            "write one row a sample, separated by commas, semicolons, tabs or blanks",
-            f"line {lines.rows[0][0]}",
-        )
+        remedy = "write one row a sample, separated by commas, semicolons, tabs or blanks"
+        raise InputError(str(path), "holds no row of numbers", remedy, f"line {lines.rows[0][0]}")
     if search.counts_columns(start):
         return search.numbered_columns(start, sample)
     return search.found(lines.comments, start, references)
@@ -232,11 +228,8 @@ class _Search:
         """
         start = next((i for i, row in enumerate(self.rows) if row[0] > header_lines), None)
         if start is None:
-            raise InputError(
-                str(self.path),
-                f"there is no row below the {header_lines} header lines",
-                "correct header_lines",
-            )
+            problem = f"there is no row below the {header_lines} header lines"
+            raise InputError(str(self.path), problem, "correct header_lines")
         wanted = {reference for reference in references if isinstance(reference, str)}
         fitting = [i for i in range(start) if len(self.fields(i)) == self.width]
         fitting = [i for i in fitting if any(self.fields(i))]
@@ -254,13 +247,12 @@ class _Search:
     def _refuse(self, index: int, problem: str, start: int) -> NoReturn:
         shown = self.rows[index][1].strip()[:40]
         above = max(self.rows[index][0], self.rows[start][0] - 1)
-        raise InputError(
-            str(self.path),
-            f'the row "{shown}" {problem}, so it may be a heading or a sample',
+        problem = f'the row "{shown}" {problem}, so it may be a heading or a sample'
+        remedy = (
             "repair or remove it, or set header_lines to the number of lines above the first"
-            f" sample ({above} if this row is none)",
-            f"line {self.rows[index][0]}",
+            f" sample ({above} if this row is none)"
         )
+        raise InputError(str(self.path), problem, remedy, f"line {self.rows[index][0]}")
 
 
 def is_unit_row(fields: Sequence[str]) -> bool:

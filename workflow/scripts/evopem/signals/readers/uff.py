@@ -60,12 +60,11 @@ def _refuse_broken_off(path: Path) -> None:
         file.seek(max(0, file.tell() - 200))
         end = file.read().rstrip()
     if not end.endswith(b"    -1"):
-        raise InputError(
-            str(path),
+        problem = (
             "does not end with the line -1 that closes a dataset, so it breaks off or is no"
-            " universal file",
-            "copy or export it again",
+            " universal file"
         )
+        raise InputError(str(path), problem, "copy or export it again")
 
 
 def _names_of(header: Mapping[str, Any]) -> tuple[str, ...]:
@@ -84,12 +83,8 @@ def _channel(path: Path, dataset: Mapping[str, Any], number: int, name: str) -> 
         raise InputError(str(path), "it is no real time record", "choose a time response", place)
     stated = dataset.get("num_pts")
     if stated != values.size:
-        raise InputError(
-            str(path),
-            f"its header announces {stated} values and {values.size} are there",
-            "copy or export the file again",
-            place,
-        )
+        problem = f"its header announces {stated} values and {values.size} are there"
+        raise InputError(str(path), problem, "copy or export the file again", place)
     problem = ""
     if dataset.get("abscissa_spacing") == 1:
         start, increment = float(dataset["abscissa_min"]), float(dataset["abscissa_inc"])
