@@ -218,7 +218,7 @@ def test_complete_keys_come_back(tmp_path):
         (
             "output: [2, 3]\n    structure: oe",
             "datasets.a.structure",
-            "structure oe has one output",
+            "a polynomial model has one output",
         ),
         (
             "input: [1, 2]\n    output: 'y*'\n    structure: bj",
@@ -286,7 +286,7 @@ def test_complete_keys_come_back(tmp_path):
         (
             "output: [2, 3]\n    form: ss\n    focus: simulation",
             "datasets.a.focus",
-            "write form: ss_oe",
+            "write ss_oe",
         ),
         (
             "output: [2, 3]\n    input: none\n    focus: simulation",
@@ -350,7 +350,9 @@ def test_misuse_is_refused_in_one_sentence(keys, place, says):
 
 
 def test_a_structure_of_the_defaults_is_named():
-    assert "defaults.structure: there is a list" in refusal("output: [2, 3]", "{structure: oe}")
+    assert "defaults.structure: a polynomial model has one output" in refusal(
+        "output: [2, 3]", "{structure: oe}"
+    )
 
 
 def test_a_cell_of_a_table_may_hold_a_list(tmp_path, monkeypatch):

@@ -99,9 +99,16 @@ def test_a_mode_is_found_beside_gaps():
     u, y = signals()
     masked = np.ma.masked_array(y, np.isin(np.arange(N), LOST))
     masked.data[LOST] = 9999.0
-    keys = {"structure": "armax", "orders": {"joint": [2, 2], "nb": [2, 2]}}
-    quick = {"search": {"evaluations": 300}, "spectrum": {"nfft": 512}}
-    found = evopem.identify(u, masked, RATE, show_progress=False, **keys, **quick)
+    keys = {
+        "recipe": "chapter",
+        "transforms": {"box_cox": "none", "difference": 0},
+        "split": {"discard": 0},
+        "spectrum": {"nfft": 512},
+        "delay": {"orders": [2, 2], "nk": [1, 1]},
+        "orders": {"joint": [2, 2], "nc": [2, 2], "nb": [2, 2]},
+        "search": {"evaluations": 100, "mu": 3, "lambda": 6, "nu": 2},
+    }
+    found = evopem.identify(u, masked, RATE, show_progress=False, **keys)
     frequency = abs(np.log(np.roots(A)[0])) * RATE / 2 / np.pi
     assert found.modes["frequency_hz"].iloc[0] == pytest.approx(frequency, rel=2e-3)
     (origin,) = found.results.recording_info.files

@@ -17,13 +17,18 @@ SMALL = {
 }
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """The working folder, with data.csv (time, u, y at 100 Hz) and small.yaml."""
+def write_recording(folder):
+    """Write data.csv (time, u, y at 100 Hz) and small.yaml."""
     recording, _ = armax(seed=1, samples=600)
     time = np.arange(recording.samples) / 100.0
     table = np.column_stack([time, recording.input, recording.output])
-    np.savetxt(tmp_path / "data.csv", table, delimiter=",", header="time,u,y", comments="")
-    (tmp_path / "small.yaml").write_text(yaml.safe_dump({"defaults": SMALL}))
-    monkeypatch.chdir(tmp_path)
+    np.savetxt(folder / "data.csv", table, delimiter=",", header="time,u,y", comments="")
+    (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": SMALL}))
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with a recording and settings."""
+    monkeypatch.chdir(write_recording(tmp_path))
     return tmp_path

@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import shutil
 import subprocess
 import sys
 
@@ -14,9 +15,10 @@ from scipy.signal import lfilter
 import evopem
 from evopem.config.defaults import complete, read_settings, yaml_text
 from evopem.report.numbers import with_error
+from evopem.signals.reading import read_measured
 from evopem.terminal.command import main
 
-from .conftest import SMALL
+from .conftest import SMALL, write_recording
 
 RUN = ("data.csv", "--input", "u", "--output", "y", "--rate", "100", "--config", "small.yaml")
 KEYS = {"file": "data.csv", "input": "u", "output": "y", "sampling_rate": 100}
@@ -37,8 +39,36 @@ def run(folder, *arguments):
     )
 
 
-def test_one_command_identifies_a_recording(folder):
-    ended = run(folder, *RUN)
+def code_of(arguments):
+    """The exit code of the command in this process."""
+    try:
+        return main(arguments)
+    except SystemExit as ended:
+        return ended.code
+
+
+@pytest.fixture(scope="module")
+def identified_once(tmp_path_factory):
+    """A folder in which the command has run, and how it ended."""
+    folder = write_recording(tmp_path_factory.mktemp("command"))
+    return folder, run(folder, *RUN)
+
+
+@pytest.fixture
+def handed_over(monkeypatch):
+    """The settings that the command hands over to be identified; nothing is."""
+    settings = []
+
+    def stopped(_, given, *__):
+        settings.append(given)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("evopem.pipeline.identification.identify_dataset", stopped)
+    return settings
+
+
+def test_one_command_identifies_a_recording(identified_once):
+    folder, ended = identified_once
     assert ended.returncode == 0, ended.stderr
     model = evopem.load(folder / "results" / "data" / "model.json")
     for mode in model.modes():
@@ -49,13 +79,14 @@ def test_one_command_identifies_a_recording(folder):
     # The settings are those of the same keys in a configuration.
     assert read_settings(folder / "results" / "data" / "config.yaml") == SETTINGS
     # Progress is on standard error alone, a line for each stage where there is no terminal.
-    stages = [line for line in ended.stderr.splitlines() if line.startswith("[")]
-    assert len({line.partition("]")[0] for line in stages}) == 18
-    assert stages[-1].startswith("[18/18]")
+    stages = [line.partition("]")[0] for line in ended.stderr.splitlines() if line[:1] == "["]
+    counts = {stage.partition("/")[2] for stage in stages}
+    assert len(counts) == 1
+    assert len(set(stages)) == int(counts.pop()) > 5
 
 
-def test_a_second_run_that_is_stopped_leaves_no_mixture(folder, monkeypatch):
-    assert main(RUN) == 0
+def test_a_second_run_that_is_stopped_leaves_no_mixture(identified_once, folder, monkeypatch):
+    shutil.copytree(identified_once[0] / "results", folder / "results")
     results = folder / "results" / "data"
     assert evopem.read_results(results).name == "data"
 
@@ -72,45 +103,35 @@ def test_a_second_run_that_is_stopped_leaves_no_mixture(folder, monkeypatch):
         evopem.load(results / "model.json")
 
 
-def test_several_channels_have_modes_and_a_report(folder, capsys):
+def test_several_channels_and_recordings_have_modes_and_a_report(folder, capsys):
     written = {"orders": {"nx": [3, 3]}, "form": "ss", "search": {"evaluations": 1}}
     (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))
     table = np.loadtxt("data.csv", delimiter=",", skiprows=1)
     noise = np.random.default_rng(1).standard_normal(len(table)) * table[:, 2].std()
     table = np.column_stack([table, np.roll(table[:, 2], 2) + noise])
-    np.savetxt("data.csv", table, delimiter=",", header="time,u,y_1,y_2", comments="")
+    files = ["one.csv", "two.csv", "three.csv"]
+    for name, rows in zip(files, np.split(table, [250, 450]), strict=True):
+        np.savetxt(name, rows, delimiter=",", header="time,u,y_1,y_2", comments="")
     # The rate is that of the channel named as a time.
-    assert main(["data.csv", "--input", "u", "--output", "y_*", "--config", "small.yaml"]) == 0
+    given = ["--input", "u", "--output", "y_*", "--config", "small.yaml"]
+    assert main([*files, *given]) == 0
     shown = capsys.readouterr().out
     assert "state space, 3 states (innovations" in shown
     assert "at 100 Hz" in shown
-    assert shown.endswith("report  results/data/report.html\n")
-    results = folder / "results" / "data"
-    assert "y_2" in (results / "report.html").read_text()
+    assert shown.endswith("report  results/one/report.html\n")
+    results = folder / "results" / "one"
+    page = (results / "report.html").read_text()
+    assert "y_2" in page
+    assert all(f"<dd>{name}</dd>" in page for name in files)
     model = evopem.load(results / "model.json")
     assert isinstance(model, evopem.StateSpaceModel)
     assert model.output_names == ("y_1", "y_2")
     np.testing.assert_array_equal(model.A, loadmat(results / "model.mat")["A"])
-
-
-def test_several_recordings_are_one_data_set(folder, capsys):
-    written = {"orders": {"nx": [3, 3]}, "form": "ss", "search": {"evaluations": 1}}
-    (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))
-    rows = (folder / "data.csv").read_text().splitlines()
-    for name, first, last in (("one", 1, 250), ("two", 250, 450), ("three", 450, 601)):
-        part = [rows[0].replace("y", "y_1"), *rows[first:last]]
-        (folder / f"{name}.csv").write_text("\n".join(part) + "\n")
-    files = ["one.csv", "two.csv", "three.csv"]
-    given = ["--input", "u", "--output", "y_*", "--rate", "100", "--config", "small.yaml"]
-    assert main([*files, *given]) == 0
-    assert capsys.readouterr().out.endswith("report  results/one/report.html\n")
-    page = (folder / "results" / "one" / "report.html").read_text()
-    assert all(f"<dd>{name}</dd>" in page for name in files)
     assert main(["one.csv", *given]) == 1
     assert "it holds the results of one.csv, two.csv, three.csv" in capsys.readouterr().err
 
 
-def test_results_of_another_recording_are_not_overwritten(folder, capsys):
+def test_results_of_another_recording_are_not_overwritten(folder, handed_over, capsys):
     results = folder / "results" / "data"
     results.mkdir(parents=True)
     (results / "config.yaml").write_text(yaml_text(SETTINGS))
@@ -122,7 +143,8 @@ def test_results_of_another_recording_are_not_overwritten(folder, capsys):
     assert {path.name for path in results.iterdir()} == {"config.yaml", "report.html"}
     # What a run that failed has left is no result.
     (results / "report.html").unlink()
-    assert run(folder, "other/data.csv", *RUN[1:]).returncode == 0
+    main(["other/data.csv", *RUN[1:]])
+    assert [each.source.files for each in handed_over] == [("other/data.csv",)]
 
 
 def test_another_project_s_file_of_the_same_name_replaces_no_results(folder, monkeypatch, capsys):
@@ -155,12 +177,11 @@ def test_another_project_s_file_of_the_same_name_replaces_no_results(folder, mon
         (["-rf.csv", *RUN[1:]], "-rf.csv: begins with -, as options do; write ./-rf.csv."),
     ],
 )
-def test_bad_input_is_said_in_one_sentence(folder, arguments, sentence):
+def test_bad_input_is_said_in_one_sentence(folder, capsys, arguments, sentence):
     (folder / "gone").symlink_to("nowhere")
     (folder / "-rf.csv").touch()
-    ended = run(folder, *arguments)
-    assert ended.returncode == 1
-    said = [line for line in ended.stderr.splitlines() if not line.startswith("[")]
+    assert code_of(arguments) == 1
+    said = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("[")]
     assert len(said) == 1
     assert said[0].startswith(sentence)
     assert said[0].endswith(".")
@@ -252,7 +273,7 @@ def test_init_writes_a_configuration_that_is_accepted(folder, capsys):
     assert (folder / "config.yaml").read_text() == written
 
 
-def test_what_an_error_asks_for_is_an_option(folder, capsys):
+def test_what_an_error_asks_for_is_an_option(folder, capsys, request):
     """A clock in whole milliseconds, under a name that does not say so."""
     table = np.loadtxt("data.csv", delimiter=",", skiprows=1)
     table[:, 0] *= 1000
@@ -262,14 +283,14 @@ def test_what_an_error_asks_for_is_an_option(folder, capsys):
         (["--time", "stamp"], "set --time-unit to one of s, ms"),
         ([], "give --rate in Hz"),
     ):
-        ended = run(folder, *given, *asked)
-        assert ended.returncode == 1
-        assert sentence in ended.stderr
+        assert code_of([*given, *asked]) == 1
+        assert sentence in capsys.readouterr().err
+    handed_over = request.getfixturevalue("handed_over")
     options = ["--time-unit", "ms", "--header-lines", "2", "--decimal-mark", "."]
-    assert main([*given, "--time", "stamp", *options]) == 0
-    assert "at 100 Hz" in capsys.readouterr().out
-    (channels,) = [read_settings("results/data/config.yaml").source.channels]
+    main([*given, "--time", "stamp", *options])
+    channels = handed_over[0].channels
     assert (channels.time_unit, channels.header_lines, channels.decimal_mark) == ("ms", 2, ".")
+    assert read_measured("data.csv", channels).recording.sampling_rate == 100
 
 
 def test_a_single_step_is_identified(folder, capsys):

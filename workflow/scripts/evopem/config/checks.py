@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from evopem.config.channels import NONE, Geometry, Reference, is_pattern, listed
+from evopem.config.constraints import Constraints
 from evopem.config.keys import (
     ANALYSIS,
     SOURCE,
@@ -17,7 +18,13 @@ from evopem.config.schema import ALL_SAMPLES
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import Place
 from evopem.config.strict_yaml import Keys
-from evopem.config.structures import AUTOMATIC_STRUCTURES, STRUCTURES, has_input, phases_of
+from evopem.config.structures import (
+    AUTOMATIC_STRUCTURES,
+    STRUCTURES,
+    check_model,
+    has_input,
+    phases_of,
+)
 from evopem.errors import InputError
 
 STATE_SPACE_KEYS = ("form", "weighting", "geometry")
@@ -137,9 +144,11 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     form = keys.get("form", STATE_SPACE if structure is None else structure)
     if kind.several and kind.synthesis:
         at.refuse("", "a synthetic data set has one input and one output", "give a file")
-    if kind.is_polynomial and not kind.has_one_output:
-        problem = f"there is a list of outputs, and {polynomial} has one output"
-        at.refuse("structure", problem, f"write structure: {STATE_SPACE}, or name one channel")
+    constraints = Constraints(**keys["constraints"]) if keys.get("constraints") else None
+    try:
+        check_model(form, not kind.has_one_output, keys.get("focus", "prediction"), constraints)
+    except InputError as error:
+        at.refuse(error.source, error.problem, error.remedy)
     if kind.is_polynomial and inputs and not has_input(form) and "input" in keys:
         remedy = f"write input: {NONE}, or another structure"
         at.refuse("input", f"{polynomial} has no input", remedy)
@@ -169,10 +178,6 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     if not inputs and keys.get("form", "ss") != "ss":
         problem = f"form {form} has a plant that inputs drive"
         at.refuse("form", problem, "write ss, or remove the key")
-    if form == "ss" and keys.get("focus") == "simulation":
-        problem = "errors of simulation do not depend on the gain K of ss"
-        remedy = "write form: ss_oe, or ss_bj for a noise model beside it"
-        at.refuse("focus", problem, remedy)
     estimation = keys.get("split", {}).get("estimation")
     takes_all = isinstance(estimation, float) and estimation == ALL_SAMPLES
     if takes_all and "validation_file" not in keys:
@@ -238,11 +243,8 @@ def _check_constraints(constraints: Keys, kind: Kind, form: str, at: Place) -> N
             at.refuse(f"constraints.{key}", problem, remedy)
     if not kind.several:
         return
-    if form in (STATE_SPACE, "ss_bj"):
-        problem = (
-            "what constraints mean depends on the structure: of ss_bj it is not said whether"
-            " poles of the plant or of its noise model are meant"
-        )
+    if form == STATE_SPACE:
+        problem = "what constraints mean depends on the structure, and none is written"
         remedy = "write form: ss_oe or ss, or a polynomial structure such as oe"
         at.refuse("constraints", problem, remedy)
     known = [

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from evopem.config.constraints import Constraints
 from evopem.config.settings import DatasetSettings
+from evopem.errors import InputError
 
 # The orders that each structure has, in the order of MATLAB's tuples (Ljung 1999, chapter 4).
 STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -109,6 +111,33 @@ MULTI_INPUT_STRUCTURES = ("arx", "armax", "oe", "bj")
 def is_polynomial(form: str) -> bool:
     """Whether a form is a structure of polynomial models."""
     return form in STRUCTURES
+
+
+def check_model(
+    structure: str, several_outputs: bool, focus: str | int, constraints: Constraints | None
+) -> None:
+    """Refuse a structure or form that cannot meet what is asked of it, whatever its orders.
+
+    The source of the InputError is the key that asks.
+    """
+    key = problem = remedy = ""
+    if is_polynomial(structure) and several_outputs:
+        key, problem = "structure", "a polynomial model has one output, and there are several"
+        remedy = "write a state-space structure, which has all of them, or name one output"
+    elif structure == "ss" and focus == "simulation":
+        key, problem = "focus", "errors of simulation do not depend on the gain K of ss"
+        remedy = "write ss_oe, or ss_bj for a noise model beside it"
+    elif constraints is not None and structure == "ss_bj":
+        key, problem = "constraints", "ss_bj has poles of the plant and of its noise model in one"
+        problem += " matrix, and it is not said which of them are meant"
+        remedy = "write ss_oe or ss, or a polynomial structure such as oe"
+    elif constraints is not None and structure in ("fir", "arma"):
+        key, problem = "constraints", f"a model of structure {structure} has no plant with poles"
+        remedy = "leave out what they require of poles"
+        if not (constraints.of_free_poles or constraints.fixed_poles):
+            return
+    if key:
+        raise InputError(key, problem, remedy)
 
 
 def searched_forms(dataset: DatasetSettings) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
+from evopem.config.structures import check_model
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import (
@@ -201,11 +202,7 @@ def estimate(
             settings=settings,
             log=log,
         )
-    if len(recording.output_names) > 1:
-        raise ValueError(
-            f"a polynomial model has one output, and there are {len(recording.output_names)};"
-            " estimate one for each, or a state-space model (structure='ss') of all"
-        )
+    check_model(structure, len(recording.output_names) > 1, focus, constraints)
     if structure == "armax" and not recording.has_input:
         raise ValueError("structure 'armax' needs an input; without one, use 'arma'")
     return estimate_polynomial(

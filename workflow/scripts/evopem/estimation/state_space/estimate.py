@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, SearchSettings
-from evopem.errors import InputError
+from evopem.config.structures import check_model
 from evopem.estimation.criteria import log_loss
 from evopem.estimation.state_space.entry_estimate import check_state_space_constraints, meeting
 from evopem.estimation.state_space.local_estimates import (
@@ -126,21 +126,9 @@ def _horizon(
         raise ValueError(
             f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
         )
+    check_model(structure, False, focus, constraints)
     if structure in ("ss_oe", "ss_oe_drift"):
         return 1
-    if structure == "ss" and focus == "simulation":
-        raise InputError(
-            "focus",
-            "errors of simulation do not depend on the gain K of structure ss",
-            "write structure ss_oe, or ss_bj for a noise model beside it",
-        )
-    if structure == "ss_bj" and constraints is not None:
-        raise InputError(
-            "constraints",
-            "structure ss_bj has poles of the plant and of its noise model in one matrix, and it"
-            " is not said which of them are meant",
-            "write structure ss_oe or ss",
-        )
     return int(focus) if whole else None if focus == "simulation" else 1
 
 
