@@ -116,24 +116,31 @@ def test_several_steps_are_predicted_better_by_a_model_for_them(inputs, outputs,
     assert ahead(five) < ahead(one)
 
 
-@pytest.mark.parametrize("structure", ["ss", "ss_oe", "ss_oe_drift"])
-@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
-@pytest.mark.parametrize(("inputs", "outputs"), [(1, 1), (2, 2)])
+@pytest.mark.parametrize(
+    ("structure", "objective", "inputs", "outputs"),
+    [
+        ("ss", "quadratic", 1, 1),
+        ("ss", "absolute", 2, 2),
+        ("ss_oe", "quadratic", 2, 2),
+        ("ss_oe", "absolute", 1, 1),
+        ("ss_oe_drift", "quadratic", 1, 1),
+        ("ss_oe_drift", "absolute", 2, 2),
+    ],
+)
 def test_modes_keep_their_least_damping(structure, objective, inputs, outputs):
-    options = {"weighting": "noise", "settings": replace(SETTINGS, objective=objective)}
-    constraints = Constraints(min_damping_ratio=0.09)
-    recording = recorded(inputs, outputs, structure=structure)
     found = estimate_state_space(
-        recording, 4, structure=structure, constraints=constraints, **options
+        recorded(inputs, outputs, structure=structure),
+        4,
+        structure=structure,
+        constraints=Constraints(min_damping_ratio=0.09),
+        weighting="noise",
+        settings=replace(SETTINGS, objective=objective),
     )
     assert min(mode.damping_ratio for mode in found.model.modes()) >= 0.09 - 1e-6
     assert found.constraints.active == ("min_damping_ratio",)
     assert found.constraints.objective > found.constraints.objective_without
-    free = estimate_state_space(recording, 4, structure=structure, **options)
-    second = max(free.model.modes(), key=lambda mode: mode.frequency_hz)
-    assert max(mode.frequency_hz for mode in found.model.modes()) == pytest.approx(
-        second.frequency_hz, abs=0.1
-    )
+    # The mode that is damped enough stays where it is.
+    assert max(mode.frequency_hz for mode in found.model.modes()) == pytest.approx(2.5, abs=0.1)
 
 
 def test_constraints_that_an_optimum_meets_change_nothing():
@@ -215,7 +222,7 @@ def test_a_model_has_its_structure_for_one_channel_as_well():
 @pytest.mark.parametrize("structure", ["ss", "ss_oe", "ss_oe_drift", "ss_bj"])
 def test_one_function_estimates_every_structure(structure):
     """Channels as columns or not, the order as a number or by its name."""
-    recording = recorded(1, 1, structure="ss_oe")
+    recording = recorded(1, 1, 150, structure="ss_oe")
     expected = estimated(recording, structure=structure)
     by_array = evopem.estimate(
         *(recording.input, recording.output, 4, RATE),

@@ -19,10 +19,9 @@ from evopem.estimation.state_space.local_estimates import (
     WEIGHTINGS,
     StateSpaceTask,
     descend_from,
-    described,
 )
 from evopem.estimation.state_space.point_model import PointModel, parameter_covariance
-from evopem.estimation.state_space.search import Rung, converted, descended, reductions, searched
+from evopem.estimation.state_space.search import Rung, converted, descended, reductions
 from evopem.estimation.state_space.sections import (
     Layout,
     SectionSignals,
@@ -387,8 +386,7 @@ def test_slow_changes_of_the_outputs_are_no_part_of_the_plant(objective):
     def estimated(outputs, period=None):
         settings = replace(FAST, objective=objective)
         task = StateSpaceTask("ss_oe", settings=settings, drift_period=period)
-        errors = task.errors(record_of(inputs, outputs), 1)
-        return described(*searched(errors, [], settings, None))
+        return descend_from(truth, record_of(inputs, outputs), task)
 
     alone, biased = estimated(steady), estimated(drifting)
     found = estimated(drifting, 200.0)

@@ -172,7 +172,7 @@ def task_of(
         whole,
         structure,  # type: ignore[arg-type]
         delays,
+        forgets=True,
         weighting=weighting_of(structure, settings),
         settings=search_settings(settings, evaluations),
-        forgets=True,
     )

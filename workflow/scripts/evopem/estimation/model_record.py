@@ -234,30 +234,27 @@ class ModelRecord:
 
 def derived_from(model: Model, plant_states: int) -> dict[str, Any]:
     """The model of a record with what follows from it."""
-    if isinstance(model, PolynomialModel):
-        return {
-            "model": model,
-            "orders": model.orders,
-            "plant_states": plant_states,
-            "modes": tuple(model.modes()),
-            "noise_modes": tuple(model.noise_modes()),
-            "poles": model.poles(),
-            "zeros": tuple(model.zeros(place) for place in range(model.inputs)),
-            "noise_poles": model.noise_poles(),
-            "noise_zeros": model.noise_zeros(),
-            "parameter_standard_errors": model.parameter_standard_errors(),
-        }
-    plant = plant_of(model, plant_states)
-    return {
+    plant = model if isinstance(model, PolynomialModel) else plant_of(model, plant_states)
+    derived: dict[str, Any] = {
         "model": model,
-        "orders": None,
         "plant_states": plant_states,
         "modes": tuple(plant.modes()),
-        "noise_modes": (),
         "poles": plant.poles(),
+        "noise_zeros": model.noise_zeros(),
+    }
+    if isinstance(model, PolynomialModel):
+        return derived | {
+            "orders": model.orders,
+            "noise_modes": tuple(model.noise_modes()),
+            "zeros": tuple(model.zeros(place) for place in range(model.inputs)),
+            "noise_poles": model.noise_poles(),
+            "parameter_standard_errors": model.parameter_standard_errors(),
+        }
+    return derived | {
+        "orders": None,
+        "noise_modes": (),
         "zeros": (),
         "noise_poles": model.poles(),
-        "noise_zeros": model.noise_zeros(),
         "parameter_standard_errors": None,
     }
 

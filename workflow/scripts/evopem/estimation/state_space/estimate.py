@@ -15,6 +15,7 @@ from evopem.config.structures import check_model
 from evopem.estimation.criteria import log_loss
 from evopem.estimation.state_space.entry_estimate import check_state_space_constraints, meeting
 from evopem.estimation.state_space.local_estimates import (
+    QUADRATIC,
     StateSpaceEstimate,
     StateSpaceTask,
     descend_from,
@@ -69,23 +70,35 @@ def estimate_state_space(
     constraints and structure contradict each other; ValueError when the recording is too short, or
     a setting outside its range.
     """
-    task = StateSpaceTask.of(recording, structure, delays, level, weighting, settings, forgets)
+    options = {"level": level, "weighting": weighting, "settings": settings or QUADRATIC}
+    task = StateSpaceTask.of(recording, structure, delays, forgets, **options)
     horizon = _horizon(focus, structure, constraints)
     if structure == "ss_bj":
         free = _beside(recording, order, task, horizon, starts, log)
     else:
-        with one_blas_thread():
-            errors = task.errors(recording, order)
-            if constraints is not None:
-                check_state_space_constraints(constraints, errors)
-            points = [point_of_model(each, errors) for each in starts]
-            free = described(*searched(errors, points, task.settings, log))
+        if constraints is not None:
+            check_state_space_constraints(constraints, task.errors(recording, order))
+        free = _searched(recording, order, task, starts, log)
     if constraints is None and horizon in (1, None):
         return replace(free, focus=focus)
     with one_blas_thread():
         errors = replace(task, structure=free.model.structure).errors(recording, free.model.order)
         found = meeting(free, errors, horizon or 1, constraints, task.settings)
     return replace(found, focus=focus)
+
+
+def _searched(
+    recording: Recording,
+    order: int,
+    task: StateSpaceTask,
+    starts: Sequence[StateSpaceModel],
+    log: Log | None,
+) -> StateSpaceEstimate:
+    """With K or without, of one step and without constraints."""
+    with one_blas_thread():
+        errors = task.errors(recording, order)
+        points = [point_of_model(each, errors) for each in starts]
+        return described(*searched(errors, points, task.settings, log))
 
 
 def _beside(
@@ -97,16 +110,9 @@ def _beside(
     log: Log | None,
 ) -> StateSpaceEstimate:
     """Structure ``ss_bj``; for simulation, without a horizon, the plant beside its noise model."""
-    plant = estimate_state_space(
-        recording,
-        order,
-        structure="ss_oe",
-        delays=task.delays,
-        level=task.level,
-        weighting=task.weighting if horizon is None else PLANT_WEIGHTING,
-        settings=task.settings,
-        log=log,
-    )
+    weighting = task.weighting if horizon is None else PLANT_WEIGHTING
+    own = replace(task, structure="ss_oe", weighting=weighting)
+    plant = _searched(recording, order, own, (), log)
     if horizon is None:
         model = with_noise_model(plant.model, recording, task.settings)
         return replace(plant, model=model, focus_objective=plant.objective)
@@ -160,7 +166,8 @@ def estimates_of_orders(
         Of each descent at most: too small orders, which do not describe the recording, converge
         slowly, and nothing depends on their last digits.
     """
-    task = StateSpaceTask.of(recording, structure, delays, level, weighting, settings, forgets)
+    options = {"level": level, "weighting": weighting, "settings": settings or QUADRATIC}
+    task = StateSpaceTask.of(recording, structure, delays, forgets, **options)
     if structure != "ss_bj":
         yield from plain_estimates(recording, orders, task, width, steps, log)
         return

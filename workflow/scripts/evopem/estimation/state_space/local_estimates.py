@@ -16,7 +16,7 @@ from evopem.errors import NoModelError
 from evopem.estimation.criteria import autoregression_of, lies_at_bound, limited, log_loss
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.prediction_errors import check_search_settings
-from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
+from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.problem import (
@@ -26,7 +26,7 @@ from evopem.estimation.state_space.problem import (
     TOLERANCE,
     StateSpaceProblem,
 )
-from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, swept
+from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, result_of, swept
 from evopem.estimation.state_space.starting_points import point_of_model
 from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
@@ -62,12 +62,10 @@ class StateSpaceTask:
     def of(
         cls,
         recording: Recording,
-        structure: StateSpaceStructure = "ss",
-        delays: int | Sequence[int] = 1,
-        level: bool = True,
-        weighting: OutputWeighting = "determinant",
-        settings: SearchSettings | None = None,
-        forgets: bool = False,
+        structure: StateSpaceStructure,
+        delays: int | Sequence[int],
+        forgets: bool,
+        **options: Any,
     ) -> StateSpaceTask:
         """The task of a structure.
 
@@ -79,11 +77,11 @@ class StateSpaceTask:
         return cls(
             "ss" if structure in ("ss", "ss_bj") else "ss_oe",
             delays if isinstance(delays, int) else tuple(delays),
-            level,
-            weighting,
-            settings or QUADRATIC,
-            recording.longest.samples / DRIFT_PERIODS if structure == "ss_oe_drift" else None,
-            forgets and structure == "ss",
+            drift_period=recording.longest.samples / DRIFT_PERIODS
+            if structure == "ss_oe_drift"
+            else None,
+            forgets=forgets and structure == "ss",
+            **options,
         )
 
     def errors(self, recording: Recording, order: int) -> StateSpaceErrors:
@@ -222,12 +220,10 @@ def _descended_from(
     errors = replace(task, structure=model.structure).errors(recording, model.order)
     problem = problem_for(errors, task.settings)
     start = problem.completed(point_of_model(model, errors))
-    descent = problem.descents(start[None, :], steps, tolerance)
-    value = float(descent.values[0])
-    if not np.isfinite(value):
+    result = result_of(problem.descents(start[None, :], steps, tolerance))
+    if not np.isfinite(result.value):
         raise NoModelError("the descent found no stable model")
-    diagnostics = SearchDiagnostics.of_descents(value, descent.evaluations, 1)
-    return problem, SearchResult(descent.points[0], value, diagnostics)
+    return problem, result
 
 
 def described(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import limited
 from evopem.estimation.damped_descent import Optimum, descend
+from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
@@ -218,17 +219,11 @@ AGREEING_BEFORE_CHECK = AGREEING - 1
 
 
 def generator_of(
-    settings: SearchSettings, errors: StateSpaceErrors, order: int, fold: int = 0
+    settings: SearchSettings, errors: StateSpaceErrors, order: int, sweep: int = 0
 ) -> np.random.Generator:
     """The source of all draws for an order of a problem."""
-    data = errors.data
-    key = (
-        order,
-        ("ss", "ss_oe").index(errors.structure),
-        int(data.levels > 0),
-        *data.delays,
-        fold,
-    )
+    data, form = errors.data, int(not errors.innovations)
+    key = (order, form, int(data.levels > 0), *data.delays, sweep)
     return np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
 
 
@@ -311,11 +306,14 @@ def _polished(problem: StateSpaceProblem, starts: list[Array], spent: int) -> Se
     """The lowest of some points, descended from to the last digits."""
     points, used = problem.nearest(starts)
     best = points[int(np.argmin(problem.values(points)))]
-    polished = problem.polish(best[None, :])
-    value = float(polished.values[0])
-    spent += polished.evaluations + used
-    diagnostics = SearchDiagnostics.of_descents(value, spent, len(points))
-    return SearchResult(polished.points[0], value, diagnostics)
+    return result_of(problem.polish(best[None, :]), spent + used, len(points))
+
+
+def result_of(descent: Descent, spent: int = 0, optima: int = 1) -> SearchResult:
+    """The end of a descent from one point, after others that have spent evaluations."""
+    value = float(descent.values[0])
+    diagnostics = SearchDiagnostics.of_descents(value, spent + descent.evaluations, optima)
+    return SearchResult(descent.points[0], value, diagnostics)
 
 
 def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
@@ -332,14 +330,13 @@ def swept(
     settings: SearchSettings,
     width: int,
     log: Log | None,
-    fold: int = 0,
     steps: int = STEPS,
 ) -> Iterator[tuple[StateSpaceProblem, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
     plain = without_outliers(problem_for(errors, settings))
     usual = min(orders[-1], USUAL_ORDER)
     models = StartingModels(plain, orders[-1], replace(errors, order=usual).cost <= HEAVY)
-    generator = generator_of(settings, errors, usual, 1 + fold)
+    generator = generator_of(settings, errors, usual, 1)
     for rung in rungs(plain, models, generator, width, orders, steps, log):
         if not rung.optima:
             continue
@@ -373,6 +370,5 @@ def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
 
 def problem_for(errors: StateSpaceErrors, settings: SearchSettings) -> StateSpaceProblem:
     """The search problem of the objective."""
-    return (AbsoluteStateSpaceProblem if settings.objective == "absolute" else StateSpaceProblem)(
-        errors
-    )
+    absolute = settings.objective == "absolute"
+    return AbsoluteStateSpaceProblem(errors) if absolute else StateSpaceProblem(errors)

@@ -61,7 +61,6 @@ def grouped_poles(poles: Complex) -> tuple[Complex, Array]:
 def separated(poles: Complex) -> Complex:
     """Poles with the real ones moved apart where they almost coincide."""
     upper, real = grouped_poles(poles)
-    real = real.copy()
     for k in range(1, len(real)):
         real[k] = max(real[k], real[k - 1] + 2.0 * SEPARATION)
     return np.concatenate([upper, upper.conj(), real])
