@@ -3,28 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import ModuleType
 from typing import NamedTuple
 
+from evopem.figures import frequency_domain, orders, time_domain
 from evopem.figures.chart import Chart
 from evopem.figures.draw import draw
-from evopem.figures.frequency_domain import (
-    frequency_response,
-    gain,
-    nyquist,
-    residual_spectrum,
-    spectrum,
-)
-from evopem.figures.orders import convergence, delay, phases, poles_zeros, stabilization
 from evopem.figures.style import svg_text
-from evopem.figures.time_domain import (
-    horizons,
-    measured_and_simulated,
-    record,
-    residuals,
-    simulation,
-    simulation_as_recorded,
-    step_and_impulse,
-)
 from evopem.figures.view import View, view_of
 from evopem.results.dataset import DatasetResults
 
@@ -40,24 +25,29 @@ class ReportFigure(NamedTuple):
     data: tuple[str, ...]  # names of the files of the results that hold what is drawn
 
 
+# The part, the module with a function of the figure's name, and the files.
+_FIGURES: dict[str, tuple[str, ModuleType, tuple[str, ...]]] = {
+    "measured_and_simulated": ("summary", time_domain, ("simulation.csv",)),
+    "gain": ("summary", frequency_domain, RESPONSES),
+    "poles_zeros": ("modes", orders, ("model.json",)),
+    "stabilization": ("modes", orders, ("validation.json",)),
+    "frequency_response": ("response", frequency_domain, RESPONSES),
+    "step_and_impulse": ("response", time_domain, ("time_response.csv",)),
+    "nyquist": ("response", frequency_domain, RESPONSES),
+    "simulation": ("errors", time_domain, ("simulation.csv",)),
+    "simulation_as_recorded": ("errors", time_domain, ("simulation.csv",)),
+    "horizons": ("errors", time_domain, ("horizons.csv",)),
+    "residuals": ("residual_tests", time_domain, CORRELATIONS),
+    "residual_spectrum": ("residual_tests", frequency_domain, ("simulation.csv",)),
+    "record": ("recording", time_domain, ("recording.npz", "prepared.npz")),
+    "spectrum": ("recording", frequency_domain, ("spectrum.csv",)),
+    "delay": ("selection", orders, ("candidates.csv",)),
+    "phases": ("selection", orders, ("candidates.csv",)),
+    "convergence": ("selection", orders, ("model.json",)),
+}
 REPORT_FIGURES = {
-    "measured_and_simulated": ReportFigure("summary", measured_and_simulated, ("simulation.csv",)),
-    "gain": ReportFigure("summary", gain, RESPONSES),
-    "poles_zeros": ReportFigure("modes", poles_zeros, ("model.json",)),
-    "stabilization": ReportFigure("modes", stabilization, ("validation.json",)),
-    "frequency_response": ReportFigure("response", frequency_response, RESPONSES),
-    "step_and_impulse": ReportFigure("response", step_and_impulse, ("time_response.csv",)),
-    "nyquist": ReportFigure("response", nyquist, RESPONSES),
-    "simulation": ReportFigure("errors", simulation, ("simulation.csv",)),
-    "simulation_as_recorded": ReportFigure("errors", simulation_as_recorded, ("simulation.csv",)),
-    "horizons": ReportFigure("errors", horizons, ("horizons.csv",)),
-    "residuals": ReportFigure("residual_tests", residuals, CORRELATIONS),
-    "residual_spectrum": ReportFigure("residual_tests", residual_spectrum, ("simulation.csv",)),
-    "record": ReportFigure("recording", record, ("recording.npz", "prepared.npz")),
-    "spectrum": ReportFigure("recording", spectrum, ("spectrum.csv",)),
-    "delay": ReportFigure("selection", delay, ("candidates.csv",)),
-    "phases": ReportFigure("selection", phases, ("candidates.csv",)),
-    "convergence": ReportFigure("selection", convergence, ("model.json",)),
+    name: ReportFigure(part, getattr(module, name), data)
+    for name, (part, module, data) in _FIGURES.items()
 }
 """By their names, in the order of :data:`evopem.results.layout.FIGURES`."""
 

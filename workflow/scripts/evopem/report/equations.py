@@ -77,13 +77,15 @@ def _polynomials(model: PolynomialModel) -> list[tuple[str, list[float], int]]:
 
 def polynomials(model: PolynomialModel) -> list[tuple[str, list[Term]]]:
     """The polynomials of the structure in the backshift operator, each with its name."""
-    return [(name, _terms(values, first)) for name, values, first in _polynomials(model)]
-
-
-def _terms(coefficients: list[float], first: int) -> list[Term]:
     return [
-        ("-" if value < 0 else "+" if place else "", abs(value), first + place)
-        for place, value in enumerate(coefficients)
+        (
+            name,
+            [
+                ("-" if value < 0 else "+" if place else "", abs(value), first + place)
+                for place, value in enumerate(values)
+            ],
+        )
+        for name, values, first in _polynomials(model)
     ]
 
 
@@ -151,9 +153,9 @@ def _matlab(value: Any) -> str:
     """A number, a row or a cell array of rows."""
     if isinstance(value, np.ndarray) and value.dtype == object:
         return f"{{{', '.join(map(_matlab, value.ravel()))}}}"
-    numbers = np.ravel(value).tolist()
-    listed = " ".join(f"{each:.17g}" for each in numbers)
-    return listed if len(numbers) == 1 else f"[{listed}]"
+    values = np.ravel(value)
+    listed = _listed(values, " ")
+    return listed[1:-1] if values.size == 1 else listed
 
 
 def python(model: PolynomialModel) -> str:
@@ -171,8 +173,8 @@ def python(model: PolynomialModel) -> str:
     )
 
 
-def _listed(coefficients: np.ndarray) -> str:
-    return f"[{', '.join(f'{value:.17g}' for value in coefficients)}]"
+def _listed(coefficients: np.ndarray, gap: str = ", ") -> str:
+    return f"[{gap.join(f'{value:.17g}' for value in coefficients)}]"
 
 
 def coefficient_table(model: PolynomialModel) -> list[tuple[Markup, int, float, float | None]]:

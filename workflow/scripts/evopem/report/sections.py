@@ -83,25 +83,10 @@ def _summary(view: View) -> dict[str, Any]:
 
 def _model(view: View) -> dict[str, Any]:
     record = view.results.model
-    content = {
-        "equation": "",
-        "polynomials": [],
+    return {
+        "polynomials": record.polynomials if record.orders else None,
+        "written": equations,
         "constraints": list(constraint_rows(record.fit)),
-    }
-    if record.orders is None:
-        return content
-    model = record.polynomials
-    return content | {
-        "equation": equations.equation(model),
-        "orders_note": equations.orders_note(model),
-        "polynomials": equations.polynomials(model),
-        "coefficients": equations.coefficient_table(model),
-        "copies": [
-            ("text", "Plain text", equations.text(model)),
-            ("matlab", "MATLAB", equations.matlab(model)),
-            ("python", "Python", equations.python(model)),
-            ("json", "JSON", equations.as_json(model)),
-        ],
     }
 
 

@@ -101,9 +101,13 @@ def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[st
     replaced = []
     for path, recording, info in _read_files(datasets):
         origin = _origin(path, info)
-        if origin and _is_replaced(path, info, origin.get("sha256"), origin.get("bytes")):
-            _make_older(path, [recording, info])
-            replaced.append(path)
+        try:
+            is_other = _was_touched(path, info) or origin["bytes"] != Path(path).stat().st_size
+            if origin and is_other and sha256_of_file(path) != origin.get("sha256"):
+                _make_older(path, [recording, info])
+                replaced.append(path)
+        except (OSError, ValueError, KeyError):  # not read yet, or gone: its own job says so
+            continue
     return replaced
 
 
@@ -120,16 +124,6 @@ def _read_files(datasets: Mapping[str, DatasetSettings]) -> Iterator[tuple[str, 
             yield path, files.recording, files.recording_info
         for path in getattr(source, "validation_files", ()):
             yield path, files.validation_recording, files.validation_recording_info
-
-
-def _is_replaced(path: str, info: str, checksum: object, size: object) -> bool:
-    """Whether a file has another content than when it was read."""
-    try:
-        if not _was_touched(path, info) and size == Path(path).stat().st_size:
-            return False
-        return sha256_of_file(path) != checksum
-    except (OSError, ValueError):  # not read yet, or no longer there: its own job says so
-        return False
 
 
 def _was_touched(path: str, info: str) -> bool:
