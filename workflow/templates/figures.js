@@ -290,6 +290,7 @@
     live.setAttribute("role", "group");
     live.setAttribute("aria-label", `Figure: ${name}`);
     if (Number(figure.dataset.columns) > 1) live.classList.add("grid");
+    live.style.setProperty("--columns", figure.dataset.columns);
     figure.prepend(live);
     figure.classList.add("is-live");
     const table = read(link.href);

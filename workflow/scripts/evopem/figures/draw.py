@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -121,7 +121,7 @@ def _draw_panel(
             _draw_curve(axes, panel, curve, rows_of(table, curve.where), bins)
     _scales(axes, panel)
     if keyed and any(axes.get_legend_handles_labels()[1]):
-        _legend(axes, panel, crowded and bool(panel.title))
+        _legend(axes, panel, crowded)
 
 
 def _draw_curve(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins: int) -> None:
@@ -215,12 +215,8 @@ def _points(axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.n
     if curve.names:
         for name, across_, up in zip(rows[curve.names], x, y, strict=True):
             if isinstance(name, str) and name:
-                place: dict[str, Any] = {
-                    "xytext": (0, 7),
-                    "textcoords": "offset points",
-                    "ha": "center",
-                }
-                axes.annotate(name, (across_, up), **place, fontsize=8, color=INK, bbox=LABEL_BOX)
+                label = axes.annotate(name, (across_, up), (0, 7), textcoords="offset points")
+                label.set(ha="center", fontsize=8, color=INK, bbox=LABEL_BOX)
 
 
 def _plane(axes: Axes, panel: Panel) -> None:
@@ -278,15 +274,15 @@ def _scales(axes: Axes, panel: Panel) -> None:
         axes.set_xlim(0, panel.highest)
 
 
-def _legend(axes: Axes, panel: Panel, inside: bool) -> None:
+def _legend(axes: Axes, panel: Panel, crowded: bool) -> None:
     """Above the panel, where it hides no data, in as many columns as the labels leave room for."""
     labels = axes.get_legend_handles_labels()[1]
     if len(labels) < 2 and not panel.title and not panel.curves[0].band and not panel.marks:
         return
-    if inside:
+    if crowded and panel.title:
         axes.legend(loc="best", fontsize=7.5)
         return
-    columns = max(1, min(4, 90 // max(map(len, labels), default=1)))
+    columns = max(1, min(4, 90 // max(map(len, labels), default=1)) // (1 + crowded))
     if panel.title:
         columns = min(columns, 3)
     legend = axes.legend(

@@ -235,9 +235,12 @@ def poles_zeros(view: View) -> Chart:
         if kind in kinds
     )
     beyond = int((view.roots[["real", "imag"]].abs().max(axis="columns") > FRAME).sum())
-    outside = f"{beyond} root{'s' if beyond > 1 else ''} outside" if beyond else ""
+    outside = f" ({beyond} root{'s' if beyond > 1 else ''} outside)" if beyond else ""
     circle = Panel(
-        *(outside, "real", "Real part", "Imaginary part", roots), plane="z", rate=rate, height=300
+        *("", "real", f"Real part{outside}", "Imaginary part", roots),
+        plane="z",
+        rate=rate,
+        height=300,
     )
     modes = table[table["kind"] == "mode"]
     estimate = Curve(

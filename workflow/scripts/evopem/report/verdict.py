@@ -253,7 +253,7 @@ def _modes(view: View) -> Use:
     against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
     findings: list[Finding] = [("good", reason), ("good", against)]
     if len(view.outputs) > 1:
-        name += ", with shapes"
+        name += " (with shapes)"
         mixed = sum(bool(each.shape_doubt) for each in trusted)
         if mixed:
             findings.append(("care", f"{plural(mixed, 'shape')} not to be trusted"))
