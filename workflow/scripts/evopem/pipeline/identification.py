@@ -10,8 +10,7 @@ from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
 from evopem.pipeline.call import Log, call
-from evopem.pipeline.planning.stage import Stage
-from evopem.pipeline.planning.stage_lists import Task
+from evopem.pipeline.planning.stage import Stage, Task
 from evopem.pipeline.planning.stages import stages_of
 from evopem.pipeline.progress import Announce
 from evopem.results.layout import DatasetFiles

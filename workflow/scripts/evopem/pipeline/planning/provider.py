@@ -27,8 +27,7 @@ from evopem.config.configuration import (
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESERVED_NAMES
 from evopem.files.json_form import to_json
-from evopem.pipeline.planning.stage import Stage
-from evopem.pipeline.planning.stage_lists import Task
+from evopem.pipeline.planning.stage import Stage, Task
 from evopem.pipeline.planning.stages import PREPARING, STAGES, WHOLE, results_of, stages_of
 from evopem.results.identity import incompleteness, is_finished, was_read_from
 from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles

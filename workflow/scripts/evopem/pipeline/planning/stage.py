@@ -6,18 +6,171 @@ Nothing here imports numpy, pandas or Snakemake.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
-from evopem.config.structures import AUTOMATIC_STRUCTURES
-from evopem.pipeline.planning.stage_lists import ARGUMENTS, LISTS, Task, Value, attribute
+from evopem.config import order_grid
+from evopem.config.configuration import RunSettings
+from evopem.config.settings import AutomaticSettings, DatasetSettings, OrderGrid
+from evopem.config.structures import (
+    AUTOMATIC_STRUCTURES,
+    is_polynomial,
+    searched_forms,
+)
+from evopem.pipeline.planning.constraint_plan import known_rate
+from evopem.results.layout import DatasetFiles
 
 Demand = Literal["reading", "model", "estimation"]
 
 _WORD = re.compile(r"{(\w+)}")
+
+
+@dataclass(frozen=True)
+class Task:
+    """One job: a stage of a data set, with values of the stage's own wildcards."""
+
+    settings: DatasetSettings
+    files: DatasetFiles
+    # Of the wildcards by their names, such as ``{"structure": "oe"}``
+    values: Mapping[str, str] = field(default_factory=dict)
+    run: RunSettings = field(default_factory=RunSettings)
+
+
+def attribute(settings: DatasetSettings, path: str) -> Any:
+    """An attribute of settings by its path, such as ``source.files``; themselves for none."""
+    value: Any = settings
+    for name in filter(None, path.split(".")):
+        value = getattr(value, name)
+    return value
+
+
+def holds(condition: str, settings: DatasetSettings) -> bool:
+    """Whether an attribute of settings is there and not empty; with ``not`` before it the reverse.
+
+    ``automatic``: structure and orders are decided, and not searched phase by phase.
+    ``is_single_channel``: the model is one of polynomials with at most one input, and one output.
+    ``source.all_files``: the recording is read, and not simulated.
+    """
+    path = condition.removeprefix("not ")
+    return bool(attribute(settings, path)) == (path == condition)
+
+
+def wanted(task: Task) -> tuple[str, ...]:
+    """The structures that may be chosen; others are searched for their models as starts."""
+    structure, searched = automatic(task).structure, searched_forms(task.settings)
+    return (structure,) if structure in searched else searched
+
+
+def _nested(task: Task) -> tuple[str, ...]:
+    """The structures whose models are starts of a search."""
+    single = task.settings.is_single_channel
+    return AUTOMATIC_STRUCTURES[task.values["structure"]] if single else ()
+
+
+def purposes(task: Task) -> tuple[str, ...]:
+    """The purpose whose model is kept beside that of the configuration; none without inputs."""
+    kept = task.settings.automatic and task.settings.channels.inputs
+    return (automatic(task).other_purpose,) if kept else ()
+
+
+def _part_count(task: Task) -> int:
+    """How many jobs the candidates of a phase are divided into."""
+    grid, per_job = task.settings.order_grid, task.run.candidates_per_job
+    return order_grid.part_count(task.values["phase"], grid, per_job)
+
+
+def automatic(task: Task) -> AutomaticSettings:
+    """The settings of the automatic recipe; of the chapter's the built-in ones."""
+    return task.settings.automatic or AutomaticSettings()
+
+
+def _previous(task: Task) -> list[str]:
+    structure = task.settings.order_grid.structure
+    previous = order_grid.previous_phase(task.values["phase"], structure)
+    return [previous] if previous else []
+
+
+def _resonances(task: Task) -> list[str]:
+    needed = order_grid.needs_resonances(task.values["phase"], task.settings.order_grid)
+    return ["spectrum_summary"] if needed else []
+
+
+LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
+    "structures": lambda task: searched_forms(task.settings),
+    "wanted": wanted,
+    "nested": _nested,
+    "purposes": purposes,
+    "phases": lambda task: order_grid.phases_of_dataset(task.settings),
+    "last": lambda task: order_grid.phases_of_dataset(task.settings)[-1:],
+    "parts": lambda task: [str(number + 1) for number in range(_part_count(task))],
+    "previous": _previous,
+    "resonances": _resonances,
+}
+"""What words in the inputs and outputs of stages stand for."""
+
+
+def _of_chapter(given: Callable[[DatasetSettings], object]) -> Callable[[Task], object]:
+    """What the chapter's recipe is given of the settings."""
+    return lambda task: None if task.settings.automatic else given(task.settings)
+
+
+def fit_to_check(task: Task) -> object:
+    """Constraints and order grid, where constraints in Hz wait for the sampling rate."""
+    settings = task.settings
+    given = settings.automatic is None and settings.fit.constraints is not None
+    waits = given and known_rate(settings) is None
+    return (settings.fit, settings.order_grid) if waits else None
+
+
+def grid(of_phase: Callable[[str, OrderGrid], OrderGrid]) -> Callable[[Task], OrderGrid]:
+    """What the candidates of a phase, or the selection among them, depend on of the order grid."""
+    return lambda task: of_phase(task.values["phase"], task.settings.order_grid)
+
+
+def choices(*names: str) -> Callable[[Task], AutomaticSettings]:
+    """Some settings of the automatic recipe, the others built in."""
+    return lambda task: AutomaticSettings(
+        **{name: getattr(automatic(task), name) for name in names}
+    )
+
+
+def orders_of_structure(task: Task) -> AutomaticSettings:
+    """The ranges that the search over the orders of a structure depends on."""
+    orders = automatic(task).orders
+    polynomial = is_polynomial(task.values["structure"])
+    return AutomaticSettings(orders=orders.of_polynomials if polynomial else orders.of_states)
+
+
+def _fits(task: Task) -> dict[str, object]:
+    """What fits of several channels have in common; those of one channel depend on nothing."""
+    common: dict[str, object] = {"objective": "quadratic", "level": True}
+    search, own = task.settings.search, automatic(task)
+    if task.settings.is_single_channel:
+        return common | {"weighting": None, "max_root_radius": 0.9999, "seed": 1}
+    radius, seed = search.max_root_radius, search.seed
+    return common | {"weighting": own.weighting, "max_root_radius": radius, "seed": seed}
+
+
+Value = str | Callable[[Task], Any]
+"""An argument of a stage: the path of an attribute of the settings, or what computes it."""
+
+ARGUMENTS: Mapping[str, Value] = {
+    "told": "source.channels_from_file",
+    "is_validated": lambda task: holds("source.validation_files", task.settings),
+    "given": lambda task: order_grid.given_preparation(task.settings),
+    "requirements": _of_chapter(order_grid.sample_requirements),
+    "of_polynomials": "is_single_channel",
+    "nested": _nested,
+    "structures": LISTS["structures"],
+    "phases": LISTS["phases"],
+    "parts": _part_count,
+    "window": _of_chapter(order_grid.scoring_window),
+    "fits": _fits,
+}
+"""Arguments that are the same in every stage; others of their names are attributes of settings."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +182,8 @@ class Stage:
     title: str  # what the stage does, in words; it may hold wildcards
     applies: str = ""  # a condition of :func:`holds`, of the data sets that have the stage
     # inputs, outputs: attributes of :class:`.DatasetFiles`, with the argument of a method behind a
-    # colon. Words in braces are wildcards or keys of :data:`LISTS`, which stand for several files
-    # or none.
+    # colon, and a condition behind `` if ``. Words in braces are wildcards or keys of
+    # :data:`LISTS`, which stand for several files or none.
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     # Arguments of the function, exactly the settings that the results depend on: names of
@@ -93,19 +246,21 @@ def module_of(function: str) -> Path:
     return Path(__file__).parents[1] / (function.partition(":")[0].replace(".", "/") + ".py")
 
 
-def paths(name: str, task: Task) -> list[str]:
+def paths(entry: str, task: Task) -> list[str]:
     """The paths that an entry of a stage's inputs or outputs stands for."""
-    attribute, _, argument = name.partition(":")
-    if attribute.startswith("{"):
-        return [path for each in LISTS[attribute[1:-1]](task) for path in paths(each, task)]
-    value = getattr(task.files, attribute)
+    name, _, condition = entry.partition(" if ")
+    name, _, argument = name.partition(":")
+    if name.startswith("{"):
+        return [path for each in LISTS[name[1:-1]](task) for path in paths(each, task)]
+    if not holds(condition, task.settings):
+        return []
+    value = getattr(task.files, name)
     if not argument:
         return list(value) if isinstance(value, list) else [value]
     keys = [key for key in _WORD.findall(argument) if key in LISTS]
-    listed = [LISTS[key](task) for key in keys]
     return [
         value(*argument.format(**task.values, **dict(zip(keys, each, strict=True))).split(","))
-        for each in product(*listed)
+        for each in product(*(LISTS[key](task) for key in keys))
     ]
 
 

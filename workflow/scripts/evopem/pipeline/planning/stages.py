@@ -11,16 +11,29 @@ from functools import partial
 
 from evopem.config import order_grid
 from evopem.config.settings import DatasetSettings
-from evopem.pipeline.planning import stage_lists as of
-from evopem.pipeline.planning.stage import Stage
-from evopem.pipeline.planning.stage_lists import Task
+from evopem.pipeline.planning import stage as of
+from evopem.pipeline.planning.stage import Stage, Task
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 
 PREPARING = ("synthesize", "read_recording", "prepare")
 """Stages that are done for all data sets before any is searched."""
 
-_PREPARED = of.PREPARED
-_SCORED = (*_PREPARED, "{decided}")
+
+def _automatic(*names: str) -> tuple[str, ...]:
+    """Files of the automatic recipe alone."""
+    return tuple(f"{name} if automatic" for name in names)
+
+
+_PREPARED = ("prepared", "transforms")
+_VALIDATION = (
+    *("validation", "residual_autocorrelation", "cross_correlation", "simulation", "horizons"),
+)
+_DECIDED = _automatic("decision:preparation", "decision:folds", "decision:delay")
+_SCORED = (*_PREPARED, *_DECIDED)
+_CHOSEN = _automatic("decision:comparison", "decision:remedies")
+_SEARCHED = ("phase:{phases}", *_automatic("search:{structures}", "decision:search"))
+_OTHER = "validation_recording if source.validation_files"
+_OTHER_INFO = "validation_recording_info if source.validation_files"
 
 _decided = partial(Stage, applies="automatic", demand="estimation")
 _searched = partial(Stage, applies="not automatic", demand="estimation")
@@ -39,7 +52,7 @@ STAGES = (
         "acquisition:read_recording",
         "reading the recording",
         applies="source.all_files",
-        outputs=("recording", "recording_info", "{validation}", "{validation_info}"),
+        outputs=("recording", "recording_info", _OTHER, _OTHER_INFO),
         given=("channels", "told", "geometry"),
         settings={"recorded": "source.files", "validation": "source.validation_files"},
         recorded=("files", "validation_files"),
@@ -48,14 +61,14 @@ STAGES = (
         "prepare",
         "preparation:prepare_samples",
         "preparing the samples",
-        inputs=("recording", "{validation}"),
-        outputs=(*_PREPARED, "{decided}"),
+        inputs=("recording", _OTHER),
+        outputs=_SCORED,
         given=("is_validated", "given", "requirements", "of_polynomials"),
         settings={
             "settings": "preparation",
             "recorded": "source.all_files",
             "fit": of.fit_to_check,
-            "delays": of.delays,
+            "delays": lambda task: of.automatic(task).orders.nk,
         },
         demand="estimation",
     ),
@@ -72,7 +85,7 @@ STAGES = (
         "structures:search_structure",
         "searching the orders of {structure} models",
         inputs=("search:{nested}", *_SCORED),
-        outputs=("search:{structure}", "{models}"),
+        outputs=("search:{structure}", "models_of_orders:{structure}"),
         given=("fits", "nested"),
         settings={"settings": of.orders_of_structure},
         wildcards={"structure": "structures"},
@@ -82,7 +95,7 @@ STAGES = (
         "structures:choose",
         "comparing the structures",
         inputs=("search:{wanted}", *_SCORED),
-        outputs=("{chosen}",),
+        outputs=_CHOSEN,
         given=("fits",),
         settings={
             "structures": of.wanted,
@@ -114,10 +127,10 @@ STAGES = (
         "complete_model",
         "chosen:complete_model",
         "model and its uncertainty",
-        inputs=(*_SCORED, "{chosen}", "{selected}"),
+        inputs=(*_SCORED, *_CHOSEN, "phase:{last}"),
         outputs=(
-            *("model", "model_mat", "frequency_response", "time_response", "{found}"),
-            "other_model:{purposes}",
+            *("model", "model_mat", "frequency_response", "time_response"),
+            *("other_model:{purposes}", "decision:search if automatic"),
         ),
         given=("search", "window", "phases", "fit", "fits"),
         settings={
@@ -131,22 +144,33 @@ STAGES = (
         "validation:complete_results",
         "validation",
         inputs=(
-            *("recording_info", "model", "other_model:{purposes}", *_SCORED, "{chosen}"),
-            *("phase:{phases}", "{searched}", "{models_of_orders}"),
+            *("recording_info", "model", "other_model:{purposes}", *_SCORED, *_CHOSEN),
+            *(*_SEARCHED, "models_of_orders:{structures} if automatic"),
         ),
-        outputs=(*of.VALIDATION, "modes", "candidates", "{decisions}", "summary", "config"),
+        outputs=(
+            *_VALIDATION,
+            "modes",
+            "candidates",
+            "decisions if automatic",
+            "summary",
+            "config",
+        ),
         given=("phases", "structures"),
-        settings={"settings": "", "phase": of.compared_phase, "others": of.purposes},
+        settings={
+            "settings": "",
+            "phase": lambda task: order_grid.phase_of_orders_of(task.settings),
+            "others": of.purposes,
+        },
     ),
     Stage(
         "report",
         "report:write_report",
         "figures and report",
         inputs=(
-            *("{truth}", "{decisions}", "config", "recording", "recording_info"),
-            *("{validation_info}", *_PREPARED, "spectrum", "spectrum_summary", "{chosen}"),
-            *("phase:{phases}", "{searched}", "candidates", "model", "frequency_response"),
-            *("time_response", *of.VALIDATION),
+            *("truth if not source.all_files", "decisions if automatic", "config", "recording"),
+            *("recording_info", _OTHER_INFO, *_PREPARED, "spectrum", "spectrum_summary"),
+            *(*_CHOSEN, *_SEARCHED, "candidates", "model", "frequency_response"),
+            *("time_response", *_VALIDATION),
         ),
         outputs=("figures", "report"),
         is_page=True,
