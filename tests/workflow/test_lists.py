@@ -203,5 +203,5 @@ def kill_job(run, log, victim=None):
                     return -signal.SIGKILL
             except psutil.Error:
                 continue
-        time.sleep(0.005)
+        time.sleep(0.03)
     return None

@@ -45,7 +45,7 @@ def identified(tmp_path_factory):
 
 
 # For tests of jobs, a structure and ranges that take less time.
-GIVEN = {"structure": "oe", "delay": {"nk": 1}, "orders": {"joint": [2, 3]}}
+GIVEN = {"structure": "arx", "delay": {"nk": 1}, "orders": {"joint": [2, 3]}}
 
 
 @pytest.fixture(scope="module")
@@ -124,9 +124,9 @@ def test_nothing_is_left_to_do_until_a_key_changes(again):
 def test_a_key_overrides_its_decision(staged):
     files = staged.files_of("pump")
     orders = load(ModelRecord, files.model).orders
-    assert orders.structure == "oe"
+    assert orders.structure == "arx"
     assert orders.single.nk == 1
-    assert 2 <= orders.single.nf <= 3
+    assert 2 <= orders.na <= 3
     delay = next(
         each for each in load(DecisionRecord, files.decisions).decisions if each.subject == "delay"
     )
