@@ -214,13 +214,13 @@ def test_a_configuration_of_another_form(config):
     refusal(config)
 
 
-def test_ten_thousand_files_are_checked_in_seconds():
+def test_three_thousand_files_are_checked_in_seconds():
     files = {
-        f"r{n}": {"file": f"data/{n}.csv", "validation_file": f"v/{n}.csv"} for n in range(10_000)
+        f"r{n}": {"file": f"data/{n}.csv", "validation_file": f"v/{n}.csv"} for n in range(3_000)
     }
     before = time.process_time()
     complete({"datasets": files})
-    assert time.process_time() - before < 30
+    assert time.process_time() - before < 3
 
 
 @pytest.mark.parametrize("place", ["file", "datasets"])

@@ -140,13 +140,13 @@ def test_what_is_no_regular_file_is_refused_without_being_opened(tmp_path):
     assert "is not a regular file" in refusal(path)
 
 
-def test_ten_thousand_entries_pass_in_seconds(tmp_path):
+def test_three_thousand_entries_pass_in_seconds(tmp_path):
     path = tmp_path / "config.yaml"
-    entries = (f"  r{n}: {{file: data/{n}.csv, sampling_rate: 100}}\n" for n in range(10_000))
+    entries = (f"  r{n}: {{file: data/{n}.csv, sampling_rate: 100}}\n" for n in range(3_000))
     path.write_text("datasets:\n" + "".join(entries))
     before = time.process_time()
     check_yaml_files([path])
-    assert time.process_time() - before < 30
+    assert time.process_time() - before < 3
 
 
 @pytest.mark.parametrize("cell", ["[9, 2024-13-45]", "[" * 3000, "[010, 12]", "[!!int x]", "[1, 2"])

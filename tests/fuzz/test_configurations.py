@@ -105,7 +105,7 @@ RESERVED = {"logs", "benchmarks", "checksums"}
 
 
 @given(VALID.filter(lambda config: not RESERVED & set(config["datasets"])))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_a_valid_configuration_is_completed(tmp_path_factory, config):
     """What is written for each of its data sets gives the same settings again."""
     written = tmp_path_factory.getbasetemp() / "config.yaml"
@@ -150,7 +150,7 @@ def places(value, path=()):
 
 
 @given(VALID, st.data())
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_a_changed_configuration_is_completed_or_refused_in_one_sentence(config, data):
     config = copy.deepcopy(config)
     for _ in range(data.draw(st.integers(1, 3))):

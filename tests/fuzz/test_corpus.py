@@ -25,7 +25,7 @@ def test_what_the_fuzzer_found_is_read_or_refused(file, tmp_path):
 def test_damaged_seeds_are_read_or_refused(name, tmp_path):
     """Each initial input with bytes changed, removed or repeated, with a fixed random seed."""
     generator = np.random.default_rng(len(name))
-    for _ in range(60):
+    for _ in range(40):
         data = bytearray(SEEDS[name])
         for _ in range(generator.integers(1, 6)):
             start = int(generator.integers(2, len(data)))

@@ -35,10 +35,9 @@ def test_empty_and_random_files_are_refused(tmp_path, form):
     refusal(path)
 
 
-@pytest.mark.parametrize("form", FORMATS)
-def test_damaged_bytes_never_end_in_a_traceback(tmp_path, form):
-    """Either the damage hit what is not needed, or one sentence says that the file is bad."""
-    path = write_every_format(tmp_path)[form]
+def test_damaged_bytes_of_matlab_7_3_never_end_in_a_traceback(tmp_path):
+    """Those of all other formats: tests/fuzz/test_corpus.py."""
+    path = write_every_format(tmp_path)["7.3 mat"]
     whole = path.read_bytes()
     generator = np.random.default_rng(7)
     for _ in range(60):

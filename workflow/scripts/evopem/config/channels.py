@@ -76,11 +76,6 @@ class ChannelSettings:
     """what is done where the time stamps are not uniform. `interpolate`: signals whose stamps are
     late or missing at times are [brought to even times](formats.md#time-stamps)"""
 
-    @property
-    def has_one_output(self) -> bool:
-        """Whether there is one output, which no pattern stands for."""
-        return len(self.outputs) == 1 and not is_pattern(self.outputs[0])
-
 
 def listed(value: Any) -> tuple[Any, ...]:
     """Channels or paths of a list, of one of them, or of none."""
@@ -92,6 +87,11 @@ def listed(value: Any) -> tuple[Any, ...]:
 def is_pattern(reference: object) -> bool:
     """Whether a reference stands for all channels whose names it matches."""
     return isinstance(reference, str) and "*" in reference
+
+
+def are_one(references: tuple[Reference, ...]) -> bool:
+    """Whether there is one channel, which no pattern stands for."""
+    return len(references) == 1 and not is_pattern(references[0])
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from evopem.config.channels import NONE, Geometry, Reference, is_pattern, listed
+from evopem.config.channels import NONE, Geometry, Reference, are_one, is_pattern, listed
 from evopem.config.constraints import Constraints
 from evopem.config.keys import (
     ANALYSIS,
@@ -59,7 +59,7 @@ class Kind:
             structure == STATE_SPACE
             or any(key in keys for key in STATE_SPACE_KEYS)
             or "nx" in keys.get("orders", {})
-            or (len(inputs) > 1 or len(outputs) != 1 or any(map(is_pattern, (*inputs, *outputs))))
+            or (len(inputs) > 1 or any(map(is_pattern, inputs)) or not are_one(outputs))
             or (not inputs and (structure is None or has_input(structure)))
         )
         built_in = "auto" if structure in (None, *AUTOMATIC_STRUCTURES) else "chapter"
@@ -72,16 +72,11 @@ class Kind:
         return self.structure not in (None, STATE_SPACE)
 
     @property
-    def has_one_output(self) -> bool:
-        """Whether there is one output, which no pattern stands for."""
-        return len(self.outputs) == 1 and not is_pattern(self.outputs[0])
-
-    @property
     def orders(self) -> tuple[str, ...]:
         """The orders that have ranges."""
         if self.by_chapter:
             return tuple(each for each in phases_of(self.structure or "armax") if each != "delay")
-        if self.structure == STATE_SPACE or not self.has_one_output:
+        if self.structure == STATE_SPACE or not are_one(self.outputs):
             return ("nx",)
         names = STRUCTURES[self.structure or "general"]
         joint = ("joint",) if self.several or self.structure != "fir" else ()
@@ -146,7 +141,7 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
         at.refuse("", "a synthetic data set has one input and one output", "give a file")
     constraints = Constraints(**keys["constraints"]) if keys.get("constraints") else None
     try:
-        check_model(form, not kind.has_one_output, keys.get("focus", "prediction"), constraints)
+        check_model(form, not are_one(kind.outputs), keys.get("focus", "prediction"), constraints)
     except InputError as error:
         at.refuse(error.source, error.problem, error.remedy)
     if kind.is_polynomial and inputs and not has_input(form) and "input" in keys:

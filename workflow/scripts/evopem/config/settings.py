@@ -18,9 +18,9 @@ from evopem.config.channels import (
     ChannelSettings,
     Geometry,
     RecordedSource,
+    Seed,
     SyntheticSource,
     built_in,
-    key,
 )
 from evopem.config.constraints import Constraints
 from evopem.config.strict_yaml import Keys
@@ -38,7 +38,6 @@ Focus = Literal["prediction", "simulation"] | Annotated[int, Field(ge=1, le=100_
 Refine = Literal["worst", "all", "best", "random"]
 Recipe = Literal["auto", "chapter"]
 Purpose = Literal["auto", "simulation", "prediction", "modes"]
-Rate = Annotated[float, Field(ge=1e-9, le=1e12)]
 Differences = Annotated[int, Field(ge=0, le=4)]
 Share = Annotated[float, Field(gt=0, le=1)]
 """A fraction of the samples."""
@@ -124,7 +123,6 @@ class OrderGrid:
 
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
-Seed = Annotated[int, key("the seed of all random draws", ge=0)]
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from evopem.config.channels import are_one
 from evopem.config.constraints import Constraints
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
@@ -153,7 +154,7 @@ def searched_forms(dataset: DatasetSettings) -> tuple[str, ...]:
     if channels.inputs:
         forms = tuple(form for form in STATE_SPACE_FORMS if own.form in (None, form))
     undecided = (own.structure, own.form, own.weighting) == (None, None, None)
-    if undecided and channels.inputs and channels.has_one_output:
+    if undecided and channels.inputs and are_one(channels.outputs):
         forms += MULTI_INPUT_STRUCTURES
     if own.focus is None or own.form is not None:
         return forms

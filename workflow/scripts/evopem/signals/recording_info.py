@@ -70,21 +70,20 @@ def describe_recording(
 ) -> RecordingInfo:
     """Properties of a recording, simulated where it has no files."""
 
-    channels = (
-        zip(names, units, signals.T, strict=True)
-        for names, units, signals in (
-            (recording.input_names, recording.input_units, recording.inputs),
-            (recording.output_names, recording.output_units, recording.outputs),
-        )
-    )
-    inputs, outputs = (
-        tuple(ChannelInfo(name, unit, 100.0 * saturated_share(each)) for name, unit, each in role)
-        for role in channels
-    )
+    def described(role: str) -> tuple[ChannelInfo, ...]:
+        names, units = getattr(recording, f"{role}_names"), getattr(recording, f"{role}_units")
+        found = zip(names, units, getattr(recording, f"{role}s").T, strict=True)
+        return tuple(ChannelInfo(name, unit, 100.0 * saturated_share(x)) for name, unit, x in found)
+
     kind: Literal["file", "synthesis"] = "file" if files else "synthesis"
-    shape = recording.samples, recording.sampling_rate
     return RecordingInfo(
-        *(kind, *shape, inputs, outputs, tuple(files), roles, time_told, uneven_times)
+        *(kind, recording.samples, recording.sampling_rate),
+        inputs=described("input"),
+        outputs=described("output"),
+        files=tuple(files),
+        roles=roles,
+        time_told=time_told,
+        uneven_times=uneven_times,
     )
 
 

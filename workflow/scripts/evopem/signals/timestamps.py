@@ -127,7 +127,7 @@ def timing(
         ticks = _ticks(stamps)
         # From the first stamp on, so that dates in nanoseconds keep all their digits as floats.
         times = (ticks - ticks[0]).astype(np.float64) * (TIME_UNITS["ns"] if dates else 1.0)
-        clock = _clock_of_uneven(times)
+        clock = None if has_even_steps(times) else coarse_clock(times)
         if clock:
             step, tolerance = clock.step, max(tolerance, clock.relative_error)
             tick = clock.tick / step
@@ -266,10 +266,6 @@ def _scale(
         " microseconds"
     )
     raise InputError(source, problem, choice, place)
-
-
-def _clock_of_uneven(times: Array) -> CoarseClock | None:
-    return None if has_even_steps(times) else coarse_clock(times)
 
 
 def coarse_clock(times: Array) -> CoarseClock | None:
