@@ -58,14 +58,10 @@ def delete_results(folder: str | Path, only: Collection[str] | None = None) -> N
     ``only``: their paths relative to the folder; by default all.
     """
     folder = Path(folder)
-    paths = {
-        path
-        for path in _checksums_in(folder)
-        if (only is None or path in only)
-        # A damaged file of checksums must not name files elsewhere.
-        and not Path(path).is_absolute()
-        and ".." not in Path(path).parts
-    }
+    # A damaged file of checksums must not name files elsewhere.
+    here = [each.relative_to(folder) for each in checksummed(folder) if each.is_relative_to(folder)]
+    names = {path.as_posix() for path in here if ".." not in path.parts}
+    paths = names if only is None else names.intersection(only)
     for path in paths:
         (folder / path).unlink(missing_ok=True)
     for file in _checksum_files(folder) if paths else ():
@@ -86,7 +82,8 @@ def check_replaceable(files: Iterable[str | Path], folder: str | Path) -> None:
 
 def checksummed(folder: str | Path) -> dict[Path, str]:
     """The checksums of all results of a folder, by their paths."""
-    return {Path(folder) / path: value for path, value in _checksums_in(Path(folder)).items()}
+    read = [_read(file)[0] for file in _checksum_files(Path(folder))]
+    return {Path(folder) / path: value for made in read for path, value in made.items()}
 
 
 def sources(folder: str | Path) -> Iterator[tuple[Path, Path, str]]:
@@ -105,14 +102,14 @@ def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
     below ``root``, such as a user's recording.
     """
     root = Path(root)
-    known: dict[Path, dict[str, str]] = {}
+    known: dict[Path, dict[Path, str]] = {}
     for file in map(Path, files):
         if not file.is_relative_to(root) or not file.is_file():
             continue
         for folder in (up for up in file.parents if up.is_relative_to(root)):
             if folder not in known:
-                known[folder] = _checksums_in(folder)
-            checksum = known[folder].get(file.relative_to(folder).as_posix())
+                known[folder] = checksummed(folder)
+            checksum = known[folder].get(file)
             if checksum is not None and not _is_right(file, checksum):
                 remedy = "delete it and run snakemake again, which writes it anew"
                 raise InputError(str(file), "was changed or damaged after it was written", remedy)
@@ -129,15 +126,6 @@ def _regular_files(files: Iterable[str | Path]) -> Iterator[Path]:
 
 def _checksum_files(folder: Path) -> list[Path]:
     return files_below(folder / FOLDER, _SUFFIX)
-
-
-def _checksums_in(folder: Path) -> dict[str, str]:
-    """The checksums of all results of a folder, by path relative to it."""
-    return {
-        path: checksum
-        for file in _checksum_files(folder)
-        for path, checksum in _read(file)[0].items()
-    }
 
 
 def _read(file: Path) -> tuple[dict[str, str], dict[str, str]]:
