@@ -146,9 +146,7 @@ def batches_of(
 ) -> dict[str, tuple[str, ...]]:
     """Divide data sets into batches of neighbours, numbered from 1; none for None.
 
-    With ``"auto"`` a batch ends when its work takes :data:`SECONDS_OF_A_BATCH` by estimate, or
-    when fewer than :data:`LEAST_BATCHES` would result from more recordings. Nothing of the
-    computer counts, so that the batches are the same on every one.
+    With ``"auto"`` by an estimate of their work, the same on every computer.
     """
     if per_job is None:
         return {}
@@ -267,9 +265,8 @@ CPUINFO = Path("/proc/cpuinfo")
 def blas_code(cpuinfo: Path = CPUINFO) -> dict[str, str]:
     """Environment in which OpenBLAS takes its code for AVX2 on newer processors as well.
 
-    Left to itself it takes the fastest for the processor, whose sums round differently, and a
-    search follows its last bits. Empty where the processor lacks AVX2 or cannot be asked (Linux
-    tells); numba's and numpy's part of the results has the same bits everywhere.
+    The fastest for a processor rounds differently, and a search follows its last bits. Empty where
+    the processor lacks AVX2 or cannot be asked (Linux tells).
     """
     try:
         flags = set(re.findall(r"\w+", cpuinfo.read_text(encoding="utf-8")))
@@ -286,10 +283,9 @@ CACHE_FOLDER = Path(".snakemake") / "evopem" / "cache"
 
 
 def job_environment(environment: Mapping[str, str], folder: Path) -> dict[str, str]:
-    """Variables to set, of those that are not set yet.
+    """Variables to set, of those that are not set yet: machine code of BLAS and places of caches.
 
-    Machine code of BLAS is fixed (:func:`blas_code`). Without a home folder that
-    can be written to, as in many containers, matplotlib, fontconfig and numba keep their caches
+    Without a home folder that can be written to, as in many containers, libraries keep their caches
     below the working directory, where they would create a home folder or fail.
     """
     wanted = blas_code()

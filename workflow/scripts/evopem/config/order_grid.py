@@ -84,10 +84,8 @@ def joint_range(joint: Range | str, resonances: int | None) -> Range:
 def joint_orders(k: int, grid: OrderGrid, nk: int = 0) -> CandidateOrders:
     """The orders of the structure's model of joint order k.
 
-    The plant has k poles and k coefficients of B.  The noise model has order k as well where one
-    polynomial makes it; where there is D beside C or A, it is limited by the upper ends of the
-    ranges of nc and nd: two polynomials of high order would cancel each other.  In the general
-    structure A, beside F, begins at the lower end of its range.
+    Where there is D beside C or A, their degrees are limited by the ends of their ranges: two
+    polynomials of high order would cancel each other. A beside F begins at its lower end.
     """
     names = STRUCTURES[grid.structure]
     orders = dict.fromkeys(names, k)
@@ -181,9 +179,8 @@ def max_candidates_per_part(phase: str, grid: OrderGrid, candidates_per_job: int
 def scoring_window(settings: DatasetSettings) -> ScoringWindow:
     """Find the samples on which every candidate of every phase is compared.
 
-    Residuals start behind the longest memory of any candidate: the largest of its degrees and of
-    nb + nk - 1. The loss starts ``search.n_initial_discard`` samples later: the unknown initial
-    noise fits the first residuals.
+    Residuals start behind the longest memory of any candidate. The loss starts
+    ``search.n_initial_discard`` later: the unknown initial noise fits the first residuals.
     """
     grid = settings.order_grid
     candidates = _largest_candidates(grid)
@@ -232,9 +229,8 @@ def check_samples(
 ) -> None:
     """Refuse a record that is too short for some candidate, before any of them is estimated.
 
-    Every candidate needs more residuals in its loss than parameters. The validation samples have
-    to outnumber twice those in which the longest model settles: the initial state of a simulation
-    is estimated from them, and would explain fewer by itself.
+    Validation samples have to outnumber twice those in which the longest model settles: the initial
+    state of a simulation is estimated from them, and would explain fewer by itself.
     """
     left = max(estimation - requirements.loss_start, 0)
     if left <= requirements.parameters:

@@ -50,9 +50,8 @@ def schema_file() -> Path:
 def normalized(value: Any, source: str, path: Steps = ()) -> Any:
     """Copy a configuration with 6.0 written as 6, so that equal settings are equal everywhere.
 
-    Refused are numbers that are not finite or beyond :data:`MAX_NUMBER`; keys that are not text or
-    longer than :data:`MAX_KEY`; texts with a null character or half a surrogate pair; nesting
-    beyond :data:`MAX_DEPTH`, as in a mapping that contains itself; and what JSON does not have.
+    Refused are what JSON does not have, numbers beyond :data:`MAX_NUMBER`, keys that are no text or
+    longer than :data:`MAX_KEY`, and nesting beyond :data:`MAX_DEPTH`.
     """
 
     def refuse(problem: str, remedy: str, place: Steps = path) -> NoReturn:

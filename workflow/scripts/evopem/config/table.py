@@ -1,9 +1,7 @@
 """The data sets of a configuration: written one by one, by a name with a `*`, or in a table.
 
-A table has a row for each recording and a column for each key. Tables come from spreadsheets and
-from pandas, R or MATLAB: with commas, semicolons or tabs, in UTF-8 or UTF-16, with row numbers in a
-column without a name, with empty rows and columns at the end, and with decimal commas where
-semicolons separate the columns.
+A table has a row for each recording and a column for each key, as spreadsheets, pandas and MATLAB
+write them: in UTF-8 or UTF-16, with row numbers, empty rows and columns, or decimal commas.
 """
 
 from __future__ import annotations

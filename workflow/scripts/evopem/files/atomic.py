@@ -26,10 +26,9 @@ _INSTALL = "install it, or evopem with its formats: pip install 'PATH[formats]'"
 def atomic_write(path: str | Path) -> Iterator[Path]:
     """Write a file completely or not at all.
 
-    The body of the ``with`` statement writes to a temporary path of the same name in a folder
-    beside ``path``, which it then replaces in one step. If the body raises an error, a file at
-    ``path`` stays as it was. An `InputError` says that the file system refuses, or that something
-    else than a file has this path.
+    The body of the ``with`` statement writes to a temporary path of the same name, which replaces
+    ``path`` in one step. An `InputError` says that the file system refuses, or that something else
+    than a file has this path.
     """
     path = Path(path)
     if path.exists() and not path.is_file():

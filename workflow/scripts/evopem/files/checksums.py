@@ -1,9 +1,7 @@
 """SHA-256 checksums of result files, in the format of ``sha256sum``.
 
-A changed digit in a JSON file is still valid JSON; only a checksum reveals it. Each job writes one
-file with the checksums of its outputs, ``checksums/<job>.sha256``, with paths relative to the
-folder of the data set, so that ``sha256sum -c`` verifies them from that folder. In comments, which
-that program passes over, stand the results that the job has read, as they were then.
+Each job writes ``checksums/<job>.sha256`` with paths relative to the folder of the data set, and in
+comments the results that it has read, as they were then.
 """
 
 from __future__ import annotations

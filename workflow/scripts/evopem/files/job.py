@@ -70,14 +70,12 @@ def job(
 ) -> Iterator[logging.Logger]:
     """Run the work of a job, with its messages in a log file; yields the package's logger.
 
-    An `InputError`, or a lack of memory, ends the process with exit code 1 and one sentence on
-    standard error and in the log. Any other error is raised again, with its traceback in the log.
-    Until the job succeeds, there is a record of it (:mod:`evopem.files.unfinished`).
+    An `InputError`, or a lack of memory, ends the process with exit code 1 and one sentence; until
+    the job succeeds, there is a record of it (:mod:`evopem.files.unfinished`).
 
-    ``log_file``: in a folder ``logs``, or below, beside the results of the job.  ``inputs``: those
-    that are results are verified before the work begins.  ``outputs``: their checksums are written
-    when it is done.  ``ends_with_parent``: whether the process ends when the one that started it
-    does, as a job of Snakemake must; a command outlives its terminal, if the user wants it to.
+    ``log_file``: in a folder ``logs`` beside the results, or below.  ``inputs`` are verified
+    first, and the checksums of ``outputs`` written last.  ``ends_with_parent``: as a job of
+    Snakemake must; a command outlives its terminal, if the user wants it to.
     """
     log_file = Path(log_file)
     logs = next(up for up in log_file.parents if up.name == "logs")

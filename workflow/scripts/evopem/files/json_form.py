@@ -1,10 +1,8 @@
 """The JSON form of the package's dataclasses: one conversion for all of them.
 
-A dataclass becomes an object with a key for each field, an array a list, and a complex number its
-real and imaginary part. A number that is not finite becomes null, which JSON has and NaN it has
-not; null is read as NaN where the field is a float, and as None where it may be None. A field whose
-name ends with an underscore to avoid a Python keyword loses it. Values are not converted from one
-type to another: 2.7 or "2" are no whole number.
+A complex number is its real and imaginary part, and a number that is not finite null, which is read
+as NaN where the field is a float. A field whose name ends with an underscore loses it. Values are
+not converted from one type to another: 2.7 or "2" are no whole number.
 """
 
 from __future__ import annotations

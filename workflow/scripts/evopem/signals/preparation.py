@@ -50,13 +50,11 @@ def prepare(
     place: str = "",
     recorded: Sequence[str] = (),
 ) -> PreparedData:
-    """Make one or several recordings stationary, and divide them for estimation and validation.
+    """Make recordings stationary, and divide them for estimation and validation.
 
-    Each segment is resampled, its output Box-Cox transformed, and differenced, all signals staying
-    aligned. From each recording samples are discarded, the rest is divided, and the inputs' means
-    and the outputs' levels in the estimation samples, or in a recording's own, are subtracted.
-    Parameters are found from estimation samples alone. ``place`` and ``recorded`` are the key of
-    the data set and all files, for errors.
+    Each segment is resampled, its output Box-Cox transformed, and differenced; from each recording
+    samples are discarded, and means of inputs and levels of outputs subtracted. Parameters are
+    found from estimation samples alone. ``place`` (key) and ``recorded`` (files) are for errors.
     """
     key = f"{place}." if place else ""
     if validation_recording is not None:
@@ -240,8 +238,7 @@ def _before_last_change(inputs: NDArray[np.float64], first: int, stop: int) -> i
     """Where the validation samples begin when the built-in share is to test the inputs' response.
 
     That is `stop` unless all inputs, (N, m), rest from there on. Then it is a tenth of the samples
-    before their last change, if half of the samples remain for estimation and an input changes
-    among them: of a sequence of steps the last one is held out.
+    before their last change, if half of the samples with a change remain for estimation.
     """
     if np.ptp(inputs[stop:], axis=0).any():
         return stop

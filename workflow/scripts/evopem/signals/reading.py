@@ -37,9 +37,7 @@ class MeasuredRecording(NamedTuple):
 def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecording:
     """Read the input and output channels of a measured file, by the settings of a data set.
 
-    `InputError` when the file cannot be read as its format; a channel is not there or no signal
-    of numbers; inputs, outputs and time are not different signals; the sampling rate is
-    unknown or contradicted by the time stamps; units do not fit; or too many samples are missing.
+    `InputError` where the file, its channels, their timing or their units cannot be used.
     """
     source = str(Path(path))
     inputs, outputs = _expanded(path, channels)

@@ -98,9 +98,8 @@ def flexible_arm(seed: int, samples: int, sampling_rate: float = 100.0) -> tuple
 def arm_dynamics() -> tuple[Array, Array, Array]:
     """Matrices A, B, C of ``x' = A x + B [command, torque]``, tip acceleration ``C x``.
 
-    States: hub angle error's velocity and its derivative (servo loop), then displacement and
-    velocity of each arm mode in modal coordinates, driven by minus the hub's angular
-    acceleration.  The tip's acceleration is the hub's, times the arm's length, plus the modes'.
+    States: hub velocity and its derivative (servo loop), then displacement and velocity of each arm
+    mode, driven by minus the hub's angular acceleration.
     """
     w, damping = 2.0 * np.pi * SERVO[0], SERVO[1]
     states = 2 + 2 * len(ARM_MODES)

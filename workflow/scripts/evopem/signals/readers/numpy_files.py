@@ -80,9 +80,8 @@ def contents_of(
 ) -> Contents:
     """The channels among named arrays; ``kind`` is what the format calls an array.
 
-    A vector is one channel, a matrix one for each column, ``name:1``, ``name:2``, … (with fewer
-    rows, for each row). The sampling rate is the single number named as in `RATE_NAMES` in the
-    nearest group; groups end with points or slashes. Units and attributes are given by their path.
+    A vector is one channel, a matrix one for each column, ``name:1``, … (or for each row).
+    The sampling rate is the single number named as in `RATE_NAMES` in the nearest group.
     """
     units = units or {}
     rates = _stated_rates({**arrays, **(attributes or {})}, units)

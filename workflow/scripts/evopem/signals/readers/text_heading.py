@@ -45,10 +45,9 @@ def find_heading(
 ) -> Heading:
     """Find the first row of numbers, the names of the columns and their units.
 
-    A row of numbers has a number or a date in every column where most rows of the sample have one.
-    Headings are the row of texts directly above, or above a row of units; without such a row, the
-    last comment with a text for each column. Every other row between might be a sample and is
-    refused, unless `header_lines`, the number of lines above the numbers, counts it.
+    Headings are the row of texts directly above, or above a row of units, else the last comment
+    with a text for each column. Every other row between might be a sample and is refused, unless
+    `header_lines` counts it.
     """
     search = _Search(path, lines.rows, dialect, width, _value_columns(sample, dialect, width))
     if header_lines is not None:
