@@ -21,34 +21,30 @@ def test_against_the_definition(samples, lags, seed):
     lags = min(lags, samples - 1)
     x, y = np.random.default_rng(seed).standard_normal((2, samples)) + 5.0
     cross = cross_correlation(x, y, lags)
-    np.testing.assert_array_equal(cross.lags, np.arange(-lags, lags + 1))
     expected = [direct(x, y, lag) for lag in range(-lags, lags + 1)]
-    np.testing.assert_allclose(cross.values, expected, atol=1e-12)
+    np.testing.assert_allclose(cross, expected, atol=1e-12)
     auto = autocorrelation(x, lags)
-    np.testing.assert_array_equal(auto.lags, np.arange(lags + 1))
-    np.testing.assert_allclose(auto.values, [direct(x, x, k) for k in range(lags + 1)], atol=1e-12)
+    np.testing.assert_allclose(auto, [direct(x, x, k) for k in range(lags + 1)], atol=1e-12)
 
 
 def test_against_statsmodels():
     acf = pytest.importorskip("statsmodels.tsa.stattools").acf
     x = np.random.default_rng(0).standard_normal(500)
-    np.testing.assert_allclose(autocorrelation(x, 100).values, acf(x, nlags=100), atol=1e-12)
+    np.testing.assert_allclose(autocorrelation(x, 100), acf(x, nlags=100), atol=1e-12)
 
 
 def test_a_delayed_copy_peaks_at_its_delay():
     u = np.random.default_rng(1).standard_normal(5000)
     y = np.concatenate([np.zeros(7), u[:-7]])
     cross = cross_correlation(y, u, 20)
-    assert cross.lags[np.argmax(cross.values)] == 7
-    assert cross.values.max() == pytest.approx(1.0, abs=0.01)
+    assert np.argmax(cross) - 20 == 7
+    assert cross.max() == pytest.approx(1.0, abs=0.01)
 
 
 def test_share_of_white_noise_within_its_bounds():
     shares = [
         np.mean(
-            np.abs(
-                autocorrelation(np.random.default_rng(seed).standard_normal(4000), 400).values[1:]
-            )
+            np.abs(autocorrelation(np.random.default_rng(seed).standard_normal(4000), 400)[1:])
             <= 1.96 / np.sqrt(4000)
         )
         for seed in range(30)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,27 +14,18 @@ REPEATS, HAS_CHANGED = 0.95, 0.5
 LONGEST_LAG = 2.0 / 3.0
 
 
-@dataclass(frozen=True)
-class Correlation:
-    """A normalised correlation function."""
-
-    lags: NDArray[np.int64]  # (M,) in samples
-    values: NDArray[np.float64]  # (M,) between -1 and 1
-
-
-def autocorrelation(signal: NDArray[np.float64], lags: int) -> Correlation:
+def autocorrelation(signal: NDArray[np.float64], lags: int) -> NDArray[np.float64]:
     """Biased sample autocorrelation at lags 0 … `lags` < N (Ljung 1999, section 6.1)."""
-    both = cross_correlation(signal, signal, lags)
-    return Correlation(both.lags[lags:], both.values[lags:])
+    return cross_correlation(signal, signal, lags)[lags:]
 
 
 def cross_correlation(
     first: NDArray[np.float64], second: NDArray[np.float64], lags: int
-) -> Correlation:
-    """Biased sample cross-correlation: ``first`` at time t + k with ``second`` at time t.
+) -> NDArray[np.float64]:
+    """Biased sample cross-correlation, ``first`` at time t + k with ``second`` at time t.
 
-    With the residuals first and the input second, positive lags, to `lags` < N, hold what the model
-    has left unused of past inputs; negative ones show feedback.
+    At lags k from -`lags` to `lags` < N. Of residuals with inputs, positive lags hold what the
+    model has left unused of past inputs; negative ones show feedback.
     """
     from scipy.fft import irfft, next_fast_len, rfft
 
@@ -48,8 +37,7 @@ def cross_correlation(
     # Zeros beyond the end keep the circular correlation of the transform from wrapping round.
     length = next_fast_len(samples + lags, real=True)
     products = irfft(rfft(x, length) * np.conj(rfft(y, length)), length)
-    values = np.concatenate((products[length - lags :], products[: lags + 1])) / energy
-    return Correlation(np.arange(-lags, lags + 1), values)
+    return np.concatenate((products[length - lags :], products[: lags + 1])) / energy
 
 
 def repetition_lag(signal: NDArray[np.float64]) -> int:

@@ -163,7 +163,7 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                     continue
                 e, u = _whitened(e), _whitened(u)
                 n = min(len(e), len(u))
-                values = cross_correlation(e[-n:], u[-n:], LATER).values[:LATER]
+                values = cross_correlation(e[-n:], u[-n:], LATER)[:LATER]
                 lags = np.arange(LATER, 0, -1)
                 statistic += float(np.sum(n**2 / (n - lags) * values**2))
                 freedom += LATER

@@ -224,7 +224,7 @@ def autocorrelation_of(
     # A model that leaves nothing at all has no residuals to correlate.
     correlation = np.full(lags + 1, np.nan)
     if np.ptp(e) > 0:
-        correlation = signals.autocorrelation(apart(e, bounds, lags), lags).values
+        correlation = signals.autocorrelation(apart(e, bounds, lags), lags)
     bound = np.full(lags + 1, NORMAL_95 / math.sqrt(e.size))
     bound[0] = 0.0
     return ResidualCorrelation(np.arange(lags + 1), correlation, bound)
@@ -266,7 +266,7 @@ def correlation_with_input(
         return ResidualCorrelation(lag, missing, missing)
     samples = e.size
     e, u = apart(e, bounds, lags), apart(u, bounds, lags)
-    correlation = signals.cross_correlation(e, u, lags).values
+    correlation = signals.cross_correlation(e, u, lags)
     # Parseval: the mean of the product of spectra is the sum of products of covariances.
     length = 2 * e.size
     power_e = np.abs(np.fft.fft(e - e.mean(), length)) ** 2
