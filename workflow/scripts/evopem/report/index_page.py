@@ -11,6 +11,8 @@ from statistics import median, stdev
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
+
 from evopem.report.numbers import THIN, number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
@@ -60,17 +62,14 @@ def build_index(
         (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row.rank
     )
     sizes = Counter(row.group for row in rows)
-    return (
-        environment(template_directory)
-        .get_template("index.html.j2")
-        .render(
-            rows=rows,
-            grouped=len(sizes) > 1 and max(sizes.values()) > 1,
-            charts=followed_charts(followed),
-            warnings=[sentence for each in followed for sentence in movements(each)],
-            varying=[sentence for each in followed for sentence in variation(each)],
-            ordered_by=ordered_by,
-        )
+    page_of = environment(template_directory).get_template("index.html.j2")
+    return page_of.render(
+        rows=rows,
+        grouped=len(sizes) > 1 and max(sizes.values()) > 1,
+        charts=followed_charts(followed),
+        warnings=[sentence for each in followed for sentence in movements(each)],
+        varying=[sentence for each in followed for sentence in variation(each)],
+        ordered_by=ordered_by,
     )
 
 
@@ -83,19 +82,16 @@ def _row(name: str, entry: Entry, page: str) -> IndexRow:
 
 def _gain(summary: DatasetSummary) -> dict[str, Any] | None:
     """The gain over frequency, from its largest value down to at most :data:`DEEPEST` below."""
-    gain_db, highest = summary.gain_db, summary.sampling_rate / 2
-    known = [gain for gain in gain_db if math.isfinite(gain)]
-    if len(known) < 2:
+    gain_db, highest = np.array(summary.gain_db), summary.sampling_rate / 2
+    known = gain_db[np.isfinite(gain_db)]
+    if known.size < 2:
         return None
-    top = max(known)
-    bottom = max(min(known), top - DEEPEST)
-    span = max(top - bottom, 1.0)
-    points = []
-    for place, gain in enumerate(gain_db):
-        x = WIDTH * (place + 0.5) / len(gain_db)
-        inside = max(gain, bottom) if math.isfinite(gain) else bottom
-        y = 1 + (HEIGHT - 2) * (top - inside) / span
-        points.append(f"{x:.0f} {y:.1f}".replace(".0", ""))
+    top = float(known.max())
+    bottom = max(float(known.min()), top - DEEPEST)
+    inside = np.where(np.isfinite(gain_db), np.maximum(gain_db, bottom), bottom)
+    xs = WIDTH * (np.arange(gain_db.size) + 0.5) / gain_db.size
+    ys = 1 + (HEIGHT - 2) * (top - inside) / max(top - bottom, 1.0)
+    points = [f"{x:.0f} {y:.1f}".replace(".0", "") for x, y in zip(xs, ys, strict=True)]
     marks = [
         f"{WIDTH * mode.frequency_hz / highest:.1f}"
         for mode, trusted in zip(summary.modes, summary.trusted, strict=True)
@@ -118,15 +114,11 @@ def movements(followed: FollowedMode) -> list[str]:
     found, drift = [], followed.drift
     if drift is not None:
         told = _moved(followed.frequency_hz, drift.size, drift.standard_error)
-        found.append(
-            f"The mode at {number(followed.frequency_hz)} Hz "
-            + (
-                f"follows a trend: {told} from {followed.recordings[0]} to"
-                f" {followed.recordings[-1]}."
-                if drift.kind == "trend"
-                else f"oscillates by ±{told} with a period of {number(drift.period, 2)}."
-            )
-        )
+        how = f"oscillates by ±{told} with a period of {number(drift.period, 2)}"
+        if drift.kind == "trend":
+            first, *_, last = followed.recordings
+            how = f"follows a trend: {told} from {first} to {last}"
+        found.append(f"The mode at {number(followed.frequency_hz)} Hz {how}.")
     for change in followed.levels.changes:
         told = _moved(change.before, change.after - change.before, change.standard_error)
         name = followed.recordings[change.index]

@@ -150,13 +150,6 @@ def without_formulas(table: pd.DataFrame) -> pd.DataFrame:
     return safe
 
 
-def _orders_of(entry: DatasetSummary) -> dict[str, int | None]:
-    """Orders of polynomials with at most one input; None for others."""
-    if entry.orders is None or entry.orders.inputs > 1:
-        return dict.fromkeys(ORDER_NAMES)
-    return entry.orders.single._asdict()
-
-
 def check_column(name: str) -> str:
     """Name of a check's column in the table."""
     return "check_" + re.sub(r"\W+", "_", name.lower()).strip("_")
@@ -179,11 +172,13 @@ _COLUMN_TYPES = (
 def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
     if isinstance(entry, IncompleteDataset):
         return [{"dataset": name, "status": entry.status, "problem": entry.problem}]
+    is_single = entry.orders is not None and entry.orders.inputs <= 1
+    orders = entry.orders.single._asdict() if entry.orders and is_single else {}
     own = {
         "dataset": name,
         "status": "complete",
         **{copied: getattr(entry, copied) for copied in (*_COPIED, "bic", *_ERRORS)},
-        **_orders_of(entry),
+        **orders,  # of polynomials with at most one input
         "failed_checks": len(entry.failed),
         **{check_column(check.name): check.passed for check in entry.checks},
     }
