@@ -101,7 +101,8 @@ def response_slopes(
     left, right = model.resolvent(z, np.eye(n)), model.state_response(z, noise)
     columns = right.shape[2]
     slopes = np.zeros((len(z), ny, columns, n * n + n * nu + ny * n + ny * nu + n * ny), complex)
-    slopes[..., : n * n] = np.einsum("fia,fbj->fijab", left, right).reshape(*slopes.shape[:3], -1)
+    of_states = np.einsum("fia,fbj->fijab", left, right)
+    slopes[..., : n * n] = of_states.reshape(*slopes.shape[:3], n * n)
     of_input = n * n + n * (nu + ny) + ny * nu if noise else n * n
     of_output = n * n + n * nu
     of_direct = of_output + ny * n
