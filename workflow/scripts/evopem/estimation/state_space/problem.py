@@ -61,10 +61,6 @@ class StateSpaceProblem:
         """The point of some coordinates."""
         return coordinates
 
-    def coordinates(self, point: Array) -> Array:
-        """The coordinates of a point."""
-        return point
-
     def projection(self, point: Array) -> Projection:
         """States, linear coefficients and errors of a point."""
         return self.plain.projection(point)
@@ -87,9 +83,8 @@ class StateSpaceProblem:
         """A population, and the evaluations that it took; the first one holds the estimates."""
         if self._starts is None:
             return self.random(count, generator), count
-        points = np.vstack([self._starts, self.random(max(count // 3, 1), generator)])
-        if len(points) < count:
-            points = np.vstack([points, self.random(count - len(points), generator)])
+        more = max(count // 3, 1, count - len(self._starts))
+        points = np.vstack([self._starts, self.random(more, generator)])
         self._starts = None
         values = self.values(points)
         best = np.argsort(values, kind="stable")[:count]
