@@ -2,6 +2,10 @@
 
 import os
 
+# Before numpy is loaded: on several cores, threads of BLAS wait for each other for most of the time
+# that a small decomposition takes.  The package itself holds BLAS to one thread where it computes.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pytest
 from identified import Identified, identify_once
 
