@@ -168,7 +168,7 @@ def test_recordings_have_levels_and_states_of_their_own(structure):
     residuals = found.residuals[np.isfinite(found.residuals)]
     assert residuals @ residuals <= peer.fun @ peer.fun * (1.0 + PRIOR)
     # No residual of a recording depends on level and states of the other one.
-    one, other = (at for _, at in problem.places())
+    one, other = (at for _, at in problem.places)
     columns, first = problem.jacobian(peer.x), problem.residual_counts()[0]
     assert not columns[:first, np.setdiff1d(other, one)].any()
     assert not columns[first:, np.setdiff1d(one, other)].any()

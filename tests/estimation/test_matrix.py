@@ -17,7 +17,7 @@ from evopem.config.constraints import Constraints
 RATE = 10.0
 FREQUENCIES = np.linspace(0.1, 4.5, 12)
 POLE, GAINS, DELAYS = 0.7, ((1.0, -0.6), (0.5, 0.8)), (1, 2)
-SAMPLES, NOISE = 150, 0.01
+SAMPLES, NOISE = 120, 0.01
 
 POLYNOMIALS = {
     "fir": {"nb": 18},
@@ -78,11 +78,6 @@ def orders_of(structure, inputs, outputs):
     return POLYNOMIALS[structure] | {"nk": list(DELAYS[:inputs]) if inputs > 1 else DELAYS[0]}
 
 
-def settings_of(structure, objective):
-    evaluations = 0 if structure in STATE_SPACE else 30
-    return evopem.SearchSettings(objective=objective, evaluations=evaluations)
-
-
 # Cells that are estimated, of 96, and of 48 in state space, where both numbers of channels change.
 FEWEST = dict.fromkeys(POLYNOMIALS, 48) | {"fir": 24}
 FEWEST |= {"ss": 32, "ss_oe": 48, "ss_oe_drift": 48, "ss_bj": 24}
@@ -106,7 +101,7 @@ def estimated(structure, inputs, outputs, recordings, focus, objective, constrai
         record(inputs, outputs, recordings),
         orders=orders_of(structure, inputs, outputs),
         structure=structure,
-        settings=settings_of(structure, objective),
+        settings=evopem.SearchSettings(objective=objective, evaluations=0),
         level=True,
         focus=focus,
         weighting="power" if objective == "absolute" else "noise",

@@ -97,8 +97,7 @@ def descend(problem: Squares, start: Array, steps: int, tolerance: float) -> Opt
         return Optimum(point, np.inf, False, 0)
     projection = problem.projection(point)
     criterion, stable = problem.criterion(projection.covariance), problem.stable(projection)
-    evaluations, small_gains, damping = 1, 0, Damping()
-    converged = not np.isfinite(criterion)
+    evaluations = 1
 
     def tried(step: Array) -> float:
         nonlocal point, projection, criterion, stable, evaluations
@@ -118,12 +117,12 @@ def descend(problem: Squares, start: Array, steps: int, tolerance: float) -> Opt
         point, projection, criterion, stable = trial, errors, new, now_stable
         return gain
 
-    while steps > 0 and not converged:
-        steps -= 1
+    def equations() -> tuple[Array, Array]:
+        nonlocal evaluations
         evaluations += 1
-        gain = damping.step(*problem.normal_equations(projection), 0.1 * tolerance, tried)
-        small_gains = small_gains + 1 if gain is not None and gain < tolerance else 0
-        converged = gain is None or small_gains >= 2
+        return problem.normal_equations(projection)
+
+    converged = not np.isfinite(criterion) or Damping().descend(equations, tried, steps, tolerance)
     if not (stable and np.isfinite(criterion)):
         criterion = np.inf
     return Optimum(point, criterion, converged, evaluations)
@@ -135,7 +134,24 @@ class Damping:
     def __init__(self) -> None:
         self._damping = FIRST_DAMPING
 
-    def step(
+    def descend(
+        self,
+        equations: Callable[[], tuple[Array, Array]],
+        tried: Callable[[Array], float],
+        steps: int,
+        tolerance: float,
+    ) -> bool:
+        """Take at most some steps; whether one promises less than a tenth of the tolerance, or two
+        in a row gain less than it.  ``equations``: gradient and Hessian of the present point."""
+        small_gains = 0
+        for _ in range(steps):
+            gain = self._step(*equations(), 0.1 * tolerance, tried)
+            small_gains = small_gains + 1 if gain is not None and gain < tolerance else 0
+            if gain is None or small_gains >= 2:
+                return True
+        return False
+
+    def _step(
         self, gradient: Array, hessian: Array, least: float, tried: Callable[[Array], float]
     ) -> float | None:
         """Damp a step until it gains something, and what it gained; ``tried`` takes a step. None
@@ -261,52 +277,40 @@ class _Descent:
     def at_width(self, width: float) -> bool:
         """Descend at one width of the smoothing; whether it converged."""
         widths = width * np.maximum(np.mean(np.abs(self.errors), axis=0), ROUNDING)
-        tolerance, small_gains = ABSOLUTE_TOLERANCE * width, 0
         value = self._smoothed(self.errors, widths)
-        for _ in range(STEPS_AT_WIDTH):
-            gain = self._step(value, widths, 0.1 * tolerance)
-            if gain is None:
-                return True
-            value -= gain
-            small_gains = small_gains + 1 if gain < tolerance else 0
-            if small_gains >= 2:
-                return True
-        return False
+        slopes = curvatures = np.empty(0)
+
+        def equations() -> tuple[Array, Array]:
+            nonlocal slopes, curvatures
+            sizes = np.hypot(self.errors, widths)
+            slopes = self.errors / sizes
+            curvatures = (1.0 - self._duals * slopes) / sizes
+            return self._normal_equations(sizes, slopes, curvatures)
+
+        def tried(step: Array) -> float:
+            nonlocal value
+            point = self.problem.moved(self.point, step)
+            errors = self.problem.errors(point)
+            self.evaluations += 1
+            new = self._smoothed(errors, widths)
+            if not new < value:
+                return 0.0
+            stable = self.problem.stable(self.problem.projection(point))
+            # A descent may begin with an unstable point, but never goes back to one.
+            if self.stable and not stable:
+                return 0.0
+            self._duals = np.clip(slopes + curvatures * (errors - self.errors), -1.0, 1.0)
+            self.point, self.errors, self.stable = point, errors, stable
+            gain, value = value - new, new
+            return gain
+
+        tolerance = ABSOLUTE_TOLERANCE * width
+        return self._damping.descend(equations, tried, STEPS_AT_WIDTH, tolerance)
 
     def _smoothed(self, errors: Array, widths: Array) -> float:
         if not np.isfinite(errors).all():
             return float("inf")
         return _criterion(np.mean(np.hypot(errors, widths), axis=0), self.problem.weighing)
-
-    def _step(self, value: float, widths: Array, least: float) -> float | None:
-        """One damped step, and what it gained; None where no step promises more than ``least``."""
-        sizes = np.hypot(self.errors, widths)
-        slopes = self.errors / sizes
-        curvatures = (1.0 - self._duals * slopes) / sizes
-        return self._damping.step(
-            *self._normal_equations(sizes, slopes, curvatures),
-            least,
-            lambda step: self._try(step, value, widths, slopes, curvatures),
-        )
-
-    def _try(
-        self, step: Array, value: float, widths: Array, slopes: Array, curvatures: Array
-    ) -> float:
-        """Take a step where it lowers the smoothed criterion; what it gained."""
-        point = self.problem.moved(self.point, step)
-        errors = self.problem.errors(point)
-        self.evaluations += 1
-        new = self._smoothed(errors, widths)
-        if not new < value:
-            return 0.0
-        stable = self.problem.stable(self.problem.projection(point))
-        # A descent may begin with an unstable point, but never goes back to one.
-        if self.stable and not stable:
-            return 0.0
-        followed = slopes + curvatures * (errors - self.errors)
-        self._duals = np.clip(followed, -1.0, 1.0)
-        self.point, self.errors, self.stable = point, errors, stable
-        return value - new
 
     def _normal_equations(
         self, sizes: Array, slopes: Array, curvatures: Array

@@ -41,20 +41,12 @@ LOST = 1e-5
 
 @dataclass(frozen=True)
 class ConstraintEffect:
-    """What constraints cost in fit, and which of them bind.
-
-    Attributes
-    ----------
-    objective, objective_without : float
-        Objective of the errors in focus with the constraints and at the optimum without them,
-        percent, priors not included.
-    active : tuple of str
-        Equalities, priors, and the inequalities at whose bound the model lies.
-    """
+    """What constraints cost in fit, and which of them bind.  Objectives are of the errors in focus,
+    with the constraints and at the optimum without them, percent, priors not included."""
 
     objective: float
     objective_without: float
-    active: tuple[str, ...]
+    active: tuple[str, ...]  # equalities, priors, and inequalities at whose bound the model lies
 
 
 @dataclass(frozen=True, eq=False)

@@ -74,15 +74,14 @@ def checked_errors(
 
 
 def _check_signals(data: Recording) -> None:
-    signals = {"input": data.inputs, "output": data.outputs}
-    if not all(np.isfinite(signal).all() for signal in signals.values()):
-        raise ValueError("input and output must be finite")
-    for name, signal in signals.items():
+    for name, signal in {"input": data.inputs, "output": data.outputs}.items():
+        if not np.isfinite(signal).all():
+            raise ValueError(f"the {name} must be finite")
         largest = float(np.max(np.abs(signal), initial=0.0))
         if largest and not 1.0 / LARGEST < largest < LARGEST:
+            allowed = f"between {1.0 / LARGEST:g} and {LARGEST:g}"
             raise ValueError(
-                f"the largest magnitude of the {name} is {largest:g}; scale it between "
-                f"{1.0 / LARGEST:g} and {LARGEST:g}"
+                f"the largest magnitude of the {name} is {largest:g}; scale it {allowed}"
             )
 
 

@@ -65,7 +65,7 @@ def _numerator(
     """A numerator of one path, and the static gain that determines it; ``f`` names its F."""
     free, values = _fixed("b", constraints, orders)
     basis = np.eye(orders.single.nb)[:, free]
-    gain = _gain(constraints, b_scale)
+    gain = gain_of(constraints, 1.0 / b_scale)
     given = None
     if gain is not None:
         given = GivenGain(gain, free / float(free.sum()), f)
@@ -226,10 +226,13 @@ def _linear(
     return Linear(offset, basis, radius, inner_offset, inner_basis, radius_name)
 
 
-def _gain(constraints: Constraints, b_scale: float) -> Gain | None:
-    """The static gain's bounds in the units of a point."""
-    gain, bounds = constraints.gain_of(), constraints.gain_bounds_of()
-    bounds = bounds if gain is None else (gain, gain)
+def gain_of(constraints: Constraints, scale: float, name: str = "") -> Gain | None:
+    """The bounds of the static gain from an input, if any, times a scale."""
+    gain, bounds = constraints.gain_of(name), constraints.gain_bounds_of(name)
+    if gain is not None:
+        bounds = gain, gain
     if bounds is None:
         return None
-    return Gain(*(None if bound is None else bound / b_scale for bound in bounds))
+    lower, upper = bounds
+    lower, upper = -np.inf if lower is None else lower, np.inf if upper is None else upper
+    return Gain(scale * lower, scale * upper)

@@ -26,39 +26,34 @@ INSIDE = 0.01
 
 @dataclass(frozen=True)
 class Gain:
-    """Bounds of the static gain; equal where it is given."""
+    """Bounds of the static gain, infinite where there is none; equal where it is given."""
 
-    lower: float | None
-    upper: float | None
+    lower: float
+    upper: float
 
     @property
     def codes(self) -> list[int]:
         """Kinds of the coordinates."""
         if self.lower == self.upper:
             return []
-        return [SHARE if self.lower is not None and self.upper is not None else EXCESS]
+        return [SHARE if np.isfinite(self.upper - self.lower) else EXCESS]
 
     def value(self, bounded: Array) -> tuple[float, float]:
         """The gain, and its derivative by its coordinate."""
-        if self.lower is None:
-            return float(self.upper or 0.0) - float(bounded[0]), -1.0
-        if self.upper is None:
-            return self.lower + float(bounded[0]), 1.0
-        if self.lower == self.upper:
+        if not self.codes:
             return self.lower, 0.0
+        at, width = float(bounded[0]), self.upper - self.lower
+        if self.codes == [EXCESS]:
+            return (self.lower + at, 1.0) if np.isinf(self.upper) else (self.upper - at, -1.0)
         # Exact at both ends.
-        share, width = float(bounded[0]), self.upper - self.lower
-        gain = self.upper if share == 1.0 else self.lower + width * share
-        return gain, width
+        return (self.upper if at == 1.0 else self.lower + width * at), width
 
     def coordinates(self, gain: float) -> Array:
         """Bounded coordinates of the nearest allowed value."""
+        if self.codes == [EXCESS]:
+            return np.array([max(min(gain - self.lower, self.upper - gain), 0.0)])
         if not self.codes:
             return np.empty(0)
-        if self.lower is None:
-            return np.array([max(float(self.upper or 0.0) - gain, 0.0)])
-        if self.upper is None:
-            return np.array([max(gain - self.lower, 0.0)])
         return np.array([np.clip((gain - self.lower) / (self.upper - self.lower), 0.0, 1.0)])
 
     def active(self, bounded: Array) -> bool:

@@ -37,14 +37,14 @@ class KStepErrors:
                 _filtered(weights, each.residuals(point[at])[each.residual_start :])[
                     each.loss_start - each.residual_start :
                 ]
-                for each, at in self.one_step.places()
+                for each, at in self.one_step.places
             ]
         )
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of :meth:`residuals` by a point, (N, n)."""
         blocks = []
-        for each, at in self.one_step.places():
+        for each, at in self.one_step.places:
             own = self._jacobian(each, point[at])
             block = np.zeros((len(own), len(point)))
             block[:, at] = own

@@ -64,7 +64,8 @@ class PolynomialErrors:
         self._scales = np.maximum(losses, np.finfo(float).tiny)
         self._scale = float(np.sum(self._scales))
         self.scored_samples = sum(map(len, counted))
-        self._of_stretches = list(zip(self._errors(), self._places(), strict=True))
+        # The errors of each stretch alone, and where its point stands in the point of all.
+        self.places = list(zip(self._errors(), self._places(), strict=True))
 
     def _errors(self) -> Iterator[StretchErrors]:
         """The part of the objective of each stretch."""
@@ -154,7 +155,7 @@ class PolynomialErrors:
     @property
     def signals(self) -> tuple[Array, Array]:
         """All inputs, (N, m), and all outputs, of one stretch after the other."""
-        inputs = np.concatenate([each.inputs for each, _ in self._of_stretches])
+        inputs = np.concatenate([each.inputs for each, _ in self.places])
         return inputs, np.concatenate([each.output for each in self.stretches])
 
     def scaled(self, means: Array, input_scales: Array, output_scale: float) -> PolynomialErrors:
@@ -163,7 +164,7 @@ class PolynomialErrors:
             Segment(
                 (own.inputs - means) / input_scales, each.outputs / output_scale, each.recording
             )
-            for each, (own, _) in zip(self.stretches, self._of_stretches, strict=True)
+            for each, (own, _) in zip(self.stretches, self.places, strict=True)
         ]
         return self._with(stretches=divided)
 
@@ -182,11 +183,7 @@ class PolynomialErrors:
 
     def of_stretches(self, point: Array) -> list[tuple[StretchErrors, Array]]:
         """The errors of each stretch alone, and its point."""
-        return [(errors, point[at]) for errors, at in self._of_stretches]
-
-    def places(self) -> list[tuple[StretchErrors, Places]]:
-        """The errors of each stretch alone, and where its point stands in the point of all."""
-        return self._of_stretches
+        return [(errors, point[at]) for errors, at in self.places]
 
     def residual_counts(self) -> list[int]:
         """Number of residuals that count in each stretch."""
@@ -205,7 +202,7 @@ class PolynomialErrors:
     def state_weights(self) -> Array:
         """Weights of the squares of a point's entries in the objective, (n,): of its states."""
         weights, o = np.zeros(self.dimension), self.orders
-        for errors, at in self._of_stretches:
+        for errors, at in self.places:
             of_noise = len(at) - o.noise_states
             weights[at[of_noise - sum(o.nf) : of_noise]] = errors.objective.plant_state_weight
             weights[at[of_noise:]] = errors.objective.noise_state_weight
@@ -215,7 +212,7 @@ class PolynomialErrors:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.  The
         weak squares of the states are part of it."""
         total = np.zeros(len(points))
-        for errors, at in self._of_stretches:
+        for errors, at in self.places:
             total += errors.values(points[:, at])
         return total
 
@@ -227,7 +224,7 @@ class PolynomialErrors:
         stability region."""
         total, gradients = np.zeros(len(points)), np.zeros(points.shape)
         # Each stretch counts its share of the barriers.
-        for (errors, at), scale in zip(self._of_stretches, self._scales, strict=True):
+        for (errors, at), scale in zip(self.places, self._scales, strict=True):
             share = scale / self._scale
             found = errors.values_and_gradients(points[:, at], smoothing, share * barriers)
             total += found[0]
@@ -237,13 +234,13 @@ class PolynomialErrors:
     @property
     def advance_descents(self) -> Callable[..., tuple[int, int]] | None:
         """The compiled loop over the trials of descents, which one stretch has."""
-        (errors, _), *others = self._of_stretches
+        (errors, _), *others = self.places
         return None if others else errors.advance_descents
 
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""
         matrices = np.zeros((*points.shape, points.shape[1]))
-        for errors, at in self._of_stretches:
+        for errors, at in self.places:
             matrices[:, at[:, None], at] += errors.curvatures(points[:, at], smoothing)
         return matrices + barriers[:, None, None] * self.barriers(points)[2]
 
@@ -287,7 +284,7 @@ class PolynomialErrors:
 
     def jacobian_blocks(self, point: Array) -> Iterator[Array]:
         """Consecutive rows of :meth:`jacobian`, which long records need."""
-        for errors, at in self._of_stretches:
+        for errors, at in self.places:
             before = self.window.loss_start - self.window.residual_start
             for own in errors.jacobian_blocks(point[at]):
                 block = np.zeros((max(len(own) - before, 0), self.dimension))

@@ -253,7 +253,7 @@ class EntryProblem:
             after[own] = block.repaired(after[own])
         for column, gain in self.gains.items():
             own = self.gain_at[column]
-            upper = 1.0 if gain.lower is not None and gain.upper is not None else np.inf
+            upper = 1.0 if np.isfinite(gain.upper - gain.lower) else np.inf
             after[own] = np.clip(after[own], 0.0, upper)
         ratio = self._scales(after) / self._scales(point)
         factors, dimension = np.ones(len(self._rest)), self.layout.dimension

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.constraints import Constraints, FixedPole
-from evopem.estimation.pem.constrained_model import pole_region
+from evopem.estimation.pem.constrained_model import gain_of, pole_region
 from evopem.estimation.pem.constrained_parameters import Gain
 from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, PoleRegion
@@ -153,11 +153,9 @@ def gains_of(constraints: Constraints, data: ScaledRecording) -> dict[int, Gain]
     """Static gains from inputs to the one output, in the units of the scaled signals."""
     gains = {}
     for column, name in enumerate(data.recording.input_names or [""] * data.inputs.shape[1]):
-        given, bounds = constraints.gain_of(name), constraints.gain_bounds_of(name)
-        if given is not None or bounds is not None:
-            scale = float(data.input_scales[column] / data.output_scales[0])
-            ends = [None if end is None else end * scale for end in bounds or (given, given)]
-            gains[column] = Gain(*ends)
+        scale = float(data.input_scales[column] / data.output_scales[0])
+        if (gain := gain_of(constraints, scale, name)) is not None:
+            gains[column] = gain
     return gains
 
 
