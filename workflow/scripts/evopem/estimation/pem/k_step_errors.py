@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.estimation.pem.kernels.polynomials import filter_rows
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import DENSITY_BANDWIDTH, StretchErrors
 
@@ -23,11 +24,9 @@ class KStepErrors:
 
     def weights(self, point: Array) -> Array:
         """The first k terms of the impulse response of H, (k,)."""
-        from scipy.signal import lfilter
-
         a, c, d = self._noise_model(point)
-        response: Array = lfilter(c, np.convolve(a, d), np.eye(1, self.horizon)[0])
-        return response
+        first = np.append(c, np.zeros(self.horizon))[: self.horizon]
+        return _divided(_divided(first, a), d)
 
     def residuals(self, point: Array) -> Array:
         """k-step errors that count, of all stretches one after the other."""
@@ -52,13 +51,11 @@ class KStepErrors:
         return np.concatenate(blocks)
 
     def _jacobian(self, errors: StretchErrors, point: Array) -> Array:
-        from scipy.signal import lfilter
-
         a, _, d = self._noise_model(point)
         weights, e = self.weights(point), errors.residuals(point)[errors.residual_start :]
         jacobian = _filtered(weights, errors.jacobian(point))
-        by_c = lfilter([1.0], np.convolve(a, d), np.eye(1, self.horizon)[0])
-        by_a, by_d = -lfilter([1.0], a, weights), -lfilter([1.0], d, weights)
+        by_c = _divided(_divided(np.eye(1, self.horizon)[0], a), d)
+        by_a, by_d = -_divided(weights, a), -_divided(weights, d)
         for name, response in (("a", by_a), ("c", by_c), ("d", by_d)):
             part = errors.orders.part(name)
             # The j-th derivative has k - j terms, delayed by j samples.
@@ -166,9 +163,16 @@ class SimulationErrors:
         return self.one_step.mean_absolute_residuals(values)
 
 
+def _divided(response: Array, denominator: Array) -> Array:
+    """The first terms of a response through ``1/denominator``."""
+    divided = response[None, :].copy()
+    filter_rows(divided, denominator, np.zeros((1, len(denominator) - 1)))
+    return divided[0]
+
+
 def _filtered(response: Array, signals: Array) -> Array:
     """Signals, (N,) or (N, m), through a finite impulse response."""
-    from scipy.signal import lfilter
-
-    filtered: Array = lfilter(response, [1.0], signals, axis=0)
+    filtered: Array = response[0] * signals
+    for lag in range(1, min(len(response), len(signals))):
+        filtered[lag:] += response[lag] * signals[:-lag]
     return filtered
