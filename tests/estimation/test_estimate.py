@@ -52,7 +52,7 @@ def test_quadratic_estimate_agrees_with_statsmodels():
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_no_local_method_finds_less(seed):
-    """20 starts of SciPy's Levenberg-Marquardt on the chapter's orders, a short record."""
+    """10 starts of SciPy's Levenberg-Marquardt on the chapter's orders, a short record."""
     recording, _ = armax(seed=seed, samples=500)
     u, y = recording.input, recording.output
     found = estimate(u, y, (7, 6, 7, 3), settings=QUADRATIC, window=ScoringWindow(8, 110))
@@ -66,7 +66,7 @@ def test_no_local_method_finds_less(seed):
     rng = np.random.default_rng(seed)
     arx = fit_arx(u, y, armax_orders(7, 6, 7, 3), 110)
     best = np.inf
-    for trial in range(20):
+    for trial in range(10):
         noise_start = 0.2 * rng.standard_normal(7) if trial else np.zeros(7)
         local = least_squares(residuals, np.r_[arx, noise_start], method="lm", max_nfev=3000)
         inside = np.abs(np.roots(np.r_[1.0, local.x[13:]])).max() < 0.9999

@@ -91,8 +91,8 @@ def test_no_independent_least_squares_solution_is_lower(structure):
 
 @pytest.mark.parametrize("structure", ["oe", "bj"])
 def test_errors_have_the_size_that_the_covariance_says(structure):
-    """Squared errors of 60 records, in units of the estimated covariance."""
-    records = 60
+    """Squared errors of 40 records, in units of the estimated covariance."""
+    records = 40
     n = len(TRUTHS[structure].parameters)
     distances, covered = [], []
     for seed in range(records):
@@ -101,7 +101,7 @@ def test_errors_have_the_size_that_the_covariance_says(structure):
         distances.append(errors @ np.linalg.solve(found.model.covariance, errors))
         deviations = np.sqrt(np.diag(found.model.covariance))
         covered.append(np.abs(errors) <= 1.96 * deviations)
-    # The sum is chi-square with 60 n degrees of freedom where the covariance is right.
+    # The sum is chi-square with 40 n degrees of freedom where the covariance is right.
     low, high = chi2.ppf([0.0005, 0.9995], records * n)
     assert low < np.sum(distances) < high
     assert 0.9 < np.mean(covered) < 0.99
