@@ -34,7 +34,7 @@ def candidate():
 def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, worse, taken):
     recording, record, scorer, choice = candidate
     compared = chosen.estimate_candidate(
-        replace(choice.candidate, polynomials=record.in_its_units(choice.candidate.model)),
+        replace(choice.candidate, model=record.in_its_units(choice.candidate.model)),
         *(recording, scorer, SearchSettings(evaluations=0)),
     )
     estimate = compared.estimate

@@ -163,7 +163,7 @@ def test_delays_stay_within_their_limits():
 def scored(error, folds=(), bic=0.0):
     logarithms = tuple(np.log(np.asarray(folds) * error)) if folds else ()
     scores = HeldOutScores(error, error, error, logarithms, logarithms, logarithms)
-    return Candidate("ss", 2, (1,), 9, bic, bic, scores, None, TRUTH)
+    return Candidate("ss", 2, (1,), 9, bic, bic, scores, TRUTH)
 
 
 def test_models_within_a_standard_error_are_as_good():
@@ -187,7 +187,7 @@ def test_the_smallest_model_that_does_as_well_is_chosen(two_outputs):
     assert (chosen.structure, chosen.order) == ("ss_oe", 2)
     assert scorer.checks(chosen).failed == ()
     assert comparison.choice("prediction").candidate.order == 2
-    poles = np.sort_complex(np.linalg.eigvals(chosen.state_space.A))
+    poles = np.sort_complex(np.linalg.eigvals(chosen.model.A))
     np.testing.assert_allclose(poles, np.sort_complex(np.linalg.eigvals(TRUTH.A)), atol=0.01)
 
 
@@ -245,7 +245,7 @@ def test_an_order_that_is_too_small_is_raised(innovations):
     (trial,) = found.trials
     assert (trial.remedy, trial.taken, found.choice.candidate.order) == ("larger order", True, 4)
     assert {WHITE, INDEPENDENT_OF_INPUT} == set(trial.check.split(" and "))
-    poles = np.linalg.eigvals(found.choice.candidate.state_space.A)
+    poles = np.linalg.eigvals(found.choice.candidate.model.A)
     assert np.allclose(np.sort_complex(poles), np.sort_complex(np.roots(TWO_MODES)), atol=0.03)
 
 

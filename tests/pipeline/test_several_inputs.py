@@ -40,7 +40,7 @@ def identified(path, monkeypatch, keys, samples=SAMPLES, with_report=False, tabl
     monkeypatch.chdir(path)
     (signals()[0] if table is None else table)[:samples].to_csv("mixer.csv", index=False)
     dataset = {"file": "mixer.csv", "sampling_rate": 10, "input": ["hot", "cold"], "output": "y"}
-    dataset |= {"search": {"evaluations": 50}} | keys
+    dataset |= {"search": {"evaluations": 1}} | keys
     settings = complete({"datasets": {"mixer": dataset}}).datasets["mixer"]
     files = DatasetFiles.of_dataset("mixer")
     identify_dataset(files, settings, with_report)
@@ -200,8 +200,8 @@ def joined_part(structure, part, samples=260):
 
 
 def test_polynomials_and_state_space_are_compared_by_one_criterion(tmp_path, monkeypatch):
-    keys = {"orders": {"joint": 1, "nx": 2}, "search": {"evaluations": 1}}
-    files = identified(tmp_path, monkeypatch, keys, samples=240)
+    keys = {"orders": {"joint": 1, "nx": 1}}
+    files = identified(tmp_path, monkeypatch, keys, samples=200)
     decisions = json.loads((tmp_path / files.decisions).read_text())["decisions"]
     about = next(each for each in decisions if each["subject"] == "structure for simulation")
     names = {each["name"].split("(")[0].split(",")[0] for each in about["alternatives"]}
@@ -220,7 +220,7 @@ def test_the_absolute_objective_bears_outliers(tmp_path, monkeypatch, keys):
     hits = np.random.default_rng(1).random(SAMPLES) < 0.03
     table["y"] += np.where(hits, 40.0, 0.0)
     orders = {"joint": 2} if "structure" in keys else {"nx": 2}
-    keys = keys | {"orders": orders, "search": {"objective": "absolute", "evaluations": 50}}
+    keys = keys | {"orders": orders, "search": {"objective": "absolute", "evaluations": 1}}
     files = identified(tmp_path, monkeypatch, keys, with_report="form" in keys, table=table)
     record = load(ModelRecord, files.model)
     assert record.search.settings.objective == "absolute"
@@ -262,9 +262,9 @@ def test_focus_and_constraints_are_those_of_the_estimate(tmp_path, monkeypatch, 
 def test_one_input_of_several_recordings_has_a_focus_too(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     table = signals()[0][["hot", "y"]]
-    for name, rows in (("one.csv", table[:300]), ("two.csv", table[300:])):
+    for name, rows in (("one.csv", table[:200]), ("two.csv", table[200:400])):
         rows.to_csv(name, index=False)
-    keys = {"structure": "armax", "orders": {"joint": 2}, "search": {"evaluations": 50}}
+    keys = {"structure": "armax", "orders": {"joint": 2}, "search": {"evaluations": 1}}
     keys |= {"file": ["one.csv", "two.csv"], "sampling_rate": 10, "split": {"by": "samples"}}
     written = {"datasets": {"two": keys | {"input": "hot", "output": "y", "focus": 3}}}
     files = DatasetFiles.of_dataset("two")
@@ -281,7 +281,7 @@ CONSTRAINED = [
 @pytest.mark.parametrize("structure", CONSTRAINED, ids=("armax", "ss"))
 def test_constraints_hold_from_the_file_to_the_report(tmp_path, monkeypatch, structure):
     keys = structure | {"constraints": {"static_gain": {"hot": 4.0}, "max_pole_radius": 0.85}}
-    files = identified(tmp_path, monkeypatch, keys, with_report=True)
+    files = identified(tmp_path, monkeypatch, keys, samples=300, with_report=True)
     record = load(ModelRecord, files.model)
     gain = record.plant.frequency_response([0.0])[0, 0, 0].real
     assert gain == pytest.approx(4.0, rel=1e-9)

@@ -22,7 +22,6 @@ from evopem.errors import NoModelError
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import PER_INPUT, Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 
@@ -96,15 +95,12 @@ class Candidate:
     bic: float
     simulation_bic: float
     scores: HeldOutScores
-    polynomials: PolynomialModel | None = None  # one of both models
-    state_space: StateSpaceModel | None = None
+    model: Model  # in the form of its structure
 
     @property
-    def model(self) -> Model:
-        """The model, in the form of its structure."""
-        model = self.polynomials or self.state_space
-        assert model is not None
-        return model
+    def polynomials(self) -> PolynomialModel | None:
+        """The model of a polynomial structure; None in state space."""
+        return self.model if isinstance(self.model, PolynomialModel) else None
 
     @property
     def orders(self) -> Orders:
@@ -166,15 +162,10 @@ def order_models(
 
 def without_covariances(search: StructureSearch) -> StructureSearch:
     """A search with models without their covariances, which are large."""
-    plain = [with_model(each, replace(each.model, covariance=None)) for each in search.candidates]
+    plain = [
+        replace(each, model=replace(each.model, covariance=None)) for each in search.candidates
+    ]
     return replace(search, candidates=tuple(plain))
-
-
-def with_model(candidate: Candidate, model: Model) -> Candidate:
-    """A candidate with another model of its structure and orders."""
-    if isinstance(model, PolynomialModel):
-        return replace(candidate, polynomials=model)
-    return replace(candidate, state_space=model)
 
 
 class Scorer:
@@ -280,8 +271,7 @@ class Scorer:
             log_loss(found.residuals_from(self.window), objective) + penalty,
             simulation_loss + penalty,
             HeldOutScores(),
-            polynomials,
-            found.model if isinstance(found.model, StateSpaceModel) else None,
+            found.model,
         )
 
     def scored(self, candidate: Candidate) -> Candidate:
@@ -323,7 +313,7 @@ class Scorer:
             model = self._refitted(candidate, self.whole)
         except NoModelError:
             return candidate
-        return with_model(candidate, model)
+        return replace(candidate, model=model)
 
     def remember(self, candidates: Sequence[Candidate]) -> None:
         """Take candidates as known that were scored before, with the same settings."""

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.candidates import Candidate, Scorer, with_model
+from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import NOISE_RADIUS
 from evopem.automatic.preparation.plan import PreparedRecord
@@ -30,6 +30,7 @@ from evopem.estimation.state_space.estimate import estimate_state_space, with_no
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.models.constraint_checks import check_constraints
 from evopem.models.polynomial import Model, PolynomialModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
@@ -70,8 +71,8 @@ def estimate_candidate(
         estimate, ends = _polynomials(candidate, estimation, scorer, search, fit, log)
         model = estimate.model.of_signals(estimation)
         return ChosenModel(replace(estimate, model=model), model, ends)
-    assert candidate.state_space is not None
-    start = candidate.state_space.of_signals(estimation)
+    start = candidate.model.of_signals(estimation)
+    assert isinstance(start, StateSpaceModel)
     given = candidate.structure, candidate.delays
     if search.evaluations == 0 and fit is None:
         found = descend_from(start, estimation, task_of(estimation, *given, scorer.settings))
@@ -178,11 +179,11 @@ def estimate_choice(
     noise = choice.candidate.polynomials
     if plant_kept and fit is None and noise is not None:
         plant = replace(noise, C=np.ones(1), D=np.ones(1), structure="oe")
-        alone = replace(choice.candidate, structure="oe", polynomials=plant)
+        alone = replace(choice.candidate, structure="oe", model=plant)
         given = replace(choice, candidate=alone), scorer, record, estimation, search
         found, about = estimate_choice(*given, log=log)
         return _with_noise_model(found, noise, estimation, search), about
-    candidate = with_model(choice.candidate, record.in_its_units(choice.candidate.model))
+    candidate = replace(choice.candidate, model=record.in_its_units(choice.candidate.model))
     found = estimate_candidate(candidate, estimation, scorer, search, fit, log)
     if fit is not None or search.evaluations == 0:
         return found, _about_search(choice, found, found)
@@ -194,7 +195,7 @@ def estimate_choice(
     rate, scales = choice.candidate.model.sampling_rate, [1.0 / each for each in record.scales]
     scaled = replace(record, sampling_rate=rate, scales=(scales[0], scales[1]))
     searched = scaled.in_its_units(found.estimate.model)
-    judged = scorer.scored(with_model(choice.candidate, searched))
+    judged = scorer.scored(replace(choice.candidate, model=searched))
     about = _about_search(choice, found, compared, judged)
     return (compared if about.choice == COMPARED else found), about
 

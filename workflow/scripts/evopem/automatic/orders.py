@@ -21,8 +21,8 @@ from evopem.automatic.state_space import (
     Log,
     fits_in_state_space,
     fits_of_several_inputs,
-    polynomial_settings,
     recording_of,
+    search_settings,
 )
 from evopem.config.settings import InputRanges, OrderRanges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
@@ -252,7 +252,7 @@ def refine_orders(
 def _reduced(scorer: Scorer, start: Candidate) -> list[Candidate]:
     """The candidate with smaller orders of lower BIC, each input its own, if there is one."""
     limits = OrderLimits.of(scorer.limits.ranges, scorer.limits.names)
-    settings = polynomial_settings(scorer.settings)
+    settings = search_settings(scorer.settings)
     stretches = recording_of(scorer.stretches)
     reduced = reduced_orders(stretches, start.orders, settings, limits).orders
     if reduced == start.orders:

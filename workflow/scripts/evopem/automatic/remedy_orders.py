@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from evopem.automatic.candidates import Candidate, Scorer, with_model
+from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.fit import FitSettings, fit, log_loss
 from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.orders import refine_orders
@@ -205,5 +205,5 @@ def with_noise_models(scorer: Scorer, candidate: Candidate) -> Iterator[tuple[in
         loss = log_loss(found.residuals_from(), objective)
         bic = float(loss + parameters * np.log(count) / count)
         if scorer.limits.allow("bj", model.orders):
-            given = with_model(replace(candidate, structure="bj"), model)
+            given = replace(candidate, structure="bj", model=model)
             yield n, replace(given, parameters=parameters, bic=bic)

@@ -34,23 +34,15 @@ Estimate = TypeVar("Estimate", StateSpaceEstimate, PolynomialEstimate)
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
 # and steps of these descents; also of those on folds of long records, from the optimum of all.
 LARGE_WIDTH, LARGE_STEPS = 2, 12
-# Evaluations of the search of a polynomial model of several inputs.
-POLYNOMIAL_EVALUATIONS = 10_000
 
 
-def search_settings(settings: FitSettings, evaluations: int | None = None) -> SearchSettings:
-    """The settings of a search in state space; of its size where no evaluations are given."""
-    search = SearchSettings(
+def search_settings(settings: FitSettings) -> SearchSettings:
+    """The settings of fits in the form of those of a search."""
+    return SearchSettings(
         objective=settings.objective,  # type: ignore[arg-type]
         seed=settings.seed,
         max_root_radius=settings.max_root_radius,
     )
-    return search if evaluations is None else replace(search, evaluations=evaluations)
-
-
-def polynomial_settings(settings: FitSettings, evaluations: int | None = None) -> SearchSettings:
-    """The settings of the searches of polynomial structures with several inputs."""
-    return search_settings(settings, POLYNOMIAL_EVALUATIONS if evaluations is None else evaluations)
 
 
 def weighting_of(structure: str, settings: FitSettings) -> OutputWeighting:
@@ -107,7 +99,7 @@ def fits_of_several_inputs(
     log: Log | None = None,
 ) -> Iterator[tuple[int, Fit]]:
     """Fits of polynomials of several inputs, of ascending orders until their BIC rises."""
-    search = polynomial_settings(settings)
+    search = search_settings(settings)
     estimates = order_scan.scanned_orders(recording_of(stretches), orders, search, log)
     ends = np.cumsum([each.samples for each in stretches])[:-1]
     for order, each in until_bic_rises(estimates).items():
@@ -152,8 +144,7 @@ def refit(
     Raises ValueError when they are too short, or the descent finds no stable model.
     """
     if isinstance(model, PolynomialModel):
-        search = polynomial_settings(settings)
-        return order_scan.refitted(model, recording_of(stretches), search)
+        return order_scan.refitted(model, recording_of(stretches), search_settings(settings))
     estimation = recording_of(stretches)
     steps = LARGE_STEPS if is_large(whole, LONG) else STEPS
     task = task_of(recording_of(whole), structure, delays, settings)
@@ -165,7 +156,6 @@ def task_of(
     structure: str,
     delays: tuple[int, ...],
     settings: FitSettings,
-    evaluations: int | None = None,
 ) -> StateSpaceTask:
     """What is estimated of a structure in state space."""
     return StateSpaceTask.of(
@@ -174,5 +164,5 @@ def task_of(
         delays,
         forgets=True,
         weighting=weighting_of(structure, settings),
-        settings=search_settings(settings, evaluations),
+        settings=search_settings(settings),
     )

@@ -10,7 +10,7 @@ from evopem.automatic.chosen import estimate_choice
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FitSettings as CommonSettings
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.state_space import POLYNOMIAL_EVALUATIONS, weighting_of
+from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import (
@@ -37,6 +37,9 @@ from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import Recording
 
 Log = Callable[[str], None]
+
+# Evaluations of the search of a polynomial model of several inputs, where none are given.
+POLYNOMIAL_EVALUATIONS = 10_000
 
 
 def _record_of(
