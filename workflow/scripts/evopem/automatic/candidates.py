@@ -21,7 +21,7 @@ from evopem.config.structures import STRUCTURES, varied_order
 from evopem.errors import NoModelError
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial import PolynomialModel, of_signals
 from evopem.models.structures import PER_INPUT, Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 
@@ -156,7 +156,7 @@ def order_models(
         plant = record.in_its_units(each.model)
         if isinstance(plant, PolynomialModel):
             plant = plant.plant().state_space()
-        models[each.order] = OrderModel.of(each.order, each.bic, plant.of_signals(estimation))
+        models[each.order] = OrderModel.of(each.order, each.bic, of_signals(plant, estimation))
     return OrderModels(tuple(models.values()))
 
 

@@ -29,7 +29,7 @@ from evopem.estimation.search.problem import SearchResult, pooled
 from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.models.constraint_checks import check_constraints
-from evopem.models.polynomial import Model, PolynomialModel
+from evopem.models.polynomial import Model, PolynomialModel, of_signals
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
@@ -69,10 +69,10 @@ def estimate_candidate(
     """
     if candidate.polynomials is not None:
         estimate, ends = _polynomials(candidate, estimation, scorer, search, fit, log)
-        model = estimate.model.of_signals(estimation)
+        model = of_signals(estimate.model, estimation)
         return ChosenModel(replace(estimate, model=model), model, ends)
-    start = candidate.model.of_signals(estimation)
-    assert isinstance(start, StateSpaceModel)
+    assert isinstance(candidate.model, StateSpaceModel)
+    start = of_signals(candidate.model, estimation)
     given = candidate.structure, candidate.delays
     if search.evaluations == 0 and fit is None:
         found = descend_from(start, estimation, task_of(estimation, *given, scorer.settings))
@@ -222,7 +222,7 @@ def described_by_search(
     point = errors.completed_by_states(model)
     at_states = replace(result, point=point, value=searched_objective(errors, point))
     found = describe(errors, at_states, data.sampling_rate, shortest=True)
-    return replace(found, model=found.model.of_signals(data))
+    return replace(found, model=of_signals(found.model, data))
 
 
 def _about_search(

@@ -37,7 +37,7 @@ from evopem.estimation.simulation_estimate import simulation_estimate
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import STRUCTURES, StateSpaceEstimate
 from evopem.models.constraint_checks import Focus, check_fit
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial import PolynomialModel, of_signals
 from evopem.models.state_space import StateSpaceStructure
 from evopem.models.structures import Orders, orders_of
 from evopem.signals.recording import Recording, recording_of
@@ -307,7 +307,7 @@ def estimate_polynomial(
                 else prediction_estimate(task, horizon)[0]
             )
     effect = found.constraints if constraints is not None else None
-    return replace(found, model=found.model.of_signals(data), focus=focus, constraints=effect)
+    return replace(found, model=of_signals(found.model, data), focus=focus, constraints=effect)
 
 
 def _searched(

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -105,15 +105,6 @@ class PolynomialModel(Polynomials):
         names = ("sampling_rate", "level", "noise_variance", "covariance")
         beside = {name: getattr(self, name) for name in (*names, "input_names", "output_names")}
         return model_of(self.orders, parameters, **(beside | changes))
-
-    def of_signals(self, signals: Recording) -> PolynomialModel:
-        """The model with the rate and the names of the channels of signals."""
-        return replace(
-            self,
-            sampling_rate=signals.sampling_rate,
-            input_names=signals.input_names,
-            output_names=signals.output_names,
-        )
 
     def scaled(self, of_inputs: Array, of_outputs: Array) -> PolynomialModel:
         """The model of signals so many times as large, (m,) and (1,); without covariance."""
@@ -301,6 +292,17 @@ class PolynomialModel(Polynomials):
 
 
 Model = PolynomialModel | StateSpaceModel
+Form = TypeVar("Form", PolynomialModel, StateSpaceModel)
+
+
+def of_signals(model: Form, signals: Recording) -> Form:
+    """The model with the rate and the names of the channels of signals."""
+    return replace(
+        model,
+        sampling_rate=signals.sampling_rate,
+        input_names=signals.input_names,
+        output_names=signals.output_names,
+    )
 
 
 def simulated_form(model: Model) -> StateSpaceModel:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,9 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.states import delayed, fitted, states_of
-
-if TYPE_CHECKING:
-    from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
@@ -120,15 +117,6 @@ class StateSpaceModel:
             for values, part in zip(np.split(parameters, ends), self._parts, strict=True)
         )
         return replace(self, A=A, B=B, C=C, D=D, K=K, level=level)
-
-    def of_signals(self, signals: Recording) -> StateSpaceModel:
-        """The model with the rate and the names of the channels of signals."""
-        return replace(
-            self,
-            sampling_rate=signals.sampling_rate,
-            input_names=signals.input_names,
-            output_names=signals.output_names,
-        )
 
     def scaled(self, of_inputs: Array, of_outputs: Array) -> StateSpaceModel:
         """The model of signals so many times as large, (nu,) and (ny,); without covariance."""
