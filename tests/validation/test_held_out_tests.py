@@ -37,13 +37,13 @@ def channels(seed, samples, gain):
 @pytest.mark.parametrize("orders", [(6, 6, 6, 1), (6, 2, 2, 1)])
 def test_unrelated_channels_pass_as_often_as_the_level_says(orders):
     p_values = []
-    for seed in range(60):
+    for seed in range(40):
         u, y = channels(seed, 800, 0.0)
         model = estimate(u[:400], y[:400], orders, settings=SEARCH).model
         p_values.append(input_significance(divided(model, Recording(u, y, 1.0), 400)).p_value)
     # Three binomial standard errors above the level.
     for level in (0.01, 0.1):
-        assert np.mean(np.array(p_values) < level) <= level + 3 * np.sqrt(level / 60)
+        assert np.mean(np.array(p_values) < level) <= level + 3 * np.sqrt(level / 40)
 
 
 @pytest.mark.parametrize("denominator", [[1.0, -0.995], [1.0, -1.0], [1.0, -1.98, 0.9801]])
@@ -74,11 +74,11 @@ def test_a_weak_response_is_found():
 
 def test_the_level_holds_for_errors_that_are_not_white():
     p_values = []
-    for seed in range(300):
+    for seed in range(150):
         x, e = np.random.default_rng([2, seed]).standard_normal((2, 400))
         x, e = lfilter([1.0], [1.0, -0.95], x), lfilter([1.0], [1.0, -0.95], e)
         p_values.append(contribution_test(e, x).p_value)
-    error = np.sqrt(0.05 * 0.95 / 300)
+    error = np.sqrt(0.05 * 0.95 / 150)
     assert np.mean(np.array(p_values) < 0.05) == pytest.approx(0.05, abs=4 * error)
 
 

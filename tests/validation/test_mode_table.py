@@ -53,6 +53,18 @@ def test_exactly_the_true_modes_of_an_output_only_record_are_trusted(ambient):
     assert {pole.order for pole in own} == {6, 8, 10, 12}
 
 
+def test_a_pole_without_which_a_smaller_model_predicts_as_well_is_not_trusted(ambient):
+    estimates, _ = ambient
+    models = [OrderModel.of(each.model.order, each.bic, each.model) for each in estimates]
+    y = CLOSE.ambient_record(900, RATE, 0.2, np.random.default_rng(5))
+    recording = recording_of(None, y, RATE)
+    for order in (10, 12):
+        table = table_of_models(models, order, lambda model: divided(model, recording, 0))
+        for each in table.modes:
+            if each.trusted:
+                assert np.abs(CLOSE.frequencies_hz / each.mode.frequency_hz - 1.0).min() < 0.02
+
+
 def test_a_table_keeps_its_json_form(ambient):
     _, table = ambient
     content = to_json(table)

@@ -256,58 +256,42 @@ def find_drift(
         return None
     found, time, level = [], (places - places[0]) / span, np.ones((1, count))
     if count >= 2 + FEWEST_BEYOND:
-        fit = _Fits.of(values, standard_errors, np.stack([level, level * time - 0.5], axis=-1))
-        size, error = fit.coefficients[0, 1], np.sqrt(fit.covariances[0, 1, 1])
-        found.append(Drift("trend", fit.shown(0), float(size), float(error), np.nan, fit.least))
+        designs = np.stack([level, level * time - 0.5], axis=-1)
+        coefficients, covariances, p_values = _fits(values, standard_errors, designs)
+        size, error = coefficients[0, 1], np.sqrt(covariances[0, 1, 1])
+        shown = tuple((designs[0] @ coefficients[0]).tolist())
+        found.append(Drift("trend", shown, float(size), float(error), np.nan, float(p_values[0])))
     # Numbers of periods, a quarter apart: a wave between two of them is found by both.
     periods = np.arange(1.0, (count - 1) / SHORTEST_PERIOD + 1e-9, 0.25)
     if count >= 3 + FEWEST_BEYOND and len(periods):
         waves = 2.0 * np.pi * np.outer(periods, time) * (count - 1) / count
         designs = np.stack([np.ones_like(waves), np.cos(waves), np.sin(waves)], axis=-1)
-        fit = _Fits.of(values, standard_errors, designs)
-        best = int(np.argmin(fit.p_values))
-        along = fit.coefficients[best, 1:]
+        coefficients, covariances, p_values = _fits(values, standard_errors, designs)
+        best = int(np.argmin(p_values))
+        along = coefficients[best, 1:]
         size = np.hypot(*along)
         direction = along / max(size, 1e-300)
-        error = np.sqrt(direction @ fit.covariances[best, 1:, 1:] @ direction)
+        error = np.sqrt(direction @ covariances[best, 1:, 1:] @ direction)
         period = span * count / (count - 1) / float(periods[best])
-        p_value = min(1.0, len(periods) * fit.least)  # Bonferroni
-        shown = fit.shown(best)
+        p_value = min(1.0, len(periods) * float(p_values[best]))  # Bonferroni
+        shown = tuple((designs[best] @ coefficients[best]).tolist())
         found.append(Drift("oscillation", shown, float(size), float(error), period, p_value))
     significant = [each for each in found if each.p_value < 0.5 * significance]
     return min(significant, key=lambda each: each.p_value, default=None)
 
 
-@dataclass(frozen=True, eq=False)
-class _Fits:
-    """Weighted fits of a level and regressors (k, n, p), and the F tests of the regressors."""
+def _fits(values: Array, errors: Array, designs: Array) -> tuple[Array, Array, Array]:
+    """Weighted fits of a level and regressors (k, n, p): coefficients, covariances, F tests."""
+    from scipy.special import fdtrc
 
-    designs: Array
-    coefficients: Array
-    covariances: Array
-    p_values: Array
-
-    @classmethod
-    def of(cls, values: Array, errors: Array, designs: Array) -> _Fits:
-        from scipy.special import fdtrc
-
-        free, tested = designs.shape[1] - designs.shape[2], designs.shape[2] - 1
-        scatter = _scatter(values, errors, designs, free)
-        coefficients, covariances, left = _weighted(values, errors**2 + scatter, designs)
-        covariances *= np.maximum(1.0, left / free)[:, None, None]
-        own = coefficients[:, 1:, None]
-        along = np.linalg.solve(covariances[:, 1:, 1:], own)
-        statistics = (own * along).sum(axis=(1, 2)) / tested
-        return cls(designs, coefficients, covariances, fdtrc(tested, free, statistics))
-
-    @property
-    def least(self) -> float:
-        """The smallest probability."""
-        return float(self.p_values.min())
-
-    def shown(self, place: int) -> tuple[float, ...]:
-        """The fitted values of one fit."""
-        return tuple((self.designs[place] @ self.coefficients[place]).tolist())
+    free, tested = designs.shape[1] - designs.shape[2], designs.shape[2] - 1
+    scatter = _scatter(values, errors, designs, free)
+    coefficients, covariances, left = _weighted(values, errors**2 + scatter, designs)
+    covariances *= np.maximum(1.0, left / free)[:, None, None]
+    own = coefficients[:, 1:, None]
+    along = np.linalg.solve(covariances[:, 1:, 1:], own)
+    statistics = (own * along).sum(axis=(1, 2)) / tested
+    return coefficients, covariances, fdtrc(tested, free, statistics)
 
 
 def _weighted(values: Array, variances: Array, designs: Array) -> tuple[Array, Array, Array]:

@@ -14,7 +14,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.mode_matching import OrderModel, PoleOfOrder, cluster_modes, stabilization
+from evopem.models.mode_matching import (
+    SAME_FREQUENCY,
+    STANDARD_ERRORS,
+    OrderModel,
+    PoleOfOrder,
+    cluster_modes,
+    stabilization,
+)
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
 from evopem.models.response_tables import Column, shaped_modes_table
@@ -73,7 +80,7 @@ class ModeEvidence:
     # it and the zeros nearest to it, of several of what the mode adds, driven by past innovations,
     # beside all other modes
     noise_test: HeldOutTest
-    needed_by_noise: bool | None
+    needed_by_noise: bool | None  # and whether a smaller model without it predicts worse
     # Largest share of the mode's response in the power of a held-out output; NaN where not known
     power_share: float = math.nan
     doubts: tuple[str, ...] = ()  # reasons not to trust it, see :func:`doubts`
@@ -185,6 +192,7 @@ def table_of_models(
     by_order = {each.order: each for each in models}
     tests: dict[int, list[ModeTests]] = {}
     samples: dict[int, float] = {}
+    squares: dict[int, Array] = {}  # of one-step errors of each output, their means
     judged: list[ModeEvidence] = []
     row_of: dict[tuple[int, int], int] = {}
     for group in cluster_modes({order: each.modes for order, each in by_order.items()}):
@@ -196,14 +204,38 @@ def table_of_models(
             records = held_out(found.model)
             tests[order] = held_out_mode_tests(found.modes, records)
             samples[order] = max((len(each.outputs) for each in records), default=math.inf)
-        row_of |= {(order, index): len(judged) for order, index in group.items()}
         of_mode = tests[order][group[order]]
-        judged.append(_judged(found, group, of_mode, by_order, samples[order]))
+        mode, without = found.modes[group[order]], None
+        lacking = [each for each in models if each.order < order and _lacks(each, mode, group)]
+        if lacking and math.isfinite(of_mode[1].p_value):
+            best = min(lacking, key=lambda each: each.bic)
+            for each in (best, found):
+                if each.order not in squares:
+                    squares[each.order] = _mean_squares(held_out(each.model))
+            without = float(np.mean(squares[best.order] / squares[order]))
+        row_of |= {(order, index): len(judged) for order, index in group.items()}
+        judged.append(_judged(found, group, of_mode, by_order, samples[order], without))
     poles = stabilization({order: each.modes for order, each in by_order.items()}, row_of)
     rows = _with_pairs(judged, by_order, row_of)
     shapes = [each.mode.shape for each in rows]
     alike = tuple(tuple(round(assurance(a, b), 12) for b in shapes) for a in shapes)
     return ModeTable(chosen, tuple(by_order), rows, tuple(poles), alike)
+
+
+def _lacks(other: OrderModel, mode: Mode, group: Mapping[int, int]) -> bool:
+    """Whether a model has neither a mode nor another one that may be it, by its frequency."""
+    width = max(SAME_FREQUENCY, mode.damping_ratio) * mode.frequency_hz
+    width = max(width, STANDARD_ERRORS * np.nan_to_num(mode.frequency_se_hz, posinf=0.0))
+    near = (abs(each.frequency_hz - mode.frequency_hz) <= width for each in other.modes)
+    return other.order not in group and not any(near)
+
+
+def _mean_squares(held_out: Sequence[HeldOut]) -> Array:
+    """Mean square of the one-step errors of each output, (l,)."""
+    with np.errstate(all="ignore"):
+        errors = [(h.recording.outputs - h.predicted())[h.unscored :] for h in held_out]
+        found: Array = np.mean(np.concatenate(errors) ** 2, axis=0)
+    return found
 
 
 def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> ModeTable:
@@ -268,10 +300,19 @@ def _judged(
     tests: ModeTests,
     by_order: Mapping[int, OrderModel],
     samples: float,
+    without: float | None,
 ) -> ModeEvidence:
+    """A mode judged; ``without``: squared errors of the best smaller model without it to its own.
+
+    A superfluous pole seems needed beside those that it took the place of: predictions of a smaller
+    model without it must be worse as well.
+    """
     mode, model = found.modes[group[found.order]], found.model
     of_input, of_noise, power_share = tests
     in_noise = bool(np.any(mode.noise_participation))
+    needed = of_noise.significant(SIGNIFICANCE)
+    if needed and without is not None:
+        needed = without > 1.0
     compared = [
         each.order in group
         for each in by_order.values()
@@ -287,7 +328,7 @@ def _judged(
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
         noise_test=of_noise,
-        needed_by_noise=of_noise.significant(SIGNIFICANCE) if in_noise else False,
+        needed_by_noise=needed if in_noise else False,
         power_share=power_share,
     )
     reasons = tuple(doubts(judged, model.sampling_rate, samples))
