@@ -1,7 +1,8 @@
 """The search of identification.  Where descents from a few random points all end at one optimum, it
 is over.  Elsewhere independent searches by growth and exchange of sections follow, until enough
-have ended at the lowest value and exchange from it finds nothing lower; where polynomials share no
-sections, memetic restarts and hops (basin hopping; Leary 2000)."""
+have ended at the lowest value and exchange from it finds nothing lower.  Models of several inputs
+have hops from optimum to optimum before (basin hopping; Leary 2000), and so have polynomials that
+share no sections, where memetic restarts take the place of growth."""
 
 from __future__ import annotations
 
@@ -139,9 +140,10 @@ def global_search(
         _descend_coarsely(problem, generator, found)
     else:
         _descend_from_random_points(problem, settings.evaluations, generator, found)
-        if exchange is None and found.undiscovered >= HOPELESS:
+        alone = exchange is not None and exchange.problem.errors.orders.inputs <= 1
+        if found.undiscovered >= HOPELESS and not alone:
             left = settings.evaluations - found.spent
-            _search_neighbours(problem, exchange, left, generator, found)
+            _search_neighbours(problem, None, left, generator, found)
     refuted_from = np.inf
     while not (found.one_optimum and same_optimum(found.value, known_minimum)):
         agreed = found.agree(min(found.value, known_minimum))

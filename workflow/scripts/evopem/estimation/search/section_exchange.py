@@ -4,8 +4,10 @@ nearly every choice of places of spare sections.  A search adds sections where t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,15 +36,13 @@ PATIENCE = 3
 # Descents that begin anew, further from the edge of the stability region and then along it, until
 # they gain no more than this.
 POLISHES, LAST_GAIN = 5, 1e-7
-
-
-# Polynomials that may share a factor; the poles of the first are those of the section.
-SHARING = ("fb", "abc", "dc")
-# States, and the polynomial whose sections they share.
-STATES_OF = {"plant": "f", "noise": "c"}
 # Share of the places that have two real roots, and how far these lie from the unit circle at most
 # and at least.
 REAL_SHARE, FARTHEST_REAL, NEAREST_REAL = 0.2, 0.9, 0.003
+# Polynomials that share a section, by letter and input; the poles of the first are those of it.
+Shared = tuple[tuple[str, int], ...]
+# The same and a stretch, None of the polynomials themselves; where these stand in a point.
+Pieces = dict[tuple[tuple[str, int], int | None], slice]
 
 
 class Optimum(NamedTuple):
@@ -107,7 +107,7 @@ class SectionExchange:
         best = found.polished(optima[0])
         return Hops(best.point, best.value, found.evaluations, found.ended)
 
-    def _neighbours(self, optimum: Optimum, shared: str, found: _Found) -> list[Optimum]:
+    def _neighbours(self, optimum: Optimum, shared: Shared, found: _Found) -> list[Optimum]:
         """Optima with one of the sections of an optimum elsewhere."""
         errors = self.problem.errors
         orders = with_fewer_sections(errors.orders, shared)
@@ -130,7 +130,7 @@ class _Found:
         self.ended: list[float] = []
 
     def with_sections(
-        self, optima: list[Optimum], smaller: DescentProblem, larger: DescentProblem, shared: str
+        self, optima: list[Optimum], smaller: DescentProblem, larger: DescentProblem, shared: Shared
     ) -> list[Optimum]:
         """Optima of larger orders from the most promising places of a further section."""
         starts, promised = [np.empty((0, larger.errors.dimension))], [np.empty(0)]
@@ -142,7 +142,7 @@ class _Found:
         return self.descents(larger, np.concatenate(starts)[best])
 
     def _most_promising(
-        self, optimum: Optimum, smaller: DescentProblem, larger: DescentProblem, shared: str
+        self, optimum: Optimum, smaller: DescentProblem, larger: DescentProblem, shared: Shared
     ) -> tuple[Array, Array]:
         """An optimum with a further section at the best of random places, and what is promised.
         The gains of the places come first; one Gauss-Newton step from each of the best is nearer to
@@ -206,29 +206,34 @@ def _lowest(optima: list[Optimum]) -> list[Optimum]:
     return kept[:KEPT]
 
 
-def growth(orders: Orders) -> list[tuple[Orders, str]]:
+def growth(orders: Orders) -> list[tuple[Orders, Shared]]:
     """Orders in steps of one common section up to some orders, from the smallest, with what shares
-    the section; those of several inputs, or too small for smaller ones, are alone."""
-    steps: list[tuple[Orders, str]] = []
-    while orders.inputs <= 1:
+    the section; those too small for smaller ones are alone."""
+    inputs, steps = range(orders.inputs), list[tuple[Orders, Shared]]()
+    of_a = (("a", 0), *(("b", i) for i in inputs), ("c", 0))
+    sharing: list[Shared] = [(("f", i), ("b", i)) for i in inputs]
+    sharing += [of_a, (("d", 0), ("c", 0))]
+    before = -1
+    while len(steps) > before:
         before = len(steps)
-        for shared in SHARING:
+        for shared in sharing:
             smaller = with_fewer_sections(orders, shared)
             if smaller is not None:
                 steps.append((orders, shared))
                 orders = smaller
-        if len(steps) == before:
-            break
-    return [(orders, ""), *reversed(steps)]
+    return [(orders, ()), *reversed(steps)]
 
 
-def with_fewer_sections(orders: Orders, shared: str) -> Orders | None:
+def with_fewer_sections(orders: Orders, shared: Shared) -> Orders | None:
     """Orders with a section less, or None where a polynomial would have no roots."""
-    sharing = shared if orders.single.nb else shared.replace("b", "")
-    lower = {f"n{name}": getattr(orders.single, f"n{name}") - 2 for name in sharing}
-    if len(lower) < 2 or min(lower.values()) < 1:
+    if min(_length(orders.part(*each)) for each in shared) < 3:
         return None
-    return replace(orders, **lower)
+
+    def lower(letter: str, numbers: Sequence[int]) -> tuple[int, ...]:
+        return tuple(n - 2 * ((letter, i) in shared) for i, n in enumerate(numbers))
+
+    changed: dict[str, Any] = {f"n{x}": lower(x, [getattr(orders, f"n{x}")])[0] for x in "acd"}
+    return replace(orders, nb=lower("b", orders.nb), nf=lower("f", orders.nf), **changed)
 
 
 def places(count: int, generator: np.random.Generator) -> Array:
@@ -241,58 +246,70 @@ def places(count: int, generator: np.random.Generator) -> Array:
 
 
 def with_common_section(
-    point: Array, smaller: PolynomialErrors, larger: PolynomialErrors, shared: str, sections: Array
+    point: Array,
+    smaller: PolynomialErrors,
+    larger: PolynomialErrors,
+    shared: Shared,
+    sections: Array,
 ) -> Array:
     """A point of smaller orders times each of some sections, (M, n).  The residuals are those of
     the point but for what the states do to the first of them."""
-    own, parts, points = smaller.parts(), larger.parts(), []
+    own, pieces, points = _pieces(smaller), _pieces(larger), []
     for section in sections:
         grown = np.zeros(larger.dimension)
-        for name, part in own.items():
-            coefficients = point[part]
-            if name in "acdf" and name in shared:
-                coefficients = np.convolve(np.append(1.0, coefficients), section)[1:]
-            elif name == "b" and not len(coefficients):
-                continue
-            elif name == "b" and name in shared:
-                coefficients = np.convolve(coefficients, section)
-            elif STATES_OF.get(name, " ") in shared and len(coefficients):
-                length = _states_of_stretch(name, larger.orders)
-                of_stretches = coefficients.reshape(-1, _states_of_stretch(name, smaller.orders))
-                times = [np.convolve(states, section)[:length] for states in of_stretches]
-                coefficients = np.concatenate(times)
-            grown[parts[name]] = coefficients
+        for (of, stretch), part in own.items():
+            coefficients, into = point[part], pieces[of, stretch]
+            if of in shared and len(coefficients):
+                if stretch is None and of[0] != "b":
+                    coefficients = np.convolve(np.append(1.0, coefficients), section)[1:]
+                else:
+                    coefficients = np.convolve(coefficients, section)[: _length(into)]
+            grown[into] = coefficients
         points.append(grown)
     return np.array(points)
 
 
 def without_common_section(
-    point: Array, larger: PolynomialErrors, smaller: PolynomialErrors, shared: str
+    point: Array, larger: PolynomialErrors, smaller: PolynomialErrors, shared: Shared
 ) -> Array:
     """A point without each section of the first of the polynomials that share, (M, n).  The others
     lose the section that lies nearest to it."""
-    parts, kept, points = larger.parts(), smaller.parts(), []
-    lead, *others = [name for name in shared if parts[name].stop > parts[name].start]
-    for section, rest in each_without(point[parts[lead]]):
-        shrunk = np.zeros(smaller.dimension)
-        for name, part in kept.items():
-            coefficients = point[parts[name]]
-            if name in STATES_OF and len(coefficients):
-                length = _states_of_stretch(name, smaller.orders)
-                of_stretches = coefficients.reshape(-1, _states_of_stretch(name, larger.orders))
-                coefficients = of_stretches[:, :length].ravel()
-            if part.stop - part.start == len(coefficients):
-                shrunk[part] = coefficients
-        shrunk[kept[lead]] = rest[1:]
-        left = {name: without_nearest_of(name, point[parts[name]], section) for name in others}
-        for name, lower in left.items():
+    pieces, kept, points = _pieces(larger), _pieces(smaller), []
+    lead, *others = shared
+    base = np.zeros(smaller.dimension)
+    for piece, part in kept.items():
+        base[part] = point[pieces[piece]][: _length(part)]
+    for section, rest in each_without(point[pieces[lead, None]]):
+        shrunk = base.copy()
+        shrunk[kept[lead, None]] = rest[1:]
+        left = [without_nearest_of(of[0], point[pieces[of, None]], section) for of in others]
+        for of, lower in zip(others, left, strict=True):
             if lower is not None:
-                shrunk[kept[name]] = lower if name == "b" else lower[1:]
-        if all(lower is not None for lower in left.values()):
+                shrunk[kept[of, None]] = lower if of[0] == "b" else lower[1:]
+        if all(lower is not None for lower in left):
             points.append(shrunk)
     return np.array(points).reshape(len(points), smaller.dimension)
 
 
-def _states_of_stretch(name: str, orders: Orders) -> int:
-    """How many states of the plant or of the noise a stretch has."""
-    return orders.single.nf if name == "plant" else orders.noise_states
+def _pieces(errors: PolynomialErrors) -> Pieces:
+    """Where each polynomial stands in a point, the levels, and the states of each stretch, of F_i
+    and of the noise, which share the sections of C."""
+    o, parts = errors.orders, errors.parts()
+    letters: list[tuple[str, int]] = [("a", 0), ("c", 0), ("d", 0)]
+    letters += product("bf", range(o.inputs))
+    found: Pieces = {(of, None): o.part(*of) for of in letters}
+    level: tuple[str, int] = ("level", 0)
+    found[(level, None)] = parts["level"]
+    first = parts["plant"].start
+    for stretch in range(len(errors.stretches)):
+        for i, count in enumerate(o.nf):
+            found[(("f", i), stretch)] = slice(first, first + count)
+            first += count
+    for stretch in range(len(errors.stretches)):
+        found[(("c", 0), stretch)] = slice(first, first + o.noise_states)
+        first += o.noise_states
+    return found
+
+
+def _length(part: slice) -> int:
+    return int(part.stop - part.start)

@@ -4,6 +4,7 @@ slopes of the loss is a score test (Söderström & Stoica 1989, section 11.5) by
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -53,9 +54,14 @@ def _responses(bins: int) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
     return response.astype(np.complex64), (np.abs(response) ** 2).astype(np.float32)
 
 
-def gains(errors: PolynomialErrors, point: Array, shared: str, places: NDArray[np.intp]) -> Array:
+def gains(
+    errors: PolynomialErrors,
+    point: Array,
+    shared: Sequence[tuple[str, int]],
+    places: NDArray[np.intp],
+) -> Array:
     """Part of the objective that a shared section explains at each of some places, (M,).
-    ``shared``: the polynomials that share the section.  ``places`` (M,): rows of :func:`grid`."""
+    ``shared``: polynomials with it, by letter and input.  ``places`` (M,): rows of grid."""
     stretches = list(errors.of_stretches(point))
     samples = max(each.samples for each, _ in stretches)
     signals = [_slopes_and_signals(each, own, shared) for each, own in stretches]
@@ -98,17 +104,20 @@ def gains(errors: PolynomialErrors, point: Array, shared: str, places: NDArray[n
     return explained / float(slopes @ slopes)
 
 
-def _slopes_and_signals(errors: StretchErrors, point: Array, shared: str) -> list[Array]:
-    """Slopes; residuals and input as the coefficients of the shared polynomials would add them."""
+def _slopes_and_signals(
+    errors: StretchErrors, point: Array, shared: Sequence[tuple[str, int]]
+) -> list[Array]:
+    """Slopes; residuals and inputs as the coefficients of the shared polynomials would add them."""
     residuals = errors.residuals(point)
     slopes = np.sign(residuals) if errors.objective.absolute else residuals.copy()
     slopes[: errors.loss_start] = 0.0
-    c, d, f = (np.append(1.0, point[errors.orders.part(name)]) for name in "cdf")
+    c, d = (np.append(1.0, point[errors.orders.part(name)]) for name in "cd")
     signals = [slopes]
-    if "c" in shared:
+    if ("c", 0) in shared:
         signals.append(_filtered(residuals, np.ones(1), c))
-    if "b" in shared and errors.orders.inputs:
-        signals.append(_filtered(errors.inputs[:, 0], d, np.convolve(c, f)))
+    for place in (place for letter, place in shared if letter == "b"):
+        f = np.append(1.0, point[errors.orders.part("f", place)])
+        signals.append(_filtered(errors.inputs[:, place], d, np.convolve(c, f)))
     return signals
 
 
