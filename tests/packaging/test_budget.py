@@ -34,6 +34,11 @@ def words(files):
     return sum(len(file.read_text(encoding="utf-8").split()) for file in files)
 
 
+def words_beside_tables(files):
+    lines = (line for file in files for line in file.read_text(encoding="utf-8").splitlines())
+    return sum(len(line.split()) for line in lines if not line.startswith("|"))
+
+
 def lines(file):
     return file.read_text(encoding="utf-8").count("\n")
 
@@ -47,7 +52,7 @@ def counted():
         "files above 400 lines": sum(lines(file) > 400 for file in FILES),
         "folders above 20 files": sum(len(list(each.glob("*.py"))) > 20 for each in folders),
         "words of guides": words(file for file in guides if file.name != "design_notes.md"),
-        "words beside evidence": words(ROOT.glob("docs/evidence/*.md")),
+        "words beside evidence": words_beside_tables(ROOT.glob("docs/evidence/*.md")),
     }
 
 
