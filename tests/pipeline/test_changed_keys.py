@@ -49,7 +49,7 @@ def redone(keys, changed):
         (SYNTHETIC, {"split": {"discard": 30}}, set()),
         (SYNTHETIC, {"constraints": {"max_pole_radius": 0.9}}, {*PREPARED, *PHASES}),
     ],
-    ids=str,
+    ids=lambda each: str(sorted(each)),
 )
 def test_a_changed_key_redoes_what_depends_on_it(keys, changed, unchanged):
     settings = complete({"datasets": {"a": keys}}).datasets["a"]
