@@ -12,9 +12,9 @@ from evopem.models.mode_matching import OrderModel
 from evopem.models.mode_shapes import assurance
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, recording_of
+from evopem.validation.modal_parts import held_out_mode_tests
 from evopem.validation.mode_evidence import (
     ModeTable,
-    held_out_mode_tests,
     mode_table,
     table_of_models,
 )

@@ -27,13 +27,8 @@ from evopem.models.modes import Mode
 from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.excitation import EXCITED
-from evopem.validation.held_out_tests import (
-    NO_TEST,
-    HeldOutTest,
-    improvement_test,
-    joint_contribution_test,
-)
-from evopem.validation.modal_parts import ModalParts
+from evopem.validation.held_out_tests import NO_TEST, HeldOutTest
+from evopem.validation.modal_parts import ModeTests, held_out_mode_tests
 from evopem.validation.responses import HeldOut, Model, divided
 
 if TYPE_CHECKING:
@@ -259,39 +254,6 @@ def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> Mo
         if mode.pole not in known
     )
     return replace(table, modes=table.modes + untested)
-
-
-ModeTests = tuple[HeldOutTest, HeldOutTest, float]
-"""Tests of a mode's response to the inputs and of its part of predictions; its share of power."""
-
-
-def held_out_mode_tests(modes: Sequence[Mode], held_out: Sequence[HeldOut]) -> list[ModeTests]:
-    """The tests of each mode on held-out samples; not possible without any."""
-    with np.errstate(all="ignore"):
-        records = [ModalParts.of(modes, each) for each in held_out]
-        tests = []
-        for index, mode in enumerate(modes):
-            of_input, of_noise = NO_TEST, NO_TEST
-            if records and len(mode.input_participation):
-                of_input = joint_contribution_test([each.of_input(index) for each in records])
-            if records and np.any(mode.noise_participation):
-                of_noise = _noise_test(records, index, mode.pole, held_out[0].model.noise_zeros())
-            share = max((each.power_share(index) for each in records), default=math.nan)
-            tests.append((of_input, of_noise, share))
-    return tests
-
-
-def _noise_test(
-    records: Sequence[ModalParts], index: int, pole: complex, zeros: NDArray[np.complex128]
-) -> HeldOutTest:
-    """Test that the noise needs a mode.
-
-    Of one output its pole is removed with the zeros nearest to it.  Among the partial fractions of
-    one filter neighbours make up for each other, so that superfluous ones would seem needed.
-    """
-    if records[0].outputs.shape[1] == 1:
-        return improvement_test([each.without(pole, zeros) for each in records])
-    return joint_contribution_test([each.of_noise(index) for each in records])
 
 
 def _judged(
