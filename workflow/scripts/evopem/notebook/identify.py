@@ -67,7 +67,7 @@ def identify(
     name : str
         Heads the report.
     show_progress : bool
-        A bar where tqdm is installed, else a line on standard error.
+        A line on standard error, written over by the next stage.
     **keys
         Keys of a data set's configuration, such as ``structure="oe"``, ``purpose="modes"``,
         ``resample=500`` or ``search={"seed": 2}``. ``recipe="chapter"`` takes the order search of
