@@ -1,6 +1,6 @@
 """How often each statement of a report is true, on random recordings; writes docs/evidence.
 
-    python benchmarks/calibration.py [--cases 500] [--first 0] [--processes 2]
+    python benchmarks/calibration.py [--cases 500] [--first 0] [--processes 2] [--single]
 
 Every case goes through the whole automatic recipe with nothing given but the signals and the
 sampling rate. What the report then says is compared with the system that made the recording. One
@@ -22,7 +22,8 @@ from typing import Any
 
 import numpy as np
 from evidence import write_section
-from random_systems import Array, Case, draw_case
+from numpy.typing import NDArray
+from random_systems import Case, draw_case
 from threadpoolctl import threadpool_limits
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -44,6 +45,7 @@ VISIBLE_SHARE, VISIBLE_RATIO = 0.02, 2.0
 ORACLES = {"fir", "arx", "armax", "oe", "bj"}
 
 Line = dict[str, Any]
+Complex = NDArray[np.complex128]
 
 
 def run(number: int) -> Line:
@@ -136,7 +138,7 @@ def response_of(case: Case, found: Any) -> Line:
     return {"response_error": _mean(errors), "gain": _mean(gains), "phase": _mean(phases)}
 
 
-def _relative(estimate: Array, true: Array) -> float:
+def _relative(estimate: Complex, true: Complex) -> float:
     return float(np.linalg.norm(estimate - true) / np.linalg.norm(true))
 
 
@@ -357,29 +359,33 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=500)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--single", action="store_true", help="one input and one output alone")
     parser.add_argument("--file", type=Path, default=KEPT)
     parser.add_argument("--no-evidence", action="store_true", help="print the table alone")
     arguments = parser.parse_args()
     arguments.file.parent.mkdir(parents=True, exist_ok=True)
     finished = {line["case"] for line in read(arguments.file)}
-    wanted = range(arguments.first, arguments.first + arguments.cases)
+    numbers = range(arguments.first, arguments.first + arguments.cases)
+    wanted = [n for n in numbers if not arguments.single or _is_single(draw_case(n))]
     waiting = [number for number in wanted if number not in finished]
     with ProcessPoolExecutor(arguments.processes) as pool, arguments.file.open("a") as kept:
         for line in pool.map(run, waiting):
             kept.write(json.dumps(line, default=float) + "\n")
             kept.flush()
-            print(line["case"], line.get("seconds"), line.get("refused") or line.get("fault", ""))
+            said = line.get("refused") or line.get("fault", "")
+            print(line["case"], line.get("seconds"), said, flush=True)
     lines = [line for line in read(arguments.file) if line["case"] in wanted]
     rows = table(lines)
     for row in rows:
         print(*row, sep=": ")
     if arguments.no_evidence:
         return
+    channels = " of one input and one output" if arguments.single else ""
     write_section(
         "calibration",
         "Statements",
-        f"{len(lines)} random recordings through the whole automatic recipe. Rates in percent with "
-        "95 % intervals.",
+        f"{len(lines)} random recordings{channels} through the whole automatic recipe. Rates in "
+        "percent with 95 % intervals.",
         COMMAND,
         ("statement", "rate, %"),
         rows,
