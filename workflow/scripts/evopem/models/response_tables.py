@@ -27,6 +27,8 @@ FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
 # Step of a central difference, in standard errors of a coefficient: small against the curvature of
 # a response, large against rounding.
 STEP = 1e-3
+# Derivatives of responses that are computed at a time.
+BLOCK = 2_000_000
 
 
 def shaped_modes_table(
@@ -78,12 +80,16 @@ def response_interval(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         form = model if isinstance(model, StateSpaceModel) else model.state_space()
         if form.covariance is not None:
-            slopes = response_slopes(form, frequencies, noise) / response[..., None]
-            rows = slopes.reshape(-1, slopes.shape[-1])
-            errors[:] = [
-                form.covariance.standard_errors(each).reshape(gain.shape)
-                for each in (rows.real, rows.imag)
-            ]
+            # In blocks: of many states and channels all derivatives would not fit into memory.
+            size = max(1, BLOCK // (response[:1].size * len(form.covariance) or 1))
+            for first in range(0, len(frequencies), size):
+                block = slice(first, first + size)
+                slopes = response_slopes(form, frequencies[block], noise)
+                rows = (slopes / response[block, ..., None]).reshape(-1, slopes.shape[-1])
+                errors[:, block] = [
+                    form.covariance.standard_errors(each).reshape(gain[block].shape)
+                    for each in (rows.real, rows.imag)
+                ]
         errors[~np.isfinite(errors)] = np.nan
         spread = np.exp(NORMAL_95 * errors[0])
         return gain / spread, gain * spread, errors[1]
@@ -126,6 +132,17 @@ def response_standard_errors(model: Model, response: Callable[[Any], Array]) -> 
     if model.covariance is None:
         raise ValueError("the model has no covariance of its coefficients")
     point = model.parameters
+
+    def slope(step: Array, size: float) -> Array:
+        up, down = (response(model.with_parameters(point + sign * step)) for sign in (1, -1))
+        return (up - down) / (2.0 * size)
+
+    if not model.covariance.null_space.size:
+        # Along the independent directions of the errors, which are fewer than the coefficients.
+        squares = np.zeros_like(response(model))
+        for direction in model.covariance.factor.T:
+            squares += slope(STEP * direction, STEP) ** 2
+        return np.sqrt(squares)
     slopes = []
     deviations = model.covariance.standard_errors(np.eye(len(point)))
     for index, deviation in enumerate(deviations):
@@ -133,8 +150,7 @@ def response_standard_errors(model: Model, response: Callable[[Any], Array]) -> 
         # Of a coefficient without a finite standard error, a step of its own size.
         size = deviation if 0.0 < deviation < np.inf else max(abs(point[index]), 1.0)
         step[index] = STEP * size
-        up, down = (response(model.with_parameters(point + sign * step)) for sign in (1, -1))
-        slopes.append((up - down) / (2.0 * step[index]))
+        slopes.append(slope(step, step[index]))
     jacobian = np.array(slopes)
     errors = model.covariance.standard_errors(jacobian.reshape(len(point), -1).T)
     return errors.reshape(jacobian.shape[1:])
@@ -206,13 +222,20 @@ def time_response_table(
     without an input one for each output, NaN for the plant.
     """
     samples, pairs = response_length(model), [(o, i) for o in outputs for i in inputs or ("",)]
-    responses: dict[str, tuple[Model, Callable[[Any], Array]]] = {
-        "impulse": (plant, lambda m: m.impulse_response(samples)),
-        "step": (plant, lambda m: m.step_response(samples)),
-        "noise_impulse": (model, lambda m: m.noise_impulse_response(samples)),
-    }
+
+    def of_plant(plant: Any) -> Array:
+        impulse = plant.impulse_response(samples)
+        return np.stack([impulse, np.cumsum(impulse, axis=0)])
+
+    def of_noise(model: Any) -> Array:
+        own = np.einsum("tii->ti", model.noise_impulse_response(samples))
+        return np.repeat(own[..., None], len(inputs) or 1, axis=2)[None]
+
     columns: dict[str, Array] = {}
-    for name, (own, response) in responses.items():
+    for names, own, response in (
+        (("impulse", "step"), plant, of_plant),
+        (("noise_impulse",), model, of_noise),
+    ):
         values = response(own)
         errors = np.full(values.shape, np.nan)
         if own.covariance is not None and values.size:
@@ -220,9 +243,8 @@ def time_response_table(
             errors[~np.isfinite(errors)] = np.nan
         for end, sign in (("", 0.0), ("_lower", -1.0), ("_upper", 1.0)):
             found = values + sign * NORMAL_95 * errors if sign else values
-            if name == "noise_impulse":
-                found = np.repeat(np.einsum("tii->ti", found)[..., None], len(inputs) or 1, axis=2)
-            columns[name + end] = np.moveaxis(found, 0, 2).ravel()
+            for name, each in zip(names, found, strict=True):
+                columns[name + end] = np.moveaxis(each, 0, 2).ravel()
     unknown = np.full(samples * len(pairs), np.nan)
     return {
         "output": [output for output, _ in pairs for _ in range(samples)],

@@ -69,7 +69,7 @@ def _plot(name: str, kind: str = "") -> Callable[..., Any]:
     def plot(self: Results, axes: Axes | Sequence[Axes] | None = None) -> Axes | list[Axes]:
         chart = chart_of(self._view)
         if kind and not (chart := chart.only(kind)).panels:
-            raise InputError("plot", "the model has no input", "plot its impulse response")
+            raise InputError(plot.__name__, "the model has no input", "take plot_impulse_response")
         own = _drawn(chart, axes)
         return own if len(own) > 1 else own[0]
 
@@ -274,6 +274,11 @@ class Results:
             shutil.copy(file, copy)
         write_checksums(copies, target, IDENTIFICATION)
         return target
+
+
+for _name, _method in vars(Results).items():
+    if _name.startswith("plot_"):
+        _method.__name__ = _name
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -21,6 +21,7 @@ from evopem.config.settings import (
     SearchSettings,
 )
 from evopem.config.structures import OF_SIMULATION
+from evopem.errors import InputError
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_selection import complete_estimate
@@ -123,8 +124,12 @@ def complete_model(
     save_model_mat(record.model, files.model_mat)
     for purpose in others:
         choice = load(Comparison, files.decision("comparison")).choice(purpose)
-        quick, alone = replace(settings, evaluations=0), FitSettings(constraints=fit.constraints)
-        other, _ = _record_of(files, choice, search, quick, fits, alone)
+        given = choice, search, replace(settings, evaluations=0), fits
+        try:
+            other, _ = _record_of(files, *given, FitSettings(constraints=fit.constraints))
+        except InputError:
+            # A structure that cannot meet them: the constraints are of the model that was chosen.
+            other, _ = _record_of(files, *given, FitSettings())
         save(other, files.other_model(purpose))
 
 

@@ -133,9 +133,10 @@ _ENDS = {
     for name, unit in (("frequency", "hz"), ("damping", "percent"))
     for end, sign in (("low", -1), ("high", 1))
 }
+_OF_MODE = sorted((*MODE_COLUMNS, *_ENDS), key=lambda name: not name.startswith("frequency"))
 _COLUMN_TYPES = (
     {"group": "string", "mode": "Int64", "dataset": "string"}
-    | dict.fromkeys(("place", *MODE_COLUMNS, *_ENDS, "mac", "level_hz"), "float64")
+    | dict.fromkeys(("place", *_OF_MODE, "mac", "level_hz"), "float64")
     | {"warning": "string"}
 )
 

@@ -102,12 +102,13 @@ def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[st
     for path, recording, info in _read_files(datasets):
         origin = _origin(path, info)
         try:
-            is_other = _was_touched(path, info) or origin["bytes"] != Path(path).stat().st_size
-            if origin and is_other and sha256_of_file(path) != origin.get("sha256"):
-                _make_older(path, [recording, info])
-                replaced.append(path)
-        except (OSError, ValueError, KeyError):  # not read yet, or gone: its own job says so
+            is_other = _was_touched(path, info) or origin.get("bytes") != Path(path).stat().st_size
+            is_replaced = origin and is_other and sha256_of_file(path) != origin.get("sha256")
+        except (OSError, ValueError):  # not read yet, or gone: its own job says so
             continue
+        if is_replaced:
+            _make_older(path, [recording, info])
+            replaced.append(path)
     return replaced
 
 

@@ -274,7 +274,7 @@ def _judged(
     in_noise = bool(np.any(mode.noise_participation))
     needed = of_noise.significant(SIGNIFICANCE)
     if needed and without is not None:
-        needed = without > 1.0
+        needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
     compared = [
         each.order in group
         for each in by_order.values()

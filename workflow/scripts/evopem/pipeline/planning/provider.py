@@ -282,8 +282,11 @@ class StageRule:
         settings, run = self.provider.config.datasets[wildcards.dataset], self.provider.config.run
         if self._only_reads(settings):
             return reading_time(settings, attempt)
-        per_job = run.candidates_per_job if self.stage.demand == "estimation" else 1
-        return estimation_time(settings, wildcards.get("phase"), per_job, threads, attempt)
+        demand, phase = self.stage.demand, wildcards.get("phase")
+        if demand == "model" and settings.automatic is None:
+            phase = "joint"  # one descent of the largest candidate
+        per_job = run.candidates_per_job if demand == "estimation" else 1
+        return estimation_time(settings, phase, per_job, threads, attempt)
 
     def _only_reads(self, settings: DatasetSettings) -> bool:
         demand = self.stage.demand

@@ -161,6 +161,7 @@ STAGES = (
             "phase": lambda task: order_grid.phase_of_orders_of(task.settings),
             "others": of.purposes,
         },
+        demand="model",
     ),
     Stage(
         "report",
