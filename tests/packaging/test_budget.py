@@ -21,7 +21,7 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 42_200,
+    "lines": 42_250,
     "files": 250,
     "files above 400 lines": 0,
     "folders above 20 files": 0,

@@ -16,9 +16,10 @@ from evopem.automatic.held_out.simulation import Model, errors_simulated_on
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import refit
-from evopem.config.settings import OrderRanges, Range
+from evopem.config.settings import OrderRanges
 from evopem.config.structures import STRUCTURES, varied_order
 from evopem.errors import NoModelError
+from evopem.estimation.order_scan import nearest
 from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.polynomial import PolynomialModel, of_signals
@@ -68,14 +69,10 @@ class OrderLimits:
             joint, own = self.ranges.joint if varied else None, getattr(self.ranges, name)
             if name in PER_INPUT:
                 pairs = zip(given[name], own.of_inputs(names), strict=True)
-                given[name] = tuple(_nearest(order, each or joint) for order, each in pairs)
+                given[name] = tuple(nearest(order, each or joint) for order, each in pairs)
             else:
-                given[name] = _nearest(given[name], own or joint)
+                given[name] = nearest(given[name], own or joint)
         return Orders(**given)
-
-
-def _nearest(order: int, limits: Range | None) -> int:
-    return order if limits is None else min(max(order, limits[0]), limits[1])
 
 
 @dataclass(frozen=True)

@@ -114,6 +114,17 @@ def is_polynomial(form: str) -> bool:
     return form in STRUCTURES
 
 
+def samples_ahead(focus: str | int) -> int | None:
+    """Samples ahead of the predictions of a focus; None for simulation."""
+    if isinstance(focus, int) and not isinstance(focus, bool) and focus >= 1:
+        return int(focus)
+    if focus not in ("prediction", "simulation"):
+        raise ValueError(
+            f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
+        )
+    return None if focus == "simulation" else 1
+
+
 def check_model(
     structure: str, several_outputs: bool, focus: str | int, constraints: Constraints | None
 ) -> None:

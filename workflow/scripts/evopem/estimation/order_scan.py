@@ -68,14 +68,14 @@ class OrderLimits:
         """The nearest orders that are allowed, of those that the structure has; delays stay."""
         names = STRUCTURES[orders.structure]
         changed: dict[str, Any] = {
-            name: _nearest(getattr(orders, name), getattr(self, name))
+            name: nearest(getattr(orders, name), getattr(self, name))
             for name in SHARED
             if name in names
         }
         for name in ("nb", "nf"):
             if name in names:
                 pairs = zip(getattr(orders, name), getattr(self, name), strict=True)
-                changed[name] = tuple(_nearest(*pair) for pair in pairs)
+                changed[name] = tuple(nearest(*pair) for pair in pairs)
         return replace(orders, **changed)
 
     def allow(self, orders: Orders) -> bool:
@@ -143,7 +143,8 @@ def joint_orders(
     return orders if limits is None else limits.drawn_in(orders)
 
 
-def _nearest(order: int, limits: Range | None) -> int:
+def nearest(order: int, limits: Range | None) -> int:
+    """The order inside limits that is nearest to one."""
     return order if limits is None else min(max(order, limits[0]), limits[1])
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from evopem.config.constraints import Constraints, FixedPole, Prior
+from evopem.config.structures import samples_ahead
 from evopem.errors import InputError
 from evopem.models.structures import Orders
 
@@ -79,20 +80,14 @@ def coefficient_index(name: str, orders: Orders) -> tuple[str, int] | None:
 
 
 def _horizon(focus: Focus, orders: Orders) -> int | None:
-    whole = isinstance(focus, int) and not isinstance(focus, bool) and focus >= 1
-    if not whole and focus not in ("prediction", "simulation"):
-        raise ValueError(
-            f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
-        )
-    if focus == "simulation" and orders.inputs == 0:
+    ahead = samples_ahead(focus)
+    if ahead is None and orders.inputs == 0:
         problem = "a model without input has nothing to simulate"
         raise InputError("focus", problem, "use prediction, or a number of samples")
     if orders.na == 0 and orders.nc == 0 and orders.nd == 0:
         # The noise is white: predictions are simulations, whatever the horizon.
         return 1
-    if focus == "simulation":
-        return None
-    return int(focus) if whole else 1
+    return ahead
 
 
 def _named(constraints: Constraints) -> list[tuple[str, str]]:

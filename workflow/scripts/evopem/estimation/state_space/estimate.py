@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, SearchSettings
-from evopem.config.structures import check_model
+from evopem.config.structures import check_model, samples_ahead
 from evopem.estimation.criteria import log_loss
 from evopem.estimation.state_space.entry_estimate import check_state_space_constraints, meeting
 from evopem.estimation.state_space.local_estimates import (
@@ -127,15 +127,9 @@ def _horizon(
     constraints: Constraints | None,
 ) -> int | None:
     """Samples ahead; None for simulation where that differs from prediction."""
-    whole = isinstance(focus, int) and not isinstance(focus, bool) and focus >= 1
-    if not whole and focus not in ("prediction", "simulation"):
-        raise ValueError(
-            f'focus must be "prediction", "simulation" or a number of samples, not {focus!r}'
-        )
+    ahead = samples_ahead(focus)
     check_model(structure, False, focus, constraints)
-    if structure in ("ss_oe", "ss_oe_drift"):
-        return 1
-    return int(focus) if whole else None if focus == "simulation" else 1
+    return 1 if structure in ("ss_oe", "ss_oe_drift") else ahead
 
 
 def estimates_of_orders(
