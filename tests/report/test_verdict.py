@@ -106,6 +106,22 @@ def test_a_model_no_better_than_the_mean_is_good_for_nothing_that_it_computes(
     assert answers(verdict(of_prediction))["the frequency response"] == "good"
 
 
+def test_a_response_whose_simulation_or_band_is_poor_is_given_with_care(results, monkeypatch):
+    """Bands hold the errors of the coefficients, not what a model leaves out of the response."""
+    with_checks(monkeypatch, results)
+
+    def response(found):
+        return next(use for use in verdict(found).uses if use.name == "the frequency response")
+
+    assert response(with_outcome(results, simulation_error_percent=59.0)).answer == "good"
+    poor = response(with_outcome(results, simulation_error_percent=85.0))
+    assert poor.answer == "care"
+    assert "hides errors of the gain" in poor.reason
+    table = results.frequency_response
+    wide = table.assign(gain_lower=0.7 * table["gain"], gain_upper=1.3 * table["gain"])
+    assert response(replace(results, frequency_response=wide)).answer == "care"
+
+
 def test_intervals_after_an_automatic_choice_are_given_with_care(results, monkeypatch):
     """Measured coverage after a choice of structure and orders is below 95 %."""
     with_checks(monkeypatch, results)

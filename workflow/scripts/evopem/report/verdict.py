@@ -36,6 +36,8 @@ _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": 
 # and up to which it is of use at all. The error has no natural limit, so the report shows it beside
 # the word. From the error of the mean on, a model is of no use for what it is judged by.
 GOOD_SIMULATION, USABLE_SIMULATION, ERROR_OF_MEAN = 30.0, 60.0, 100.0
+# Half width of a 95 % band of the gain, in percent of it, from which on the gain is a rough one.
+WIDE_BAND = 25.0
 BELOW_MEAN = math.nextafter(ERROR_OF_MEAN, 0.0)
 
 # Modes that a sentence names at most.
@@ -233,7 +235,13 @@ def _frequency_response(view: View, outcome: Mapping[str, Check]) -> Use:
         band = "care", "its 95 % band is not known"
     elif math.isinf(half):
         band = "care", "its 95 % band has no upper limit at half of the frequencies or more"
-    return _use(name, band, checked)
+    elif half > WIDE_BAND:
+        band = "care", band[1]
+    tested: Finding = ("good", "")
+    if view.has_input and is_number(error) and error >= USABLE_SIMULATION:
+        # What the model leaves out of the response is not in the band.
+        tested = "care", f"simulations are off by {percent(error)}, which hides errors of the gain"
+    return _use(name, band, tested, checked)
 
 
 def _modes(view: View) -> Use:
