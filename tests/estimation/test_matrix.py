@@ -17,7 +17,7 @@ from evopem.config.constraints import Constraints
 RATE = 10.0
 FREQUENCIES = np.linspace(0.1, 4.5, 12)
 POLE, GAINS, DELAYS = 0.7, ((1.0, -0.6), (0.5, 0.8)), (1, 2)
-SAMPLES, NOISE = 80, 0.01
+SAMPLES, NOISE = 150, 0.01
 
 POLYNOMIALS = {
     "fir": {"nb": 18},
