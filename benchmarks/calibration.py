@@ -24,6 +24,7 @@ import numpy as np
 from evidence import write_section
 from numpy.typing import NDArray
 from random_systems import Case, draw_case
+from scipy.stats import binomtest
 from threadpoolctl import threadpool_limits
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -221,11 +222,8 @@ def of_counts(hits: int, trials: int) -> str:
     """The same, of counts."""
     if not trials:
         return "–"
-    p, z = hits / trials, NORMAL_95**2
-    middle = (p + z / (2 * trials)) / (1 + z / trials)
-    half = NORMAL_95 * np.sqrt(p * (1 - p) / trials + z / (4 * trials**2)) / (1 + z / trials)
-    low, high = 100 * (middle - half), 100 * (middle + half)
-    return f"{100 * p:.1f} ({low:.1f} to {high:.1f}) of {trials}"
+    low, high = binomtest(hits, trials).proportion_ci(method="wilson")
+    return f"{100 * hits / trials:.1f} ({100 * low:.1f} to {100 * high:.1f}) of {trials}"
 
 
 def shares(lines: Iterable[Line], key: str) -> str:

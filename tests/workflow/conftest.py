@@ -53,6 +53,11 @@ class Folder:
     def results(self):
         return self.path / "results"
 
+    def copied(self, path):
+        """A copy at another path, with the times of its files."""
+        shutil.copytree(self.path, path, copy_function=shutil.copy2)
+        return Folder(path)
+
     def configure(self, config):
         (self.path / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
 
@@ -137,9 +142,7 @@ def finished(tmp_path_factory):
 @pytest.fixture
 def copy(finished, tmp_path):
     """A copy of the finished run, times included, for a test to change."""
-    path = tmp_path / "copy"
-    shutil.copytree(finished.path, path, copy_function=shutil.copy2)
-    return Folder(path)
+    return finished.copied(tmp_path / "copy")
 
 
 @pytest.fixture

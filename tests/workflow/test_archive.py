@@ -1,14 +1,11 @@
 """The archive of all results that `snakemake --report` packs."""
 
 import re
-import shutil
 import zipfile
 
 import pytest
 
 from evopem.results.layout import FIGURES
-
-from .conftest import Folder
 
 TABLES = {"candidates.csv", "modes.csv", "spectrum.csv"}
 MODEL = {"model.json", "validation.json"}
@@ -16,8 +13,7 @@ MODEL = {"model.json", "validation.json"}
 
 @pytest.fixture(scope="module")
 def archive(finished, tmp_path_factory):
-    folder = Folder(tmp_path_factory.mktemp("archive") / "copy")
-    shutil.copytree(finished.path, folder.path, copy_function=shutil.copy2)
+    folder = finished.copied(tmp_path_factory.mktemp("archive") / "copy")
     folder.finish("--report", "archive.zip")
     with zipfile.ZipFile(folder.path / "archive.zip") as packed:
         yield packed

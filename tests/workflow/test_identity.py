@@ -45,9 +45,7 @@ def once_prepared(tmp_path_factory):
 
 @pytest.fixture
 def prepared(once_prepared, tmp_path):
-    path = tmp_path / "copy"
-    shutil.copytree(once_prepared.path, path, copy_function=shutil.copy2)
-    return Folder(path)
+    return once_prepared.copied(tmp_path / "copy")
 
 
 def older_file(folder, text):

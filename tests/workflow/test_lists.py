@@ -51,9 +51,7 @@ def two(recorded, tmp_path_factory):
 
 @pytest.fixture
 def copy_of_two(two, tmp_path):
-    path = tmp_path / "copy"
-    shutil.copytree(two.path, path, copy_function=shutil.copy2)
-    return Folder(path)
+    return two.copied(tmp_path / "copy")
 
 
 def test_results_that_went_bad_are_not_listed_as_complete(copy_of_two, two):
@@ -90,20 +88,17 @@ def test_results_that_went_bad_are_not_listed_as_complete(copy_of_two, two):
 @pytest.fixture(scope="module")
 def staged(finished, tmp_path_factory):
     """A finished run with a job for each stage, and lists of before: they are made again."""
-    path = tmp_path_factory.mktemp("staged") / "copy"
-    shutil.copytree(finished.path, path, copy_function=shutil.copy2)
+    folder = finished.copied(tmp_path_factory.mktemp("staged") / "copy")
     for file in OVERVIEW:
-        (path / file).touch()
-        os.utime(path / file, (320_000_000, 320_000_000))
-    Folder(path).finish("--cores", "1")
-    return Folder(path)
+        (folder.path / file).touch()
+        os.utime(folder.path / file, (320_000_000, 320_000_000))
+    folder.finish("--cores", "1")
+    return folder
 
 
 @pytest.fixture
 def copy_of_staged(staged, tmp_path):
-    path = tmp_path / "copy"
-    shutil.copytree(staged.path, path, copy_function=shutil.copy2)
-    return Folder(path)
+    return staged.copied(tmp_path / "copy")
 
 
 def test_a_result_that_alone_could_not_be_made_is_listed_until_it_is(copy_of_staged, staged):

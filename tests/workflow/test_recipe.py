@@ -1,7 +1,6 @@
 """The automatic recipe in real runs: from three keys to results, and what a changed key redoes."""
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -60,9 +59,7 @@ def staged(tmp_path_factory):
 
 @pytest.fixture
 def again(staged, tmp_path):
-    path = tmp_path / "again"
-    shutil.copytree(staged.path, path, copy_function=shutil.copy2)
-    return Folder(path)
+    return staged.copied(tmp_path / "again")
 
 
 def results_of(folder):
