@@ -337,7 +337,7 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
     "overload_in_the_first_row": ("u,y\nOVLD,OVLD\n" + rows(U, Y), PLAIN, "line 2: the row"),
     "overload_without_headings": ("OVLD,OVLD\n" + rows(U, Y), PLAIN, "line 1: the row"),
     "error_words_without_headings": ("OVLD,bad\n" + rows(U, Y), PLAIN, "line 1: the row"),
-    "overload_in_one_channel": ("u,y\nOVLD,1.2\n" + rows(U, Y), PLAIN, "numbers beside texts"),
+    "overload_in_one_channel": ("u,y\nOVLD,1.2\n" + rows(U, Y), PLAIN, "line 2: the row"),
     "overload_twice": (
         "u,y\nOVLD,1.2\nBAD,ERR\n" + rows(U, Y), PLAIN, "line 3: the row"),
     "dashes_for_missing": ("u,y\n--,--\n" + rows(U, Y), PLAIN, "line 2: the row"),

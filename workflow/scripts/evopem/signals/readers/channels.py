@@ -50,7 +50,7 @@ class Contents:
     path: Path
     kind: str  # what the format calls a channel: "column", "variable", …
     names: Sequence[tuple[str, ...]]  # of each channel, the listed one first; empty without one
-    load: Callable[[Sequence[int]], list[Channel]]  # by their indices, from 0
+    load: Callable[[int], Channel]  # by its index, from 0
     refusals: Mapping[str, InputError] = field(default_factory=dict)  # of names of no channel
 
     @property
@@ -60,7 +60,7 @@ class Contents:
 
     def read(self, references: Sequence[Reference]) -> list[Channel]:
         """The channels that references stand for, their units told from names like "Tip [m/s²]"."""
-        found = self.load([self.find(each) for each in references])
+        found = [self.load(self.find(each)) for each in references]
         split = [split_heading(each.name) for each in found]
         return [
             replace(channel, name=name, unit=unit)

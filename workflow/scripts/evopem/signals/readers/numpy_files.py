@@ -88,14 +88,15 @@ def contents_of(
     columns = {name: _columns_of(each.shape, each.dtype) for name, each in arrays.items()}
     places = [(name, column) for name, found in columns.items() for column in found]
 
-    def load(indices: Sequence[int]) -> list[Channel]:
-        channels = []
-        for name, column in (places[index] for index in indices):
-            rate, problem = _rate_of(name, rates)
-            values = _signal(np.asarray(arrays[name].load()), column)
-            unit = units.get(name, "")
-            channels.append(Channel(_name(name, column), values, unit, rate, problem))
-        return channels
+    def load(index: int) -> Channel:
+        name, column = places[index]
+        values = np.asarray(arrays[name].load())
+        if column is None:
+            values = values.reshape(-1)
+        else:
+            values = values.squeeze()
+            values = values[:, column] if values.shape[0] >= values.shape[1] else values[column]
+        return Channel(names[index], values, units.get(name, ""), *_rate_of(name, rates))
 
     names = [_name(*place) for place in places]
     listed = [(name, f"/{name}") if kind == "dataset" else (name,) for name in names]
@@ -117,13 +118,6 @@ def _columns_of(shape: tuple[int, ...], dtype: np.dtype) -> list[int | None]:
     if dtype.kind not in _KINDS or not lengths or 0 in lengths or len(lengths) > 2:
         return []
     return [None] if len(lengths) == 1 else list(range(min(lengths)))
-
-
-def _signal(values: NDArray, column: int | None) -> NDArray:
-    if column is None:
-        return values.reshape(-1)
-    matrix = values.squeeze()
-    return matrix[:, column] if matrix.shape[0] >= matrix.shape[1] else matrix[column]
 
 
 def _path(name: str) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,17 +15,14 @@ def opened(path: Path) -> Iterator[Contents]:
     arrow = library("pyarrow", path)
     parquet = library("pyarrow.parquet", path)
 
-    def load(indices: Sequence[int]) -> list[Channel]:
-        channels = []
-        for index in indices:
-            # Two columns may share a name: the table then holds both, in their order.
-            # Without threads, which may outlive the interpreter and abort the process.
-            table = file.read(columns=[names[index]], use_threads=False)
-            column = table.column(names[:index].count(names[index]))
-            if arrow.types.is_decimal(column.type):
-                column = column.cast(arrow.float64())
-            channels.append(Channel(names[index], column.to_numpy()))
-        return channels
+    def load(index: int) -> Channel:
+        # Two columns may share a name: the table then holds both, in their order.
+        # Without threads, which may outlive the interpreter and abort the process.
+        table = file.read(columns=[names[index]], use_threads=False)
+        column = table.column(names[:index].count(names[index]))
+        if arrow.types.is_decimal(column.type):
+            column = column.cast(arrow.float64())
+        return Channel(names[index], column.to_numpy())
 
     try:
         with path.open("rb") as stream:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -31,19 +31,14 @@ def opened(path: Path) -> Iterator[Contents]:
     if incomplete:
         raise InputError(str(path), "the file breaks off", "copy or export it again")
 
-    def load(indices: Sequence[int]) -> list[Channel]:
-        return [_channel(stored[index]) for index in indices]
+    def load(index: int) -> Channel:
+        channel, properties = stored[index], stored[index].properties
+        unit = str(properties.get("unit_string", ""))
+        rate = _sampling_rate(properties)
+        return Channel(channel.name, np.asarray(channel[:]), unit, *rate, _start(properties))
 
     names = [(f"{each.group_name}/{each.name}", each.name) for each in stored]
     yield Contents(path, "channel", names, load)
-
-
-def _channel(stored: Any) -> Channel:
-    properties = stored.properties
-    rate, problem = _sampling_rate(properties)
-    unit = str(properties.get("unit_string", ""))
-    values = np.asarray(stored[:])
-    return Channel(stored.name, values, unit, rate, problem, _start(properties))
 
 
 def _sampling_rate(properties: Mapping[str, Any]) -> tuple[float | None, str]:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 from evopem.errors import InputError
 from evopem.signals.readers.channels import UNIT, Reference
-from evopem.signals.readers.text_dialect import COMMENT_MARKS, Dialect, Lines, Row
+from evopem.signals.readers.text_dialect import COMMENT_MARKS, Table
 
 _NO_VALUE = {
     "-", "--", "---", "?", "*", "n/a", "na", "nan", "nil", "none", "null", "missing", "invalid",
@@ -25,8 +23,7 @@ _NEARLY_NUMBER = re.compile(r"(?=.*\d)[+-]?[\d.,][\d.,:;/_ '’%exEX+-]*")
 _BRACKETED = re.compile(r"\[[^\[\]]*\]|\([^()]*\)")
 
 
-@dataclass(frozen=True)
-class Heading:
+class Heading(NamedTuple):
     """What stands above the numbers of a table."""
 
     start: int  # index of the first row of numbers among the rows
@@ -35,13 +32,7 @@ class Heading:
 
 
 def find_heading(
-    path: Path,
-    lines: Lines,
-    sample: Sequence[Row],
-    dialect: Dialect,
-    width: int,
-    references: Sequence[Reference],
-    header_lines: int | None = None,
+    table: Table, references: Sequence[Reference], header_lines: int | None = None
 ) -> Heading:
     """Find the first row of numbers, the names of the columns and their units.
 
@@ -49,209 +40,143 @@ def find_heading(
     with a text for each column. Every other row between might be a sample and is refused, unless
     `header_lines` counts it.
     """
-    search = _Search(path, lines.rows, dialect, width, _value_columns(sample, dialect, width))
+    wanted = {reference for reference in references if isinstance(reference, str)}
     if header_lines is not None:
-        return search.stated(lines.comments, header_lines, references)
-    start = next((i for i in range(len(lines.rows)) if search.kind(i) == "numbers"), None)
+        return _stated(table, wanted, header_lines)
+    start = next((i for i in range(len(table.rows)) if table.kind(i) == "numbers"), None)
     if start is None:
         remedy = "write one row a sample, separated by commas, semicolons, tabs or blanks"
-        raise InputError(str(path), "holds no row of numbers", remedy, f"line {lines.rows[0][0]}")
-    if search.counts_columns(start):
-        return search.numbered_columns(start, sample)
-    return search.found(lines.comments, start, references)
+        place = f"line {table.rows[0][0]}"
+        raise InputError(str(table.path), "holds no row of numbers", remedy, place)
+    if _counts_columns(table, start):
+        return _numbered_columns(table, start)
+    if start == 0:
+        return Heading(start, *_in_comments(table, start))
+    above, kind = table.fields(start - 1), table.kind(start - 1)
+    names = _other_width(table, start) if kind == "other" else []
+    if names:
+        return Heading(start, names)
+    has_units = kind == "text" and start > 1 and is_unit_row(above)
+    if has_units and table.kind(start - 2) in ("text", "mixed"):
+        return Heading(start, table.fields(start - 2), _bare_units(above))
+    if _may_be_sample(table, start, wanted):
+        _refuse(table, start - 1, start)
+    return Heading(start, above if kind == "text" else ())
 
 
-def _value_columns(sample: Sequence[Row], dialect: Dialect, width: int) -> list[bool]:
-    """Of each column, whether most of its fields that are not empty are numbers or dates."""
-    score = [0] * width
-    for _, line in sample:
-        fields = dialect.split(line)
-        if len(fields) == width:
-            for column, text in enumerate(fields):
-                if text.strip():
-                    score[column] += 1 if dialect.is_value(text) else -1
-    return [value > 0 for value in score]
+def _may_be_sample(table: Table, start: int, wanted: set[str]) -> bool:
+    """Whether the row above the numbers may be a damaged sample, or is no heading for certain."""
+    above, kind = table.fields(start - 1), table.kind(start - 1)
 
+    def is_full(index: int) -> bool:
+        return table.kind(index) == "text" and all(table.wanted(table.fields(index)))
 
-@dataclass(frozen=True)
-class _Search:
-    path: Path
-    rows: Sequence[Row]
-    dialect: Dialect
-    width: int
-    value_columns: Sequence[bool]
+    def may_replace_number(text: str) -> bool:
+        spoilt = _NEARLY_NUMBER.fullmatch(text) is not None
+        return spoilt or text.lower() in _NO_VALUE or table.dialect.is_number(text)
 
-    def fields(self, index: int) -> list[str]:
-        """The fields of a row, without the one that a closing separator adds."""
-        fields = [text.strip() for text in self.dialect.split(self.rows[index][1])]
-        return fields[:-1] if len(fields) == self.width + 1 and not fields[-1] else fields
-
-    def kind(self, index: int) -> str:
-        """One of numbers, text, mixed, empty, and "other" for another number of fields."""
-        return self._kind(self.fields(index))
-
-    def _kind(self, fields: Sequence[str]) -> str:
-        if len(fields) != self.width:
-            return "other"
-        wanted = self._wanted(fields)
-        filled = [text for text in wanted if text]
-        values = sum(map(self.dialect.is_value, filled))
-        if not filled:
-            return "text" if any(fields) else "empty"
-        if values == 0:
-            return "text"
-        return "numbers" if values == len(filled) and 2 * values > len(wanted) else "mixed"
-
-    def counts_columns(self, start: int) -> bool:
-        """Whether the first row numbers the columns: 0, 1, … or 1, 2, …, maybe after a blank."""
-        fields = self.fields(start)
-        if self.width < 2 or len(self.rows) < start + 2:
-            return False
-        if any(self.kind(i) == "text" for i in range(start)):
-            return False
-        counted = fields if fields[0] else fields[1:]
-        return any(counted == [str(base + i) for i in range(len(counted))] for base in (0, 1))
-
-    def numbered_columns(self, start: int, sample: Sequence[Row]) -> Heading:
-        """Headings 0, 1, …, where the numbers below are certainly written in another way."""
-        below = [
-            self.dialect.split(line) for number, line in sample if number != self.rows[start][0]
-        ]
-        below = [fields for fields in below if len(fields) == self.width]
-        first = self.fields(start)
-        numbers = [
-            text.strip()
-            for fields in below
-            for text, held in zip(fields, self.value_columns, strict=True)
-            if held
-        ]
-        decimals = {len(text.partition(self.dialect.decimal_mark)[2]) for text in numbers}
-        in_front = bool(below) and not first[0] and all(fields[0].strip() for fields in below)
-        if not in_front and (len(decimals) != 1 or decimals == {0}):
-            self._refuse(start, "may hold the numbers of the columns", start)
-        return Heading(start + 1, first)
-
-    def found(
-        self, comments: Sequence[Row], start: int, references: Sequence[Reference]
-    ) -> Heading:
-        """The headings above the row that was found to be the first of numbers."""
-        if start == 0:
-            return Heading(start, *self._in_comments(comments, start))
-        above = self.fields(start - 1)
-        kind = self._kind(above)
-        if kind == "other":
-            return self._below_other_row(start)
-        if kind == "empty":
-            self._refuse(start - 1, "is empty", start)
-        if kind == "mixed":
-            self._refuse(start - 1, "holds numbers beside texts or empty fields", start)
-        if start > 1 and is_unit_row(above) and self.kind(start - 2) in ("text", "mixed"):
-            return Heading(start, self.fields(start - 2), _bare_units(above))
-        if not any(reference in above for reference in references if isinstance(reference, str)):
-            self._refuse_damaged_sample(above, start)
-        self._refuse_second_heading(start)
-        return Heading(start, above)
-
-    def _below_other_row(self, start: int) -> Heading:
-        """The headings above numbers that follow a row with another number of fields."""
-        above = self.fields(start - 1)
-        names = self._other_width(start)
-        if names:
-            return Heading(start, names)
-        if any(self.kind(i) == "text" and all(self._wanted(self.fields(i))) for i in range(start)):
-            self._refuse(start - 1, "stands between the headings and the numbers", start)
-        if all(self._may_replace_number(text) for text in above if text):
-            self._refuse(
-                start - 1, f"has {len(above)} fields where the others have {self.width}", start
-            )
-        return Heading(start)
-
-    def _refuse_damaged_sample(self, above: Sequence[str], start: int) -> None:
-        """Refuse a row of texts that no one names and that may be a damaged first sample."""
+    if kind == "other":
+        filled = [text for text in above if text]
+        return any(map(is_full, range(start))) or all(map(may_replace_number, filled))
+    if kind != "text":
+        return True
+    if wanted.isdisjoint(above):
         filled = [text for text in above if text]
         if len(filled) > 1 and len(set(filled)) == 1:
-            self._refuse(start - 1, "has the same text in all columns", start)
-        for text in self._wanted(above):
-            if self._may_replace_number(text):
-                self._refuse(start - 1, f'has "{text}" where the others have a number', start)
+            return True
+        if any(map(may_replace_number, table.wanted(above))):
+            return True
+    # Two full rows of texts, of which the second holds no units.
+    follows = start > 1 and table.rows[start - 2][0] + 1 == table.rows[start - 1][0]
+    return follows and is_full(start - 2)
 
-    def _may_replace_number(self, text: str) -> bool:
-        spoilt = _NEARLY_NUMBER.fullmatch(text) is not None
-        return spoilt or text.lower() in _NO_VALUE or self.dialect.is_number(text)
 
-    def _wanted(self, fields: Sequence[str]) -> list[str]:
-        """The fields in the columns of numbers."""
-        return [text for text, held in zip(fields, self.value_columns, strict=True) if held]
+def _counts_columns(table: Table, start: int) -> bool:
+    """Whether the first row numbers the columns: 0, 1, … or 1, 2, …, maybe after a blank."""
+    if table.width < 2 or len(table.rows) < start + 2:
+        return False
+    fields = table.fields(start)
+    counted = fields if fields[0] else fields[1:]
+    counts = any(counted == [str(base + i) for i in range(len(counted))] for base in (0, 1))
+    return counts and not any(table.kind(i) == "text" for i in range(start))
 
-    def _refuse_second_heading(self, start: int) -> None:
-        """Refuse two full rows of texts above each other, of which the second holds no units."""
-        if start < 2 or self.rows[start - 2][0] + 1 != self.rows[start - 1][0]:
-            return
-        if self.kind(start - 2) == "text" and all(self._wanted(self.fields(start - 2))):
-            self._refuse(start - 1, "is a second row of texts that are not known as units", start)
 
-    def _other_width(self, start: int) -> list[str]:
-        """Headings of another number than the columns: R names no row names, LabVIEW a comment."""
-        names = self.fields(start - 1)
-        if len(names) == self.width + 1 and names[-1].lower() == "comment":
-            return names[:-1]
-        below = self.rows[start : start + 3]
-        firsts = [self.dialect.split(line)[0].strip() for _, line in below]
-        quoted = all(line.lstrip().startswith('"') for _, line in below)
-        if len(names) == self.width - 1 and all(names):
-            if quoted or firsts == ["1", "2", "3"]:
-                return ["", *names]
-            if self.fields(start)[-1] == "":
-                return [*names, ""]
-        return []
+def _numbered_columns(table: Table, start: int) -> Heading:
+    """Headings 0, 1, …, where the numbers below are certainly written in another way."""
+    first = table.fields(start)
+    below = [[text.strip() for text in fields] for fields in table.sample]
+    below = [fields for fields in below if fields != first]
+    in_front = bool(below) and not first[0] and all(fields[0] for fields in below)
+    mark = table.dialect.decimal_mark
+    numbers = [text for fields in below for text in table.wanted(fields)]
+    decimals = {len(text.partition(mark)[2]) for text in numbers}
+    if not in_front and (len(decimals) != 1 or decimals == {0}):
+        _refuse(table, start, start)
+    return Heading(start + 1, first)
 
-    def _in_comments(self, comments: Sequence[Row], start: int) -> tuple[list[str], list[str]]:
-        """Names, and units below them, in the last two comments above the numbers."""
-        above = [row for row in comments if row[0] < self.rows[start][0]][-2:]
-        texts = [line.strip().lstrip("".join(COMMENT_MARKS)).strip() for _, line in above]
-        split = [[text.strip() for text in self.dialect.split(line)] for line in texts]
-        fitting = [self._is_heading(fields) for fields in split]
-        if len(split) == 2 and all(fitting) and is_unit_row(split[1]):
-            return split[0], _bare_units(split[1])
-        return (split[-1], []) if fitting and fitting[-1] else ([], [])
 
-    def _is_heading(self, fields: Sequence[str]) -> bool:
-        return len(fields) == self.width and not any(map(self.dialect.is_value, fields))
+def _other_width(table: Table, start: int) -> list[str]:
+    """Headings of another number than the columns: R names no row names, LabVIEW a comment."""
+    names = table.fields(start - 1)
+    if len(names) == table.width + 1 and names[-1].lower() == "comment":
+        return names[:-1]
+    below = [line for _, line in table.rows[start : start + 3]]
+    firsts = [table.dialect.split(line)[0].strip() for line in below]
+    quoted = all(line.lstrip().startswith('"') for line in below)
+    if len(names) == table.width - 1 and all(names):
+        if quoted or firsts == ["1", "2", "3"]:
+            return ["", *names]
+        if table.fields(start)[-1] == "":
+            return [*names, ""]
+    return []
 
-    def stated(
-        self, comments: Sequence[Row], header_lines: int, references: Sequence[Reference]
-    ) -> Heading:
-        """The headings above the line that the configuration states.
 
-        The lowest row with all names asked for; without names the lowest that holds no units.
-        """
-        start = next((i for i, row in enumerate(self.rows) if row[0] > header_lines), None)
-        if start is None:
-            problem = f"there is no row below the {header_lines} header lines"
-            raise InputError(str(self.path), problem, "correct header_lines")
-        wanted = {reference for reference in references if isinstance(reference, str)}
-        fitting = [i for i in range(start) if len(self.fields(i)) == self.width]
-        fitting = [i for i in fitting if any(self.fields(i))]
-        named = [i for i in fitting if wanted <= set(self.fields(i))]
-        if named and not wanted and len(named) > 1 and is_unit_row(self.fields(named[-1])):
-            named.pop()
-        if named:
-            below = next((self.fields(i) for i in fitting if i == named[-1] + 1), [])
-            units = _bare_units(below) if is_unit_row(below) else []
-            return Heading(start, self.fields(named[-1]), units)
-        if start and self.kind(start - 1) == "other":
-            return Heading(start, self._other_width(start))
-        return Heading(start, *self._in_comments(comments, start))
+def _in_comments(table: Table, start: int) -> tuple[list[str], list[str]]:
+    """Names, and units below them, in the last two comments above the numbers."""
+    above = [line for number, line in table.comments if number < table.rows[start][0]][-2:]
+    texts = [line.strip().lstrip("".join(COMMENT_MARKS)).strip() for line in above]
+    split = [[text.strip() for text in table.dialect.split(line)] for line in texts]
+    fitting = [
+        len(fields) == table.width and not any(map(table.dialect.is_value, fields))
+        for fields in split
+    ]
+    if len(split) == 2 and all(fitting) and is_unit_row(split[1]):
+        return split[0], _bare_units(split[1])
+    return (split[-1], []) if fitting and fitting[-1] else ([], [])
 
-    def _refuse(self, index: int, problem: str, start: int) -> NoReturn:
-        shown = self.rows[index][1].strip()[:40]
-        above = max(self.rows[index][0], self.rows[start][0] - 1)
-        problem = f'the row "{shown}" {problem}, so it may be a heading or a sample'
-        remedy = (
-            "repair or remove it, or set header_lines to the number of lines above the first"
-            f" sample ({above} if this row is none)"
-        )
-        raise InputError(str(self.path), problem, remedy, f"line {self.rows[index][0]}")
+
+def _stated(table: Table, wanted: set[str], header_lines: int) -> Heading:
+    """The headings above the line that the configuration states.
+
+    The lowest row with all names asked for; without names the lowest that holds no units.
+    """
+    start = next((i for i, row in enumerate(table.rows) if row[0] > header_lines), None)
+    if start is None:
+        problem = f"there is no row below the {header_lines} header lines"
+        raise InputError(str(table.path), problem, "correct header_lines")
+    fields = [table.fields(i) for i in range(start)]
+    fitting = [i for i, each in enumerate(fields) if len(each) == table.width and any(each)]
+    named = [i for i in fitting if wanted <= set(fields[i])]
+    if len(named) > 1 and not wanted and is_unit_row(fields[named[-1]]):
+        named.pop()
+    if named:
+        lowest = named[-1]
+        below = fields[lowest + 1] if lowest + 1 in fitting else []
+        return Heading(start, fields[lowest], _bare_units(below) if is_unit_row(below) else [])
+    if start and table.kind(start - 1) == "other":
+        return Heading(start, _other_width(table, start))
+    return Heading(start, *_in_comments(table, start))
+
+
+def _refuse(table: Table, index: int, start: int) -> NoReturn:
+    number, line = table.rows[index]
+    above = max(number, table.rows[start][0] - 1)
+    problem = f'the row "{line.strip()[:40]}" may be a heading or a sample'
+    remedy = (
+        "repair or remove it, or set header_lines to the number of lines above the first sample"
+        f" ({above} if this row is none)"
+    )
+    raise InputError(str(table.path), problem, remedy, f"line {number}")
 
 
 def is_unit_row(fields: Sequence[str]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -40,15 +40,12 @@ def opened(path: Path) -> Iterator[Contents]:
             str(path), "holds no dataset of type 58", "export the time records as dataset 58"
         )
 
-    def load(indices: Sequence[int]) -> list[Channel]:
-        channels = []
-        for index in indices:
-            try:
-                dataset = file.read_sets(sets[index])
-            except Exception:
-                refuse_unreadable(path, "universal file")
-            channels.append(_channel(path, dataset, index + 1, names[index][0]))
-        return channels
+    def load(index: int) -> Channel:
+        try:
+            dataset = file.read_sets(sets[index])
+        except Exception:
+            refuse_unreadable(path, "universal file")
+        return _channel(path, dataset, index + 1, names[index][0])
 
     yield Contents(path, "dataset", names, load)
 
