@@ -33,7 +33,7 @@ def read_bytes(data: bytes, folder: Path) -> bool:
         warnings.simplefilter("ignore")
         try:
             channels = ChannelSettings((input_,), (output,), sampling_rate=rate, time=time)
-            recording = read_measured(file, channels).recording
+            recording = read_measured(file, channels)[0]
         except InputError as refusal:
             if "\n" in str(refusal) or not str(refusal).startswith(str(file)):
                 raise ValueError(

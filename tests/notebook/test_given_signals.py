@@ -64,7 +64,7 @@ def test_the_signals_are_a_copy_in_a_file_that_the_readers_take(tmp_path):
     assert found.outputs[0, 0] == Y[0]
     found.save(tmp_path / "data.npz")
     channels = ChannelSettings(("input",), ("output",), sampling_rate=20.0)
-    read = read_measured(tmp_path / "data.npz", channels).recording
+    read = read_measured(tmp_path / "data.npz", channels)[0]
     assert np.array_equal(read.input, U)
     assert np.array_equal(read.output, Y)
 

@@ -176,7 +176,7 @@ def test_a_recorded_data_set_has_neither_truth_nor_chapter(build, results):
     recorded = replace(
         results,
         truth=None,
-        recording_info=replace(results.recording_info, kind="file", files=(origin,)),
+        recording_info=replace(results.recording_info, files=(origin,)),
         settings=replace(
             results.settings, source=RecordedSource(("data/bench.csv",), results.settings.source)
         ),
@@ -257,7 +257,7 @@ def test_wall_clock_commit_and_validation_file_are_in_the_provenance(build, resu
     origin = FileOrigin("data/fresh.csv", "cd" * 32, 99, "text", (1,), (2,), 500)
     validated = replace(
         results,
-        validation_recording_info=replace(results.recording_info, kind="file", files=(origin,)),
+        validation_recording_info=replace(results.recording_info, files=(origin,)),
     )
     seconds = {"estimate_spectrum": 12.34, "nb": 98.76, "identification": 321.0}
     text = Page(build(validated, wall_clock=seconds, commit="1234abcd")).text

@@ -37,7 +37,7 @@ def read_recording(
     ]
     units = {"input_units": UnitSettings(input_unit), "output_units": UnitSettings(output_unit)}
     channels = ChannelSettings(*listed, sampling_rate=sampling_rate, **units, **settings)
-    return read_measured(path, channels).recording
+    return read_measured(path, channels)[0]
 
 
 def assert_read(recording, rate=RATE):

@@ -24,11 +24,12 @@ from recorded_files import (
 )
 from scipy.io import savemat
 
+from evopem.config.channels import ChannelSettings, UnitSettings
+from evopem.signals.reading import read_measured
 from evopem.signals.recording_info import (
     ChannelInfo,
     FileOrigin,
     RecordingInfo,
-    describe_file,
     describe_recording,
 )
 
@@ -305,11 +306,10 @@ def test_description_of_the_source(tmp_path):
     import hashlib
 
     path = write_every_format(tmp_path)["npz"]
-    recording = read_recording(path, "u", 2, RATE, output_unit="m")
-    origin = describe_file(path, recording, 0, ("u",), (2,))
-    info = describe_recording(recording, [origin])
-    assert info == RecordingInfo(
-        kind="file",
+    units = UnitSettings(), UnitSettings("m")
+    channels = ChannelSettings(("u",), (2,), RATE, input_units=units[0], output_units=units[1])
+    recording, origin = read_measured(path, channels)
+    assert describe_recording(recording, (origin,)) == RecordingInfo(
         samples=N,
         sampling_rate=RATE,
         inputs=(ChannelInfo("u", "", 0.0),),

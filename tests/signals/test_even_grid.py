@@ -126,14 +126,14 @@ def test_one_channel(tmp_path):
     recording, info = load_recording(made.recording), load(RecordingInfo, made.recording_info)
     assert (recording.sampling_rate, recording.input.size) == (RATE, EVEN.size)
     np.testing.assert_allclose(recording.output, 2.0 * recording.input, atol=1e-7)
-    assert info.uneven_times[0].in_gaps == len(LOST)
+    assert info.files[0].unevenness.in_gaps == len(LOST)
 
 
 def test_several_channels(tmp_path):
     file = written(tmp_path, np.arange(EVEN.size) * 20.0, "time_ms")
     lists = ChannelSettings(("u",), ("y", "w"), time="time_ms", uneven_time="interpolate")
-    recording, unevenness, _ = read_measured(file, lists)
-    assert unevenness.in_gaps == len(LOST)
+    recording, origin = read_measured(file, lists)
+    assert origin.unevenness.in_gaps == len(LOST)
     assert (recording.sampling_rate, recording.outputs.shape) == (RATE, (EVEN.size, 2))
     np.testing.assert_allclose(recording.outputs @ [1.0, 2.0], 0.0, atol=1e-7)
 
@@ -147,8 +147,8 @@ def test_times_that_were_told_from_the_file_are_described_too(tmp_path):
     made = DatasetFiles(str(tmp_path / "x"))
     channels = ChannelSettings(("u",), ("y",), uneven_time="interpolate")
     read_recording(made, (str(file),), channels)
-    (found,) = load(RecordingInfo, made.recording_info).uneven_times
-    assert 0.0 < found.largest_shift < 0.05
+    (found,) = load(RecordingInfo, made.recording_info).files
+    assert 0.0 < found.unevenness.largest_shift < 0.05
 
 
 def test_the_unit_of_whole_numbers_has_to_be_known_here_too(tmp_path):

@@ -37,9 +37,9 @@ def written(path, lost=LOST, fields=("nan", "", "inf", "9.91E37")):
 
 def test_stretches_between_missing_samples(tmp_path):
     u, y = signals()
-    recording, _, left_out = read_measured(written(tmp_path / "r.csv"), CHANNELS)
+    recording, origin = read_measured(written(tmp_path / "r.csv"), CHANNELS)
     expected = [(1, 700), (702, 1480), (1481, 2810), (2831, N)]  # 19 samples are no stretch
-    assert left_out == N - sum(stop - first for first, stop in expected)
+    assert origin.left_out == N - sum(stop - first for first, stop in expected)
     assert recording.segment_firsts == tuple(first for first, _ in expected)
     assert recording.segment_recordings == (0, 0, 0, 0)
     for segment, (first, stop) in zip(recording.segments, expected, strict=True):
@@ -59,7 +59,7 @@ def test_too_many_missing_samples_are_refused(tmp_path, lost):
 @pytest.mark.parametrize("resample", [None, RATE / 2])
 @pytest.mark.parametrize("difference", [0, 1])
 def test_prepared_stretches_lead_back_to_measured_samples(tmp_path, resample, difference):
-    recording = read_measured(written(tmp_path / "r.csv"), CHANNELS).recording
+    recording = read_measured(written(tmp_path / "r.csv"), CHANNELS)[0]
     settings = PreparationSettings(split=SplitSettings(estimation=0.75, discard=100))
     transforms = settings.transforms.__class__(box_cox="none", difference=difference)
     settings = settings.__class__(split=settings.split, transforms=transforms, resample=resample)
@@ -89,7 +89,7 @@ def test_prepared_stretches_lead_back_to_measured_samples(tmp_path, resample, di
 
 
 def test_the_level_of_stretches_is_that_of_the_whole(tmp_path):
-    recording = read_measured(written(tmp_path / "r.csv"), CHANNELS).recording
+    recording = read_measured(written(tmp_path / "r.csv"), CHANNELS)[0]
     (level,) = output_levels(recording)
     assert level == pytest.approx(40.0 + 3.75 * recording.input.mean(), abs=0.05)
 

@@ -193,10 +193,12 @@ def test_another_format_behind_a_text_extension_is_named(tmp_path):
 
 def test_sampling_rate_must_be_known_and_not_contradicted(tmp_path):
     path = tmp_path / "record.csv"
-    pd.DataFrame({"t": T, "u": U, "y": Y}).to_csv(path, index=False)
+    frame = pd.DataFrame({"t": T, "u": U, "y": Y})
+    frame.assign(t=np.arange(N)).to_csv(path, index=False)
     message = refusal(path, "u", "y", sampling_rate=None)
     assert "sampling rate is not known" in message
     assert 'the name of a time channel, such as "t"' in message
+    frame.to_csv(path, index=False)
     message = refusal(path, "u", "y", time="t", sampling_rate=100.0)
     assert "200 Hz" in message
     assert "100 Hz" in message
@@ -289,7 +291,7 @@ def test_a_name_beyond_ascii_in_the_c_locale(tmp_path, form):
         f"path = {str(named)!r}\n"
         "def read(output):\n"
         "    channels = ChannelSettings((1,), (output,), sampling_rate=1.0)\n"
-        "    return read_measured(path, channels).recording\n"
+        "    return read_measured(path, channels)[0]\n"
         "assert read(2).samples > 8\n"
         "assert len(sha256_of_file(local_path(Path(path)))) == 64\n"
         "try:\n    read(9)\n"

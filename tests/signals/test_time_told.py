@@ -9,7 +9,7 @@ from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.results.layout import DatasetFiles
 from evopem.signals.inspection import time_told
-from evopem.signals.reading import read_measured, with_time_told
+from evopem.signals.reading import read_measured
 from evopem.signals.recording_info import RecordingInfo
 
 RATE = 200.0
@@ -34,9 +34,9 @@ def test_a_channel_named_as_a_time_gives_the_rate(name, tmp_path):
     made = DatasetFiles(str(tmp_path / "x"))
     read_recording(made, (str(file),), ChannelSettings(("u",), ("acc_1",)))
     info = load(RecordingInfo, made.recording_info)
-    assert (info.sampling_rate, info.time_told) == (RATE, name)
-    several = with_time_told(file, ChannelSettings(("u",), ("acc_*",)))
-    assert read_measured(file, several).recording.sampling_rate == RATE
+    assert (info.sampling_rate, info.files[0].time_told) == (RATE, name)
+    several = ChannelSettings(("u",), ("acc_*",))
+    assert read_measured(file, several)[0].sampling_rate == RATE
 
 
 @pytest.mark.parametrize(
@@ -58,4 +58,5 @@ def test_what_is_not_sure_is_refused_as_before(name, stamps, tmp_path):
 
 def test_a_stated_rate_is_not_questioned(tmp_path):
     channels = ChannelSettings(("u",), ("y",), sampling_rate=50.0)
-    assert with_time_told(written(tmp_path, "time,u,y,w", STAMPS), channels) is channels
+    recording, origin = read_measured(written(tmp_path, "time,u,y,w", STAMPS), channels)
+    assert (recording.sampling_rate, origin.time_told) == (50.0, None)

@@ -290,7 +290,7 @@ def test_what_an_error_asks_for_is_an_option(folder, capsys, request):
     main([*given, "--time", "stamp", *options])
     channels = handed_over[0].channels
     assert (channels.time_unit, channels.header_lines, channels.decimal_mark) == ("ms", 2, ".")
-    assert read_measured("data.csv", channels).recording.sampling_rate == 100
+    assert read_measured("data.csv", channels)[0].sampling_rate == 100
 
 
 def test_a_single_step_is_identified(folder, capsys):

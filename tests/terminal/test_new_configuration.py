@@ -38,7 +38,7 @@ def test_what_was_found_is_what_the_readers_read(tmp_path):
     rates = {}
     for name, settings in datasets.items():
         file = tmp_path / settings.source.files[0]
-        recording = read_measured(file, settings.channels).recording
+        recording = read_measured(file, settings.channels)[0]
         np.testing.assert_allclose(recording.input, U)
         np.testing.assert_allclose(recording.output, Y)
         rates[name] = recording.sampling_rate

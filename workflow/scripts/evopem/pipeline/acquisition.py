@@ -11,13 +11,12 @@ from evopem.config.settings import TransformSettings
 from evopem.files.json_form import save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.inspection import ChannelRoles, roles_of
-from evopem.signals.reading import read_measured, with_time_told
+from evopem.signals.reading import read_measured
 from evopem.signals.recording import Recording, save_recording
 from evopem.signals.recording_checks import joined
 from evopem.signals.recording_info import (
     RecordingInfo,
     check_measured_places,
-    describe_file,
     describe_recording,
 )
 from evopem.synthesis import synthesize
@@ -70,16 +69,7 @@ def _read(
         channels = replace(
             channels, inputs=(roles.input,), outputs=(roles.output,), time=roles.time
         )
-    paths = [Path(folder) / file for file in recorded]
-    timed = [with_time_told(path, channels) for path in paths]
-    measured = [read_measured(*each) for each in zip(paths, timed, strict=True)]
-    recordings = [each.recording for each in measured]
+    read = [read_measured(name, channels, folder) for name in recorded]
+    recordings, origins = zip(*read, strict=True)
     recording = joined(recordings, recorded) if len(recordings) > 1 else recordings[0]
-    names = channels.inputs, channels.outputs
-    origins = [
-        describe_file(name, each.recording, each.left_out, *names, folder)
-        for name, each in zip(recorded, measured, strict=True)
-    ]
-    time_told = timed[0].time if channels.time is None else None
-    uneven = tuple(each.unevenness for each in measured if each.unevenness is not None)
-    return recording, describe_recording(recording, origins, roles, time_told, uneven)
+    return recording, describe_recording(recording, origins, roles)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,20 +66,13 @@ def inspect_file(path: str | Path) -> FileContents:
     A time has even steps, or holds dates, or increases and is named as one. A channel that cannot
     be read, or holds text or a constant, is left out.
     """
-    names = channel_names(path)
     signals: list[SignalColumn] = []
     time: TimeColumn | None = None
     unread = ""
-    for number, name in enumerate(names, start=1):
-        # A name with a * would be taken for a pattern, and "none" for no input.
-        plain = name.isprintable() and "*" not in name and name not in ("", "none")
-        reference = name if plain and names.count(name) == 1 else number
-        try:
-            (channel,) = read_channels(path, [number])
-        except InputError as error:
-            unread = unread or str(error)
-            continue
-        if _is_time(channel) or (time is None and _is_named_time(channel)):
+    for reference, channel in _channels(path, lambda *_: True):
+        if isinstance(channel, InputError):
+            unread = unread or str(channel)
+        elif _is_time(channel) or (time is None and _is_named_time(channel)):
             time = time or _time_column(channel, reference, str(path))
         elif _is_signal(channel):
             signals.append(
@@ -96,21 +89,36 @@ def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | Non
     first = read_channels(path, signals[:1])[0]
     if first.sampling_rate is not None:
         return None
-    names = channel_names(path)
-    for number, name in enumerate(names, start=1):
-        if not names_time(name) or {name, number}.intersection(signals):
-            continue
-        try:
-            (channel,) = read_channels(path, [number])
-        except InputError:
-            continue
-        reference = name if names.count(name) == 1 else number
-        if channel.values.size != first.values.size:
+
+    def may_be(name: str, number: int) -> bool:
+        return names_time(name) and {name, number}.isdisjoint(signals)
+
+    for reference, channel in _channels(path, may_be):
+        if isinstance(channel, InputError) or channel.values.size != first.values.size:
             continue
         rate = _time_column(channel, reference, str(path)).sampling_rate
         if rate or _is_time(channel):
             return reference if rate else None
     return None
+
+
+def _channels(
+    path: str | Path, wanted: Callable[[str, int], bool]
+) -> Iterator[tuple[Reference, Channel | InputError]]:
+    """The channels that are wanted by name and number, each with what a configuration calls it."""
+    names = channel_names(path)
+    for number, name in enumerate(names, start=1):
+        if not wanted(name, number):
+            continue
+        # A name with a * would be taken for a pattern, and "none" for no input.
+        plain = name.isprintable() and "*" not in name and name not in ("", "none")
+        reference = name if plain and names.count(name) == 1 else number
+        try:
+            (channel,) = read_channels(path, [number])
+        except InputError as error:
+            yield reference, error
+        else:
+            yield reference, channel
 
 
 def _is_time(channel: Channel) -> bool:

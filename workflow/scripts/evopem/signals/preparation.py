@@ -59,6 +59,8 @@ def prepare(
     key = f"{place}." if place else ""
     if validation_recording is not None:
         check_validation(recording, validation_recording, f"{key}validation_file")
+        rate = recording.sampling_rate  # that of equal clocks differs by rounding
+        validation_recording = replace(validation_recording, sampling_rate=rate)
     own = 1 + max(recording.segment_recordings)
     stretches = _stretches(recording, settings, 0, key)
     if validation_recording is not None:

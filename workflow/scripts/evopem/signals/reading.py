@@ -7,40 +7,42 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.channels import ChannelSettings, UnitSettings, is_pattern
 from evopem.errors import InputError
+from evopem.files.checksums import sha256_of_file
 from evopem.signals.inspection import time_told
-from evopem.signals.measured_files import channel_names, read_channels
+from evopem.signals.measured_files import channel_names, format_of, local_path, read_channels
 from evopem.signals.readers.channels import Channel, Reference, listing
 from evopem.signals.recording import Recording
-from evopem.signals.recording_checks import check_measured, check_recording, without_missing
+from evopem.signals.recording_checks import check_recording, without_missing
+from evopem.signals.recording_info import FileOrigin
 from evopem.signals.time_units import names_time
-from evopem.signals.timestamps import Timing, Unevenness, is_time, timing
+from evopem.signals.timestamps import Timing, is_time, timing
 
 Array = NDArray[np.float64]
 
 
-class MeasuredRecording(NamedTuple):
-    """A recording, and what was done to the file's samples before it."""
-
-    recording: Recording
-    # of the stamps, where the signals were brought to an even grid, or the clock is coarse
-    unevenness: Unevenness | None
-    left_out: int  # samples that are missing, and those of short stretches between such
-
-
-def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecording:
+def read_measured(
+    name: str | Path, channels: ChannelSettings, folder: str | Path = ""
+) -> tuple[Recording, FileOrigin]:
     """Read the input and output channels of a measured file, by the settings of a data set.
 
-    `InputError` where the file, its channels, their timing or their units cannot be used.
+    ``name`` is what the settings call the file, relative to ``folder``. The channel of time stamps
+    is told from the file where neither it nor a rate is stated. `InputError` where the file, its
+    channels, their timing or their units cannot be used.
     """
-    source = str(Path(path))
+    path = Path(folder) / name
+    source = str(path)
     inputs, outputs = _expanded(path, channels)
+    asked, told = (channels.inputs, channels.outputs), None
+    stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
+    if all(each is None for each in stated):
+        told = time_told(path, [*inputs, *outputs])
+        channels = replace(channels, time=told)
     references = {
         kind if len(listed) == 1 else f"{kind} {number}": each
         for kind, listed in (("input", inputs), ("output", outputs))
@@ -84,22 +86,17 @@ def read_measured(path: str | Path, channels: ChannelSettings) -> MeasuredRecord
         _units(channels.output_units, read[count:], names[count:], source, "output_unit"),
     )
     recording = without_missing(whole, source)
-    check_recording(recording, source)
-    check_measured(recording, source)
+    check_recording(recording, source, measured=True)
     for place, signal in recording.longest.signals.items():
         if is_time(signal, timed.rate):
             problem = "the channel increases by the sampling period in every sample, as a time does"
             raise InputError(source, problem, "choose another channel", place)
-    return MeasuredRecording(recording, timed.unevenness, whole.samples - recording.samples)
-
-
-def with_time_told(path: str | Path, channels: ChannelSettings) -> ChannelSettings:
-    """Add the channel of time stamps that the file tells, where neither it nor a rate is stated."""
-    stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
-    if any(each is not None for each in stated):
-        return channels
-    inputs, outputs = _expanded(path, channels)
-    return replace(channels, time=time_told(path, [*inputs, *outputs]))
+    local = local_path(path)
+    return recording, FileOrigin(
+        *(str(Path(name)), sha256_of_file(local), local.stat().st_size, format_of(path), *asked),
+        *(recording.samples, len(recording.segments), whole.samples - recording.samples),
+        *(told, timed.unevenness),
+    )
 
 
 def _signal(channel: Channel, role: str, source: str) -> Array:

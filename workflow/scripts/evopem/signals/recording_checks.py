@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.recording import MINIMUM_SAMPLES, Recording, Segment, concatenated
+from evopem.signals.recording import MINIMUM_SAMPLES, Recording, concatenated
 
 Array = NDArray[np.float64]
 
@@ -39,21 +39,20 @@ RATE_TOLERANCE = 1e-4
 
 
 def check_recording(
-    recording: Recording, source: str = "recording", constant_input: bool = False
+    recording: Recording, source: str, constant_input: bool = False, measured: bool = False
 ) -> None:
     """Refuse a recording from which no model can be identified.
 
     With ``constant_input`` inputs may rest: after a step or a blow a model can still be validated
-    by its free response.
+    by its free response. A ``measured`` output that hardly ever changes is refused too.
     """
     if recording.samples < MINIMUM_SAMPLES:
         remedy = f"give a longer recording, of at least {MINIMUM_SAMPLES} samples"
         raise InputError(source, f"there are only {recording.samples} samples", remedy)
     inputs = recording.inputs.shape[1]
-    several = max(inputs, recording.outputs.shape[1]) > 1
+    leave = "leave it out or " * (max(inputs, recording.outputs.shape[1]) > 1)
     for number, (channel, values) in enumerate(recording.signals.items()):
-        problem, place = "", channel
-        remedy = f"{'leave it out or ' * several}choose a channel that varies"
+        problem, remedy, place = "", "", channel
         finite = np.isfinite(values)
         largest = np.max(np.abs(values))
         if not finite.all():
@@ -61,17 +60,37 @@ def check_recording(
             problem = f"the value is {values[first]}, not a finite number"
             remedy, place = "cut that part away", f"{channel}, sample {first + 1}"
         elif np.ptp(values) == 0.0:
-            if constant_input and number < inputs:
-                continue
-            problem = f"every sample is {values[0]:g}, so there is nothing to identify"
+            if not (constant_input and number < inputs):
+                problem = f"every sample is {values[0]:g}, so there is nothing to identify"
+                remedy = f"{leave}choose a channel that varies"
         elif not 1.0 / LARGEST < largest < LARGEST:
             problem = (
                 f"the largest magnitude is {largest:g}, with which the squares of small residuals"
                 " leave the range of numbers"
             )
             remedy = "record in another unit or scale the channel"
+        elif measured and number >= inputs:
+            problem = _stuck(values)
+            remedy = (
+                f"{leave}record again within the range of the instrument, or cut that part away"
+            )
         if problem:
             raise InputError(source, problem, remedy, place)
+
+
+def _stuck(values: Array) -> str:
+    """Why an output hardly ever changes; empty where it does."""
+    levels, counts = np.unique(values, return_counts=True)
+    usual = int(np.argmax(counts))
+    at_limits = np.count_nonzero((values == levels[0]) | (values == levels[-1]))
+    for equal, where in (
+        (counts[usual], f"are the same value, {levels[usual]:g}"),
+        (at_limits, f"lie at its smallest or largest value, {levels[0]:g} or {levels[-1]:g}"),
+    ):
+        if equal > LARGEST_STUCK_SHARE * values.size:
+            share = f"{100 * equal / values.size:.1f} % of its samples {where}"
+            return f"{share}, so the channel was saturated, cut off or hardly ever changed"
+    return ""
 
 
 def without_missing(recording: Recording, source: str) -> Recording:
@@ -107,29 +126,6 @@ def without_missing(recording: Recording, source: str) -> Recording:
     return recording.with_segments([whole.between(*each) for each in ranges])
 
 
-def check_measured(recording: Recording, source: str) -> None:
-    """Refuse a measured recording with an output that hardly ever changes; an input may."""
-    several = recording.outputs.shape[1] > 1
-    for name, output in zip(recording.output_names, recording.outputs.T, strict=True):
-        values, counts = np.unique(output, return_counts=True)
-        usual = int(np.argmax(counts))
-        at_limits = np.count_nonzero((output == values[0]) | (output == values[-1]))
-        for equal, where in (
-            (counts[usual], f"are the same value, {values[usual]:g}"),
-            (at_limits, f"lie at its smallest or largest value, {values[0]:g} or {values[-1]:g}"),
-        ):
-            share = equal / output.size
-            if share > LARGEST_STUCK_SHARE:
-                raise InputError(
-                    source,
-                    f"{100 * share:.1f} % of its samples {where}, so the channel was saturated, cut"
-                    " off or hardly ever changed",
-                    f"{'leave the channel out, ' if several else ''}record again within the"
-                    " range of the instrument, or cut that part away",
-                    f'output "{name}"',
-                )
-
-
 def saturated_share(signal: NDArray[np.float64]) -> float:
     """Share of samples in runs of `MIN_SATURATED_RUN` or more at the smallest or largest value.
 
@@ -149,25 +145,18 @@ def saturated_share(signal: NDArray[np.float64]) -> float:
 
 def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording:
     """Recordings of one system as one, each with its own number; refused where they disagree."""
-    first, expected = recordings[0], _in_common(recordings[0])
+    expected = _in_common(recordings[0])
     for number, (other, source) in enumerate(zip(recordings, sources, strict=True)):
         found = _in_common(other)
-        for what, key in expected:
-            if found.get((what, key)) != expected[what, key]:
-                raise InputError(
-                    source,
-                    f'the {what} is "{found.get((what, key))}" here and "{expected[what, key]}" in'
-                    f" {sources[0]}",
+        for (what, key), value in expected.items():
+            if found.get((what, key)) != value:
+                here = f'"{found.get((what, key))}" here and "{value}" in {sources[0]}'
+                remedy = (
                     f"name under {key} what all recordings of the data set have, or take this file"
-                    " out of it",
+                    " out of it"
                 )
-        if abs(other.sampling_rate - first.sampling_rate) > RATE_TOLERANCE * first.sampling_rate:
-            raise InputError(
-                source,
-                f"its sampling rate is {other.sampling_rate:g} Hz and that of {sources[0]}"
-                f" {first.sampling_rate:g} Hz",
-                "give recordings of one rate, or correct sampling_rate or time",
-            )
+                raise InputError(source, f"the {what} is {here}", remedy)
+        _check_rate(recordings[0], other, source, sources[0])
         once = "give every recording of the data set once"
         for earlier, earlier_source in zip(recordings[:number], sources, strict=False):
             check_independent(earlier, other, source, earlier_source, once)
@@ -177,26 +166,25 @@ def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording
 def _in_common(recording: Recording) -> dict[tuple[str, str], str]:
     """What recordings of one data set share, by what it is and the key that says it."""
     common: dict[tuple[str, str], str] = {}
-    for role, names, units in (
-        ("input", recording.input_names, recording.input_units),
-        ("output", recording.output_names, recording.output_units),
-    ):
-        what = role if len(names) <= 1 else f"list of its {role}s"
-        common[what, role] = ", ".join(names)
+    for role in ("input", "output"):
+        names, units = getattr(recording, f"{role}_names"), getattr(recording, f"{role}_units")
+        alone = len(names) <= 1
+        common[role if alone else f"list of its {role}s", role] = ", ".join(names)
         for name, unit in zip(names, units, strict=True):
-            called = role if len(names) == 1 else f"{role} {name}"
-            common[f"unit of its {called}", f"{role}_unit"] = unit
+            common[f"unit of its {role}{'' if alone else f' {name}'}", f"{role}_unit"] = unit
     return common
+
+
+def _check_rate(first: Recording, other: Recording, source: str, other_source: str) -> None:
+    if abs(other.sampling_rate - first.sampling_rate) > RATE_TOLERANCE * first.sampling_rate:
+        rates = f"{other.sampling_rate:g} Hz and that of {other_source} {first.sampling_rate:g} Hz"
+        remedy = "give recordings of one rate, or correct sampling_rate or time"
+        raise InputError(source, f"its sampling rate is {rates}", remedy)
 
 
 def check_validation(recording: Recording, validation: Recording, source: str) -> None:
     """Refuse a validation recording of another rate, of other channels, or of the same samples."""
-    if recording.sampling_rate != validation.sampling_rate:
-        problem = (
-            f"it was sampled at {validation.sampling_rate:g} Hz and the estimation recording at"
-            f" {recording.sampling_rate:g} Hz"
-        )
-        raise InputError(source, problem, "validate on a recording of the same rate")
+    _check_rate(recording, validation, source, "the estimation recording")
     for role in ("inputs", "outputs"):
         expected, given = (getattr(each, role).shape[1] for each in (recording, validation))
         if given != expected:
@@ -214,7 +202,7 @@ def check_independent(
 ) -> None:
     """Refuse a recording with a segment that is a copy of one of another, or of a part of it."""
     for one, two in itertools.product(estimation.segments, validation.segments):
-        start = shared_start(_signals(one), _signals(two))
+        start = shared_start(*(np.column_stack([each.inputs, each.outputs]) for each in (one, two)))
         if start is None:
             continue
         shorter = min(one.samples, two.samples)
@@ -240,7 +228,3 @@ def shared_start(one: Array, other: Array) -> int | None:
             return None
         place = content.find(sought, place + 1)
     return place // width
-
-
-def _signals(segment: Segment) -> Array:
-    return np.column_stack([segment.inputs, segment.outputs])
