@@ -241,7 +241,7 @@ def test_the_covariance_is_that_of_a_numerical_jacobian(structure):
     point = descend(errors, from_poles(errors, truth.noise_zeros()), 300, 1e-13).point
     found = errors.projection(point)
     model = PointModel(errors, found).model()
-    covariance = parameter_covariance(errors, found, errors.weights(found.covariance))
+    covariance = parameter_covariance(errors, found)
     state = np.zeros(2)
 
     def of(p):
@@ -299,13 +299,20 @@ def test_many_lags_of_coloured_errors_are_summed_by_filters(monkeypatch):
     record = scaled_recording(record_of([u[:100], u[100:]], [y[:100], y[100:]]), [1], True)
     errors = StateSpaceErrors(record, 3, "ss_oe")
     found = errors.projection(from_poles(errors, random_poles(3, np.random.default_rng(1))))
-    weights = errors.weights(found.covariance)
-    by_lags, by_filters = [], []
-    for listed, lags in ((by_lags, 10**6), (by_filters, 0)):
-        monkeypatch.setattr("evopem.estimation.state_space.point_model.FILTERED", lags)
-        factor = parameter_covariance(errors, found, weights).factor
-        listed.append(np.linalg.norm(factor, axis=1))
-    np.testing.assert_allclose(by_filters, by_lags, rtol=1e-6)
+    by_filters = np.linalg.norm(parameter_covariance(errors, found).factor, axis=1)
+
+    def by_lags(signals, of_lags, bounds):
+        passed, most = np.zeros_like(signals), len(of_lags) // 2
+        for first, stop in pairwise(bounds):
+            for k in range(max(-most, first - stop + 1), min(most, stop - first - 1) + 1):
+                after, before = max(k, 0), max(-k, 0)
+                earlier = signals[first + before : stop - after]
+                passed[first + after : stop - before] += of_lags[most + k] * earlier
+        return passed
+
+    monkeypatch.setattr("evopem.estimation.state_space.point_model._filtered", by_lags)
+    listed = np.linalg.norm(parameter_covariance(errors, found).factor, axis=1)
+    np.testing.assert_allclose(by_filters, listed, rtol=1e-6)
 
 
 def test_descents_of_long_records_race_to_the_same_optimum(monkeypatch):
@@ -616,7 +623,7 @@ def test_held_out_outputs_determine_no_state_of_a_simulation():
     y = truth.simulate(u, np.ones(truth.order))
     disturbance = generator.standard_normal((100, 3))
     y[200:] += disturbance
-    found = truth.simulate_from_first(u, y, 200)
+    found = truth.simulate_from_fitted_state(u, y, known=200)
     np.testing.assert_allclose((y - found)[200:], disturbance, atol=1e-6)
 
 

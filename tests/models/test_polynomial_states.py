@@ -10,9 +10,9 @@ ONE = np.ones(1)
 MODEL = PolynomialModel(ONE, np.array([1.0, 0.5]), ONE, ONE, np.array([1.0, -1.5, 0.7]), nk=1)
 
 
-def simulate_from_first(model, u, y, *arguments):
+def simulate_from_first(model, u, y, known, free_level=False, robust=False):
     form = model.plant().state_space()
-    return form.simulate_from_first(u[:, None], y[:, None], *arguments)[:, 0]
+    return form.simulate_from_fitted_state(u[:, None], y[:, None], free_level, robust, known)[:, 0]
 
 
 def signals(model, samples, noise, seed=1):

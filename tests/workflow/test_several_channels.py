@@ -134,7 +134,7 @@ def test_the_tables_hold_every_channel(run):
     before, after = data.estimation, data.validation
     inputs = np.concatenate([before.inputs, after.inputs])
     outputs = np.concatenate([before.outputs, after.outputs])
-    simulated = record.model.simulate_from_first(inputs, outputs, before.samples)
+    simulated = record.model.simulate_from_fitted_state(inputs, outputs, known=before.samples)
     simulated = simulated[before.samples :]
     np.testing.assert_allclose(simulation["simulated_acc_3"], simulated[:, 2], rtol=1e-9)
     response = pd.read_csv(files.frequency_response)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -10,14 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
-
-# Steps in the imaginary direction have no cancellation: the derivative is exact to rounding.
-_COMPLEX_STEP = 1e-30
 
 
 def innovations_form(
@@ -34,9 +32,7 @@ def innovations_form(
     """
     parameters = np.append(coefficients, level)
     if covariance is not None:
-        steps = parameters + 1j * _COMPLEX_STEP * np.eye(len(parameters))
-        columns = [np.concatenate([part.ravel() for part in _matrices(o, step)]) for step in steps]
-        jacobian = np.array(columns).imag.T[:, : len(covariance)] / _COMPLEX_STEP
+        jacobian = jacobian_of(partial(_matrices, o), parameters)[:, : len(covariance)]
         covariance = ParameterCovariance(
             jacobian @ covariance.factor, jacobian @ covariance.null_space
         )

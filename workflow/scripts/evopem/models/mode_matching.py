@@ -18,7 +18,6 @@ import numpy as np
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
 from evopem.models.polynomial import Model
-from evopem.models.state_space import StateSpaceModel
 
 # Modes whose natural frequencies differ by more than this share are not the same mode.
 SAME_MODE = 0.15
@@ -60,17 +59,6 @@ class OrderModels:
     """The models of all orders that a search of one form went through, by order."""
 
     models: tuple[OrderModel, ...]
-
-    def of_order(self, order: int) -> StateSpaceModel:
-        """The model of an order."""
-        model = next(each.model for each in self.models if each.order == order)
-        assert isinstance(model, StateSpaceModel)
-        return model
-
-    def with_model(self, changed: OrderModel) -> OrderModels:
-        """The same with another model of one order."""
-        kept = (each for each in self.models if each.order != changed.order)
-        return OrderModels(tuple(sorted([*kept, changed], key=lambda each: each.order)))
 
 
 def match_modes(estimates: Sequence[Mode], references: Sequence[Mode]) -> dict[int, int]:

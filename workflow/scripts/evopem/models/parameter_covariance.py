@@ -6,6 +6,7 @@ has no entry for a direction of infinite variance.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,15 @@ Array = NDArray[np.float64]
 # A gradient depends on an unidentifiable direction where the terms of their scalar product cancel
 # to no less than this share of their sum of magnitudes.
 CANCELLATION = 1e-6
+# Steps in the imaginary direction have no cancellation.
+COMPLEX_STEP = 1e-30
+
+
+def jacobian_of(function: Callable[[NDArray], Sequence[NDArray]], point: Array) -> Array:
+    """Derivatives of all entries of analytic functions, (entries, n), exact to rounding."""
+    steps = point + 1j * COMPLEX_STEP * np.eye(len(point))
+    columns = [np.concatenate([part.ravel() for part in function(step)]).imag for step in steps]
+    return np.array(columns).T / COMPLEX_STEP
 
 
 @dataclass(frozen=True, eq=False)

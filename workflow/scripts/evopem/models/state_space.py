@@ -202,39 +202,18 @@ class StateSpaceModel:
         outputs: ArrayLike,
         free_level: bool = False,
         robust: bool = False,
+        known: int | None = None,
     ) -> Array:
         """Simulation, (N, ny), from the initial state with which it fits the outputs best.
 
         Least squares, each output relative to its spread.  With ``free_level`` a constant is fitted
         as well; ``robust`` takes the least absolute instead of squared errors.
+
+        With ``known`` from the initial state that so many first outputs make most probable: of
+        normal states with the second moments of a simulation from rest, in noise of the size that
+        the least-squares state leaves over these outputs.  A state that they hardly determine stays
+        small.
         """
-        return self._simulated(inputs, outputs, None, free_level, robust)
-
-    def simulate_from_first(
-        self,
-        inputs: ArrayLike,
-        outputs: ArrayLike,
-        known: int,
-        free_level: bool = False,
-        robust: bool = False,
-    ) -> Array:
-        """Simulation, (N, ny), from the initial state that the first outputs make most probable.
-
-        Of normal states with the second moments of a simulation from rest, in noise of the size
-        that the least-squares state leaves over the first ``known`` outputs: a state that these
-        hardly determine stays small.  ``free_level`` and ``robust`` as of
-        :meth:`simulate_from_fitted_state`.
-        """
-        return self._simulated(inputs, outputs, known, free_level, robust)
-
-    def _simulated(
-        self,
-        inputs: ArrayLike,
-        outputs: ArrayLike,
-        known: int | None,
-        free_level: bool,
-        robust: bool,
-    ) -> Array:
         form = self.without_delays()
         u, y = form._signals(inputs, outputs)
         n, ny = form.order, form.outputs

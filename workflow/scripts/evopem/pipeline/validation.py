@@ -89,19 +89,20 @@ def _models_of_orders(
     files: DatasetFiles, record: ModelRecord, phase: str | None
 ) -> tuple[int, tuple[OrderModel, ...]]:
     """The order of the model, and the plants of all orders with this one among them."""
+    best: dict[int, OrderModel] = {}
     if phase is None:
         chosen = load(Remedied, files.decision("remedies")).choice.candidate
         path = files.models_of_orders(chosen.structure)
         order = chosen.order
-        searched = load(OrderModels, path) if Path(path).exists() else OrderModels(())
+        if Path(path).exists():
+            best = {each.order: each for each in load(OrderModels, path).models}
     else:
         name = plant_order(record.structure)
         order = getattr(record.polynomials.orders.single, name)
-        best: dict[int, OrderModel] = {}
         for each in load(PhaseSelection, files.phase(phase)).candidates:
             found = getattr(each.orders.single, name)
             if found not in best or each.criteria.bic < best[found].bic:
                 best[found] = OrderModel.of(found, each.criteria.bic, each.model)
-        searched = OrderModels(tuple(best.values()))
     model = record.model if record.orders is not None else record.plant
-    return order, searched.with_model(OrderModel.of(order, record.bic, model)).models
+    best[order] = OrderModel.of(order, record.bic, model)
+    return order, tuple(best[each] for each in sorted(best))

@@ -76,7 +76,8 @@ class HeldOut:
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
         known, u, y = max(self.first + self.unscored, 1), self.inputs, self.outputs
-        found = simulated_form(self.model).simulate_from_first(u, y, known, free_level)
+        form = simulated_form(self.model)
+        found = form.simulate_from_fitted_state(u, y, free_level, known=known)
         if free_level:
             found = found + np.mean((y - found)[known:], axis=0)
         return found[self.first :]

@@ -36,7 +36,9 @@ def simulated_on(
     with np.errstate(all="ignore"):
         computed = np.full(outputs.shape, np.inf)
         if np.abs(states.poles()).max(initial=0.0) < STABLE:
-            computed = states.simulate_from_first(inputs, outputs, known, fitted_level, robust)
+            computed = states.simulate_from_fitted_state(
+                inputs, outputs, fitted_level, robust, known
+            )
         computed, measured = computed[known:], outputs[known:]
         if fitted_level:
             centre = np.median if robust else np.mean

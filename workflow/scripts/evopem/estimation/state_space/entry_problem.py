@@ -17,18 +17,15 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints
 from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
-from evopem.estimation.criteria import coloured_autocovariances
 from evopem.estimation.damped_descent import Optimum, Places, descend
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.kernels import driven_states
 from evopem.estimation.state_space.point_model import (
     Matrices,
     ScaledModel,
-    degrees_of_freedom,
-    filtered,
-    lagged,
     output_and_gain,
     sandwich,
+    scores_of,
 )
 from evopem.estimation.state_space.pole_coordinates import blocks_of, gains_of, poles_of
 from evopem.estimation.state_space.problem import (
@@ -36,12 +33,10 @@ from evopem.estimation.state_space.problem import (
     POLISH_TOLERANCE,
     STEPS,
     TOLERANCE,
-    absolute_scores,
     percent_of_absolute,
 )
 from evopem.estimation.state_space.sections import (
     Layout,
-    Sections,
     input_matrix,
     normalised,
     scale_of,
@@ -49,7 +44,7 @@ from evopem.estimation.state_space.sections import (
     state_matrix,
 )
 from evopem.estimation.state_space.starting_points import point_of
-from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.parameter_covariance import COMPLEX_STEP, ParameterCovariance, jacobian_of
 
 Array = NDArray[np.float64]
 
@@ -60,7 +55,6 @@ class EntryErrors:
 
     point: Array
     matrices: Matrices
-    changes: Matrices
     states: Array  # (N, n)
     one_step: Array  # (N, l)
     errors: Array  # (N, l): in focus
@@ -102,55 +96,47 @@ class EntryProblem:
         self._latest: EntryErrors | None = None
         self._derivatives: tuple[EntryErrors, Array] | None = None
 
-    def matrices(self, point: Array) -> tuple[Matrices, Matrices]:
-        """The matrices of a point, and their derivatives by it, s of each section held."""
-        layout, dimension = self.layout, self.layout.dimension
-        entries = np.zeros(len(self._rest))
+    def entries(self, point: Array) -> tuple[Array, Array]:
+        """Entries, then the static gains, and their derivatives by a point."""
+        entries = np.zeros(len(self._rest) + len(self.gains))
         by_point = np.zeros((len(entries), self.dimension))
-        entries[self._rest] = point[self._free]
-        by_point[self._rest, self._free] = np.eye(int(self._rest.sum()))
-        places = np.arange(dimension).reshape(layout.sections, -1)
+        rest = np.flatnonzero(self._rest)
+        entries[rest] = point[self._free]
+        by_point[rest, self._free] = np.eye(len(rest))
+        places = np.arange(self.layout.dimension).reshape(self.layout.sections, -1)
         for at, block, own in zip(places[:, :2], self.blocks, self.own, strict=True):
             entries[at], by_point[at, own] = block.values(point[own])
-        found = self._matrices(entries, by_point)
-        for column, gain in self.gains.items():
+        for at, (column, gain) in enumerate(self.gains.items(), len(self._rest)):
             own = self.gain_at[column]
-            at = places[:, [2 + column, 2 + layout.drives + column]].ravel()[: layout.order]
-            entries[at], by_point[at] = self._given(*found, column, own, *gain.value(point[own]))
-            found = self._matrices(entries, by_point)
-        return found
+            entries[at], by_point[at, own] = gain.value(point[own])
+        return entries, by_point
 
-    def _matrices(self, entries: Array, by_point: Array) -> tuple[Matrices, Matrices]:
-        """Those of entries, and their derivatives from those of the entries."""
-        layout, dimension = self.layout, self.layout.dimension
-        now = sections_of(layout, entries)
-        rows = by_point[:dimension].reshape(layout.sections, -1, self.dimension)
-        back = rows[:, 1] / now.scale[:, None]
-        b1, b2 = np.split(rows[:, 2:], 2, axis=1)
-        moves = Sections(rows[:, 0], now.scale, np.zeros_like(back), back, b1, b2)
-        outputs = entries[dimension:].reshape(self._outputs)
-        by_outputs = by_point[dimension:].reshape(*self._outputs, -1)
-        return (
-            Matrices(state_matrix(now, layout), input_matrix(now, layout), outputs),
-            Matrices(state_matrix(moves, layout), input_matrix(moves, layout), by_outputs),
-        )
+    def matrices(self, entries: NDArray, scale: Array | None = None) -> Matrices:
+        """Those of entries and gains, (numbers, ...); s of the sections may be given."""
+        layout, n = self.layout, self.layout.order
+        outputs = entries[layout.dimension : len(self._rest)]
+        outputs = outputs.reshape(*self._outputs, *entries.shape[1:])
+        sections = sections_of(layout, entries, scale)
+        A, drives = state_matrix(sections, layout), input_matrix(sections, layout)
+        for column, gain in zip(self.gains, entries[len(self._rest) :], strict=True):
+            # The least change of a column of B to a given static gain.
+            at_rest = np.eye(n) - np.moveaxis(A, (0, 1), (-1, -2))
+            of_output = np.moveaxis(outputs[0, :n], 0, -1)[..., None]
+            v = np.moveaxis(np.linalg.solve(at_rest, of_output)[..., 0], -1, 0)
+            missing = gain - np.sum(v * drives[:, column], axis=0)
+            missing = missing - self._direct(column, outputs[0])
+            drives[:, column] += missing / np.sum(v * v, axis=0) * v
+        return Matrices(A, drives, outputs)
 
-    def _given(
-        self, now: Matrices, by: Matrices, column: int, own: slice, gain: float, by_own: float
-    ) -> tuple[Array, Array]:
-        """The least change of a column of B to a given static gain, and its derivatives."""
-        n = self.layout.order
-        inverse = np.linalg.inv(np.eye(n) - now.A)
-        b, v = now.drives[:, column], now.outputs[0, :n] @ inverse
-        dv = inverse.T @ (np.tensordot(by.A, v, ([0], [0])) + by.outputs[0, :n])
-        db, size = by.drives[:, column], v @ v
-        missing = gain - v @ b - self._direct(column, now.outputs[0])
-        by_missing = -(b @ dv + v @ db + self._direct(column, by.outputs[0]))
-        by_missing[own] += by_own
-        share, by_share = missing / size, (by_missing - 2.0 * missing / size * (v @ dv)) / size
-        return b + share * v, db + share * dv + np.outer(v, by_share)
+    def changes(self, point: Array) -> Matrices:
+        """Derivatives of the matrices by a point, s of each section held."""
+        entries, by_point = self.entries(point)
+        steps = entries[:, None] + 1j * COMPLEX_STEP * np.eye(len(entries))
+        scale = np.repeat(self._scales(point)[:, None], len(entries), axis=1)
+        stepped = self.matrices(steps, scale)
+        return Matrices(*(each.imag / COMPLEX_STEP @ by_point for each in stepped))
 
-    def _direct(self, column: int, outputs: Array) -> Array | float:
+    def _direct(self, column: int, outputs: NDArray) -> NDArray | float:
         """The entry of D of an input, of the row of an output."""
         feedthrough = self.plain.data.feedthrough
         at = self.layout.order + int(feedthrough[:column].sum())
@@ -160,8 +146,8 @@ class EntryProblem:
         """Errors of a point."""
         if self._latest is not None and np.array_equal(self._latest.point, point):
             return self._latest
-        data, (now, by) = self.plain.data, self.matrices(point)
-        driving = self.plain.driving
+        data, driving = self.plain.data, self.plain.driving
+        now = self.matrices(self.entries(point)[0])
         C, K = output_and_gain(self.plain, now)
         with np.errstate(all="ignore"):
             # e = left - C x
@@ -172,16 +158,14 @@ class EntryProblem:
             one_step = left - states[:, 0] @ C.T
             errors = self._ahead(now, one_step)
             covariance = errors.T @ errors / len(errors)
-        self._latest = EntryErrors(
-            point.copy(), now, by, states[:, 0], one_step, errors, covariance
-        )
+        self._latest = EntryErrors(point.copy(), now, states[:, 0], one_step, errors, covariance)
         return self._latest
 
     def derivatives(self, found: EntryErrors) -> Array:
         """Derivatives of the errors by the point, (N, l, n)."""
         if self._derivatives is None or self._derivatives[0] is not found:
-            data, now, by = self.plain.data, found.matrices, found.changes
-            driving = self.plain.driving
+            data, now, driving = self.plain.data, found.matrices, self.plain.driving
+            by = self.changes(found.point)
             C, K = output_and_gain(self.plain, now)
             seen = np.hstack([found.states, self.regressors])
             signals = np.hstack([found.states, data.inputs, found.one_step])
@@ -193,26 +177,26 @@ class EntryProblem:
                 initial = np.moveaxis(by.drives[:, driving:].T, 1, 0)
                 states = driven_states(now.A - K @ C, initial, inputs, data.bounds)
                 of_one_step = -np.swapaxes(states @ C.T + direct, 1, 2)
-                self._derivatives = found, self._derivatives_ahead(found, of_one_step)
+                self._derivatives = found, self._derivatives_ahead(found, by, of_one_step)
         return self._derivatives[1]
 
     def _ahead(self, now: Matrices, errors: Array) -> Array:
         """Errors of predictions ``horizon`` samples ahead from those of one step."""
         ahead, (C, G) = errors.copy(), output_and_gain(self.plain, now)
         for lag in range(1, self.horizon):
-            for after, before in lagged(self.plain.data.bounds, lag):
+            for after, before in _lagged(self.plain.data.bounds, lag):
                 ahead[after] += errors[before] @ (C @ G).T
             G = now.A @ G
         return ahead
 
-    def _derivatives_ahead(self, found: EntryErrors, derivatives: Array) -> Array:
+    def _derivatives_ahead(self, found: EntryErrors, by: Matrices, derivatives: Array) -> Array:
         """Their derivatives from those of the errors of one step."""
-        ahead, A, dA = derivatives.copy(), found.matrices.A, found.changes.A
+        ahead, A, dA = derivatives.copy(), found.matrices.A, by.A
         C, G = output_and_gain(self.plain, found.matrices)
-        dC, dG = output_and_gain(self.plain, found.changes)
+        dC, dG = output_and_gain(self.plain, by)
         for lag in range(1, self.horizon):
             dH = np.tensordot(C, dG, 1) + np.einsum("inp,nj->ijp", dC, G)
-            for after, before in lagged(self.plain.data.bounds, lag):
+            for after, before in _lagged(self.plain.data.bounds, lag):
                 ahead[after] += (C @ G) @ derivatives[before]
                 ahead[after] += np.tensordot(found.one_step[before], dH, ([1], [1]))
             dG = np.tensordot(A, dG, 1) + np.einsum("mnp,nj->mjp", dA, G)
@@ -354,35 +338,28 @@ class EntryProblem:
     def covariance(self, point: Array) -> ParameterCovariance | None:
         """Covariance of the entries of the model, zero across active constraints.
 
-        As of :func:`.parameter_covariance`; errors of several steps are coloured.  None for these
-        under the absolute objective.
+        None of errors of several steps under the absolute objective, which are coloured.
         """
-        plain, data, found = self.plain, self.plain.data, self.projection(point)
-        unheld = self.active(point)[1]
-        J, scores = self.derivatives(found)[:, :, unheld], found.errors
-        weights = plain.weights(found.covariance)
-        if self.objective == "absolute":
-            of_signs = absolute_scores(plain, scores) if self.horizon == 1 else None
-            if of_signs is None:
-                return None
-            scores, weights = of_signs
-        if plain.innovations and self.horizon == 1:
-            gamma = (scores.T @ scores / len(scores))[None]
-        else:
-            gamma = coloured_autocovariances(scores, data.bounds)
-        between = weights @ gamma @ weights
-        hessian = np.tensordot(J, weights @ J, ([0, 1], [0, 1]))
-        score = np.zeros_like(hessian)
-        for i, j in np.ndindex(*weights.shape):
-            of_lags = np.concatenate([between[:0:-1, j, i], between[:, i, j]])
-            score += J[:, i].T @ filtered(J[:, j], of_lags, data.bounds)
-        score *= data.samples / degrees_of_freedom(plain)
-        by_point = []
-        for k in np.flatnonzero(unheld):
-            change = Matrices(*(each[..., k] for each in found.changes))
-            entries = ScaledModel(plain, change, found.one_step).recorded()
-            by_point.append(np.concatenate([each.ravel() for each in entries]))
-        return sandwich(hessian, score, np.array(by_point).T, plain.order + len(self.gains))
+        plain, found, several = self.plain, self.projection(point), self.horizon > 1
+        scored = scores_of(plain, found.errors, self.objective)
+        if scored is None or (several and self.objective == "absolute"):
+            return None
+        free = self.active(point)[1]
+        J, columns = self.derivatives(found)[:, :, free], np.arange(free.sum())
+        (entries, by_point), scale = self.entries(point), self._scales(point)
+
+        def recorded(moved: NDArray) -> tuple[NDArray, ...]:
+            return ScaledModel(plain, self.matrices(moved, scale), found.one_step).recorded()
+
+        mapping = jacobian_of(recorded, entries) @ by_point
+        return sandwich(
+            plain,
+            lambda output: (J[:, output], columns),
+            *scored,
+            mapping[:, free],
+            plain.order + len(self.gains),
+            coloured=several,
+        )
 
     def active(self, point: Array) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
         """Active inequalities, and the coordinates that they leave free, (n,) of bool."""
@@ -398,3 +375,9 @@ class EntryProblem:
                 names.add("static_gain_bounds")
                 free[own] = False
         return tuple(sorted(names)), free
+
+
+def _lagged(bounds: NDArray[np.int64], lag: int) -> Iterator[tuple[slice, slice]]:
+    """Of each segment the samples that have others so much earlier, and those."""
+    for first, stop in pairwise(bounds):
+        yield slice(first + lag, stop), slice(first, max(stop - lag, first))

@@ -324,6 +324,20 @@ class StateSpaceErrors:
         states = driven_states(A, initial[:, None], inputs[:, None], self.data.bounds)[:, 0]
         return sections, states, np.column_stack([states, *self.direct])
 
+    def jacobian(
+        self, found: Projection, signals: Array, output: int
+    ) -> tuple[Array, NDArray[np.intp]]:
+        """Derivatives of what is predicted of an output, from those signals of the sections.
+
+        By the coordinates and by its own linear coefficients, and where these stand among the
+        coordinates and all coefficients, output by output.
+        """
+        q, c = found.regressors.shape[1], found.linear[: self.order, output]
+        by_coordinates = self.derivatives.of_output(found.sections, signals, c)
+        own = self.dimension + output * q + np.arange(q)
+        columns = np.column_stack([by_coordinates, found.regressors])
+        return columns, np.concatenate([np.arange(self.dimension), own])
+
     def criterion(self, covariance: Array) -> float:
         """Criterion of the errors' covariance, (ny, ny); its unit is one for each output."""
         if not np.isfinite(covariance).all():

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
+from itertools import combinations_with_replacement, pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.config.settings import Objective
+from evopem.estimation import damped_descent
 from evopem.estimation.criteria import coloured_autocovariances
+from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.sections import input_matrix, sections_of, state_matrix
-from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
 from evopem.models.state_space import StateSpaceModel
 
 Array = NDArray[np.float64]
-Products = Callable[[Array, Array], Array]
 
 
 # Condition of the states' responses at the outputs, scaled to one, above which another basis of the
 # states is taken, and doublings of the number of samples that they are seen over.
 ILL_CONDITIONED, DOUBLINGS = 1e4, 20
-# Of derivatives: far below any rounding, because nothing is subtracted.
-COMPLEX_STEP = 1e-30
 
 
 class Matrices(NamedTuple):
@@ -111,15 +111,13 @@ class PointModel(ScaledModel):
         The latter output by output.  By complex steps, s of each section held.
         """
         point, linear = self._projection.point, self._projection.linear
-        columns = []
-        for k in range(point.size + linear.size):
-            moved = np.concatenate([point, linear.T.ravel()]).astype(complex)
-            moved[k] += 1j * COMPLEX_STEP
+
+        def recorded(moved: NDArray) -> tuple[NDArray, ...]:
             coefficients = moved[point.size :].reshape(linear.shape[::-1]).T
             matrices = self._matrices(moved[: point.size], coefficients)
-            entries = ScaledModel(self.errors, matrices, self.one_step).recorded()
-            columns.append(np.concatenate([each.ravel() for each in entries]).imag / COMPLEX_STEP)
-        return np.array(columns).T
+            return ScaledModel(self.errors, matrices, self.one_step).recorded()
+
+        return jacobian_of(recorded, np.concatenate([point, linear.T.ravel()]))
 
     def _matrices(self, point: NDArray, linear: NDArray) -> Matrices:
         """From those of the predictor, ``x+ = P x + (B - K D) u + K y``."""
@@ -164,38 +162,77 @@ def _basis_of(predictor: Array, C: Array) -> Array:
 # Eigenvalues of the information matrix, its diagonal scaled to one, below this share of the
 # largest one come from rounding: they are raised to it, and standard errors are then lower bounds.
 UNDETERMINED = 1e-15
-# Lags of errors that cost as much as filtering the signals for one pair of outputs.
-FILTERED = 20
 
 
 def parameter_covariance(
-    errors: StateSpaceErrors, projection: Projection, weights: Array
-) -> ParameterCovariance:
-    """Covariance of the entries of ``[A, B, C, D, K, level]``, initial states estimated along.
-
-    ``H^-1 S H^-1``, H the Gauss-Newton Hessian and S the covariance of the gradient, in
-    output-error form with the autocovariances of the errors (Ljung 1999, eq. 9.42).  The free
-    choice of the states is left out.  The errors of ``projection`` are those of the gradient, or
-    their scores.
-    """
-    data, products = errors.data, partial(_products, errors, projection)
+    errors: StateSpaceErrors, projection: Projection, objective: Objective = "quadratic"
+) -> ParameterCovariance | None:
+    """Covariance of the entries of ``[A, B, C, D, K, level]``, initial states estimated along."""
+    scored = scores_of(errors, projection.errors, objective)
+    if scored is None:
+        return None
     derivatives = errors.signals.derivatives(projection.sections, projection.states)
-    signals = np.hstack([derivatives, projection.regressors])
-    hessian = products(signals.T @ signals, weights)
-    if errors.innovations:
-        autocovariances = projection.covariance[None]
-    else:
-        autocovariances = coloured_autocovariances(projection.errors, data.bounds)
+    return sandwich(
+        errors,
+        partial(errors.jacobian, projection, derivatives),
+        *scored,
+        PointModel(errors, projection).jacobian(),
+        errors.order,
+    )
+
+
+def scores_of(
+    errors: StateSpaceErrors, found: Array, objective: Objective
+) -> tuple[Array, Array] | None:
+    """Errors, (N, l), and their weights, (l, l), in a covariance, or what takes their place.
+
+    Of absolute errors signs over twice the density at zero (Bassett & Koenker 1978); None where
+    that is not known.
+    """
+    if objective == "quadratic":
+        return found, errors.weights(found.T @ found / len(found))
+    vanishing = -(-errors.estimated // found.shape[1])
+    density = np.array([density_at_zero(each, vanishing) for each in found.T])
+    if not np.all(density > 0.0):
+        return None
+    sizes = errors.data.absolute_sizes
+    relative = damped_descent.output_weights(found / sizes, errors.weighing) / sizes
+    return np.sign(found) / (2.0 * density), np.diag(2.0 * density * relative)
+
+
+def sandwich(
+    errors: StateSpaceErrors,
+    jacobian: Callable[[int], tuple[Array, NDArray[np.intp]]],
+    scores: Array,
+    weights: Array,
+    mapping: Array,
+    redundant: int,
+    coloured: bool = False,
+) -> ParameterCovariance:
+    """``M H^-1 S H^-1 M'`` in factored form; ``redundant`` directions of H change no model.
+
+    H is the Gauss-Newton Hessian and S the covariance of the gradient, in output-error form or of
+    ``coloured`` errors with their autocovariances (Ljung 1999, eq. 9.42).  ``jacobian``: of an
+    output the derivatives of its errors, (N, k), and the columns of the mapping M that they are of.
+    """
+    data, count = errors.data, mapping.shape[1]
+    autocovariances = (scores.T @ scores / len(scores))[None]
+    if coloured or not errors.innovations:
+        autocovariances = coloured_autocovariances(scores, data.bounds)
     between = weights @ autocovariances @ weights
-    pairs = weights.shape[0] * (weights.shape[0] + 1) // 2
-    summed = _summed_by_lags if len(between) < FILTERED * pairs else _summed_by_outputs
-    score = summed(products, signals, between, data.bounds)
+    hessian, score = np.zeros((count, count)), np.zeros((count, count))
+    for one, other in combinations_with_replacement(range(len(weights)), 2):
+        (columns, own), (others, their) = jacobian(one), jacobian(other)
+        gram = columns.T @ others
+        of_lags = np.concatenate([between[:0:-1, other, one], between[:, one, other]])
+        summed = of_lags[0] * gram
+        if len(of_lags) > 1:
+            summed = columns.T @ _filtered(others, of_lags, data.bounds)
+        for total, of_pair in ((hessian, weights[one, other] * gram), (score, summed)):
+            total[np.ix_(own, their)] += of_pair
+            if one != other:
+                total[np.ix_(their, own)] += of_pair.T
     score *= data.samples / degrees_of_freedom(errors)
-    return sandwich(hessian, score, PointModel(errors, projection).jacobian(), errors.order)
-
-
-def sandwich(hessian: Array, score: Array, mapping: Array, redundant: int) -> ParameterCovariance:
-    """``M H^-1 S H^-1 M'`` in factored form; ``redundant`` directions of H change no model."""
     seen = np.diag(hessian) > 0.0
     unseen, mapping = mapping[:, ~seen], mapping[:, seen]
     hessian, score = hessian[np.ix_(seen, seen)], score[np.ix_(seen, seen)]
@@ -215,41 +252,7 @@ def sandwich(hessian: Array, score: Array, mapping: Array, redundant: int) -> Pa
     return ParameterCovariance(factor, unseen[:, unseen.any(axis=0)])
 
 
-def _summed_by_lags(
-    products: Products, signals: Array, between: Array, bounds: NDArray[np.int64]
-) -> Array:
-    """``sum J_(t+k)' between_k J_t`` over lags k of either sign, ``between_-k = between_k'``."""
-    total = np.zeros(())
-    for lag, of_lag in enumerate(between):
-        gram = sum(signals[now].T @ signals[before] for now, before in lagged(bounds, lag))
-        summed = products(np.asarray(gram), of_lag)
-        total = total + (summed if lag == 0 else summed + summed.T)
-    return total
-
-
-def lagged(bounds: NDArray[np.int64], lag: int) -> Iterator[tuple[slice, slice]]:
-    """Of each segment the samples that have others so much earlier, and those."""
-    for first, stop in pairwise(bounds):
-        yield slice(first + lag, stop), slice(first, max(stop - lag, first))
-
-
-def _summed_by_outputs(
-    products: Products, signals: Array, between: Array, bounds: NDArray[np.int64]
-) -> Array:
-    """The same for many lags: signals filtered by all of them, for each pair of outputs."""
-    outputs = between.shape[1]
-    total = np.zeros(())
-    for one in range(outputs):
-        for other in range(one + 1):
-            of_lags = np.concatenate([between[:0:-1, other, one], between[:, one, other]])
-            unit = np.zeros((outputs, outputs))
-            unit[one, other] = 1.0
-            summed = products(signals.T @ filtered(signals, of_lags, bounds), unit)
-            total = total + (summed if one == other else summed + summed.T)
-    return total
-
-
-def filtered(signals: Array, of_lags: Array, bounds: NDArray[np.int64]) -> Array:
+def _filtered(signals: Array, of_lags: Array, bounds: NDArray[np.int64]) -> Array:
     """``sum_k of_lags_k signals_(t-k)`` over lags of either sign, segment by segment."""
     from scipy.signal import oaconvolve  # loading it takes as long as all else together
 
@@ -259,17 +262,3 @@ def filtered(signals: Array, of_lags: Array, bounds: NDArray[np.int64]) -> Array
         whole = oaconvolve(signals[first:stop], of_lags[:, None], axes=0)
         passed[first:stop] = whole[before : before + stop - first]
     return passed
-
-
-def _products(
-    errors: StateSpaceErrors, projection: Projection, gram: Array, between: Array
-) -> Array:
-    """``J' between J`` over coordinates and, output by output, linear coefficients."""
-    c, sections = projection.linear[: errors.order].T, projection.sections
-    count = len(gram) - len(projection.linear)
-    of_signals, rest = slice(0, count), slice(count, None)
-    derivatives = errors.derivatives
-    top = derivatives.contracted(sections, gram[of_signals, of_signals], c.T @ between @ c)
-    upper = derivatives.by_linear(sections, gram[of_signals, rest], c.T @ between)
-    lower = derivatives.by_linear(sections, gram[rest, of_signals].T, c.T @ between.T)
-    return np.block([[top, upper], [lower.T, np.kron(between, gram[rest, rest])]])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
 from evopem.estimation.damped_descent import Optimum, Places, descend
 from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.point_model import PointModel, ScaledModel, parameter_covariance
 from evopem.estimation.state_space.sections import (
@@ -75,9 +73,8 @@ class StateSpaceProblem:
         return PointModel(self.plain, self.projection(point))
 
     def covariance(self, point: Array) -> ParameterCovariance | None:
-        """Covariance of the entries of the model."""
-        found = self.projection(point)
-        return parameter_covariance(self.plain, found, self.plain.weights(found.covariance))
+        """Covariance of the entries; None where no density of absolute errors is known."""
+        return parameter_covariance(self.plain, self.projection(point), self.objective)
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A population, and the evaluations that it took; the first one holds the estimates."""
@@ -168,16 +165,11 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
 
     def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
         """Derivatives of the errors of each output by its part of a point."""
-        plain, projection = self.plain, self.projection(point)
-        signals = plain.signals.derivatives(projection.sections, projection.states)
-        own = np.arange(self._regressors)
-        shared = np.arange(plain.dimension)
+        projection = self.projection(point)
+        signals = self.plain.signals.derivatives(projection.sections, projection.states)
         for k, size in enumerate(self.sizes):
-            by_coordinates = plain.derivatives.of_output(
-                projection.sections, signals, projection.linear[: plain.order, k]
-            )
-            columns = np.column_stack([by_coordinates, projection.regressors]) / -size
-            yield columns, np.concatenate([shared, plain.dimension + k * len(own) + own])
+            columns, places = self.plain.jacobian(projection, signals, k)
+            yield columns / -size, places
 
     def moved(self, point: Array, step: Array) -> Array:
         """A point after a step within the radius; C follows the scale of its second states."""
@@ -263,17 +255,6 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         optima = [damped_descent.descend_absolute(self, point, last_width) for point in points]
         return _descent_of(optima, points, percent_of_absolute)
 
-    def covariance(self, point: Array) -> ParameterCovariance | None:
-        """Covariance of the entries; None where no density of the errors at zero is known."""
-        projection = self.projection(point)
-        found = absolute_scores(self.plain, projection.errors)
-        if found is None:
-            return None
-        scores, weights = found
-        covariance = scores.T @ scores / len(scores)
-        own = replace(projection, errors=scores, covariance=covariance)
-        return parameter_covariance(self.plain, own, weights)
-
     def _all_completed(self, coordinates: Sequence[Array] | Array) -> Array:
         completed = [self.completed(each) for each in coordinates]
         return np.array(completed).reshape(-1, self.dimension)
@@ -283,20 +264,6 @@ def percent_of_absolute(criterion: float) -> float:
     """A criterion in percent of the mean absolute outputs, y less its mean with a level."""
     rounding = damped_descent.ROUNDING if np.isfinite(criterion) else 0.0
     return 100.0 * (float(np.exp(criterion)) - rounding)
-
-
-def absolute_scores(errors: StateSpaceErrors, one_step: Array) -> tuple[Array, Array] | None:
-    """What takes the place of the errors, (N, l), and of their weights, (l, l), in a covariance.
-
-    Signs over twice the density at zero (Bassett & Koenker 1978); None where that is not known.
-    """
-    vanishing = -(-errors.estimated // one_step.shape[1])
-    density = np.array([density_at_zero(each, vanishing) for each in one_step.T])
-    if not np.all(density > 0.0):
-        return None
-    sizes = errors.data.absolute_sizes
-    relative = damped_descent.output_weights(one_step / sizes, errors.weighing) / sizes
-    return np.sign(one_step) / (2.0 * density), np.diag(2.0 * density * relative)
 
 
 def _descent_of(

@@ -58,8 +58,9 @@ class Layout:
         return self.sections * (2 + 2 * self.drives)
 
     def rows(self, point: NDArray) -> NDArray:
-        """View of the coordinates, (sections, 2 + 2 drives)."""
-        return point[: self.dimension].reshape(self.sections, -1)
+        """View of the coordinates, (sections, 2 + 2 drives), or of columns of them."""
+        shape = self.sections, 2 + 2 * self.drives, *point.shape[1:]
+        return point[: self.dimension].reshape(shape)
 
     def free(self) -> NDArray[np.bool_]:
         """Whether anything depends on each coordinate, (sections, 2 + 2 drives)."""
@@ -271,14 +272,3 @@ class StateDerivatives:
         terms *= by_state[np.ix_(states, states)]
         n = self.dimension
         return np.asarray(terms[:n, :n] + terms[:n, n:] + terms[n:, :n] + terms[n:, n:])
-
-    def by_linear(self, sections: Sections, cross: Array, by_state: Array) -> Array:
-        """Matrix over coordinates and linear coefficients output by output, (n, ny q).
-
-        Of the products of signals and regressors, (signals, q), and of states and outputs, (order,
-        ny).
-        """
-        signals, states, factors = self._terms(sections)
-        products = by_state[states][:, :, None] * cross[signals][:, None, :]
-        terms = factors[:, None] * products.reshape(len(factors), -1)
-        return np.asarray(terms[: self.dimension] + terms[self.dimension :])

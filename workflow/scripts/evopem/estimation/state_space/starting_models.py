@@ -8,8 +8,8 @@ the past (MOESP, Verhaegen 1994).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,9 @@ RIDGE = 1e-13
 # Block rows of the Hankel matrix of an impulse response, and its largest entry.
 FEWEST_BLOCKS, MOST_BLOCKS, LARGEST_RESPONSE = 12, 60, 1e6
 
-_Estimates = tuple[list[list["PredictorModel"]], list[list[Complex]]]
+# ``x+ = A x + B [u, y], yhat = C x + ...`` of scaled signals, A that of the predictor.
+Predictor = tuple[Array, Array, Array]
+_Estimates = tuple[list[list[Predictor]], list[list[Complex]]]
 
 
 class StartingModels:
@@ -47,32 +49,32 @@ class StartingModels:
     def points(self, errors: StateSpaceErrors) -> Iterator[Array]:
         """Points of the order and form of a problem."""
         at = errors.order - 1
-        predictors, poles_of_orders = self._estimates(errors.order)
+        # The longer lags of large orders only where they are needed.
+        usual = min(self._largest, USUAL_ORDER)
+        largest = self._largest if errors.order > USUAL_ORDER else usual
+        if largest not in self._made:
+            self._made[largest] = self._made_for(largest)
+        predictors, poles_of_orders = self._made[largest]
         for models in predictors:
             if at >= len(models):
                 continue
-            model = models[at]
-            A, B = model.A, model.B
+            A, B, C = models[at]
             if not errors.innovations:
-                A, B = A + B[:, self._inputs :] @ model.C, B[:, : self._inputs]
+                A, B = A + B[:, self._inputs :] @ C, B[:, : self._inputs]
             yield from_matrices(errors, A, B)
             yield from_poles(errors, np.asarray(np.linalg.eigvals(A), dtype=complex))
         for poles in poles_of_orders:
             if at < len(poles) and not errors.innovations:
                 yield from_poles(errors, poles[at])
 
-    def _estimates(self, order: int) -> _Estimates:
-        """Predictors and poles of all orders; the longer lags of large orders only where needed."""
-        largest = self._largest if order > USUAL_ORDER else min(self._largest, USUAL_ORDER)
-        if largest not in self._made:
-            self._made[largest] = self._made_for(largest)
-        return self._made[largest]
-
     def _made_for(self, largest_order: int) -> _Estimates:
+        """Predictors and poles of all orders."""
         data, thorough = self._data, self._thorough
         outputs = data.outputs.shape[1]
         least = -(-largest_order // outputs) + 2
-        most = largest_lag(data)
+        # Lags of a vector ARX model that the recording supports.
+        most = data.samples // (SAMPLES_PER_REGRESSOR * (self._inputs + outputs)) - 1
+        most = max(1, min(most, int(np.min(np.diff(data.bounds))) // 4))
         lags = sorted({min(max(lag, least), most) for lag in LAGS})
         if not thorough:
             lags = lags[len(lags) // 2 : len(lags) // 2 + 1]
@@ -91,29 +93,12 @@ class StartingModels:
         return predictors, poles
 
 
-@dataclass(frozen=True, eq=False)
-class LongArx:
-    """A vector ARX model: ``markov[k - 1] = [G_k, F_k]``, (lags, l, m + l), D, (l, m)."""
+class LongArx(NamedTuple):
+    """A vector ARX model by least squares."""
 
-    markov: Array
-    feedthrough: Array
+    markov: Array  # [k - 1] = [G_k, F_k], (lags, l, m + l)
+    feedthrough: Array  # D, (l, m)
     errors: Array
-
-
-@dataclass(frozen=True, eq=False)
-class PredictorModel:
-    """``x+ = A x + B [u, y], yhat = C x + ...`` of scaled signals: A is that of the predictor."""
-
-    A: Array
-    B: Array
-    C: Array
-
-
-def largest_lag(data: ScaledRecording) -> int:
-    """Lags of a vector ARX model that the recording supports."""
-    signals = data.inputs.shape[1] + data.outputs.shape[1]
-    shortest = int(np.min(np.diff(data.bounds)))
-    return max(1, min(data.samples // (SAMPLES_PER_REGRESSOR * signals) - 1, shortest // 4))
 
 
 def _rows(data: ScaledRecording, before: int, after: int) -> NDArray[np.intp]:
@@ -128,7 +113,7 @@ def _past(signals: Array, rows: NDArray[np.intp], lags: int) -> Array:
 
 
 def long_arx(data: ScaledRecording, lags: int) -> LongArx:
-    """Vector ARX model by least squares."""
+    """That of some lags."""
     u, y = data.inputs, data.outputs
     joint = np.column_stack([u, y])
     rows, width = _rows(data, lags, 0), joint.shape[1]
@@ -147,7 +132,7 @@ def long_arx(data: ScaledRecording, lags: int) -> LongArx:
 
 def canonical_variates(
     data: ScaledRecording, arx: LongArx, future: int, largest_order: int
-) -> list[PredictorModel]:
+) -> list[Predictor]:
     """Predictors of orders 1 ... largest_order from states that predict ``future`` samples best."""
     u, y = data.inputs, data.outputs
     joint = np.column_stack([u, y])
@@ -175,7 +160,7 @@ def canonical_variates(
         dynamics = _least_squares(np.column_stack([x, joint[rows], constant]), ahead).T
         seen = np.column_stack([x, u[rows][:, data.feedthrough], constant])
         C = _least_squares(seen, y[rows]).T[:, :order]
-        models.append(PredictorModel(dynamics[:, :order], dynamics[:, order : order + width], C))
+        models.append((dynamics[:, :order], dynamics[:, order : order + width], C))
     return models
 
 
