@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from evopem.config.rule_digest import code_version, imported_modules
+from evopem.config.rule_digest import code_version, reached_files
 from evopem.pipeline.planning.stages import STAGES
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
@@ -49,6 +49,12 @@ def version(scripts):
         check=True,
     )
     return run.stdout
+
+
+def imported_modules(script, root=None):
+    """The files a script reaches by its imports, relative to its own folder or another."""
+    root = root or script.parent
+    return sorted(path.relative_to(root).as_posix() for path in reached_files([script], (root,)))
 
 
 def test_imports_are_followed_into_functions_and_not_into_type_checking(scripts):
