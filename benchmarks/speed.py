@@ -305,7 +305,7 @@ def order_search(prune: bool) -> tuple[str, int, float]:
             each.orders: each for each in estimate_candidates(data, new, phase, first, window)
         }
         own = [replace(known[each], phase=phase, pruned="") for each in orders]
-        min_delay = grid.delay.nk[0] if phase == DELAY_REFINED_IN else None
+        min_delay = grid.ranges.nk[0] if phase == DELAY_REFINED_IN else None
         selection = select_candidate(own, phase, data, search, window, min_delay)
         evaluations += sum(each.diagnostics.evaluations for each in selection.candidates)
         known = {each.orders: each for each in selection.candidates}

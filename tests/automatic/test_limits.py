@@ -1,12 +1,11 @@
 """Limits of the orders that a configuration sets."""
 
 from evopem.automatic.candidates import OrderLimits
-from evopem.config.settings import InputRanges, OrderRanges
+from evopem.config.settings import OrderRanges
 from evopem.models.structures import Orders
 
 
 def limits(structure=None, names=("input",), **ranges):
-    ranges = {n: InputRanges(r) if n in ("nb", "nk") else r for n, r in ranges.items()}
     return OrderLimits(structure, OrderRanges(**ranges), names)
 
 
@@ -39,7 +38,7 @@ def test_a_structure_without_an_order_has_no_limit_of_it():
 
 
 def test_each_input_has_limits_of_its_own():
-    nb = InputRanges(by_name={"hot": (1, 2)})
+    nb = {"hot": (1, 2)}
     given = OrderLimits(None, OrderRanges(nb=nb), ("hot", "cold"))
     assert given.allow("arx", orders(na=2, nb=(2, 9), nk=(1, 1)))
     assert not given.allow("arx", orders(na=2, nb=(3, 1), nk=(1, 1)))

@@ -18,7 +18,7 @@ from evopem.automatic.state_space import until_bic_rises
 from evopem.automatic.structures import Choice, as_good, compare_structures
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings as FocusAndConstraints
-from evopem.config.settings import InputRanges, OrderRanges, SearchSettings
+from evopem.config.settings import OrderRanges, SearchSettings
 from evopem.errors import InputError
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
@@ -153,8 +153,8 @@ def test_delays_stay_within_their_limits():
     y[1:, 1] += 5.0 * given.inputs[:-1, 1]
     decided = partial(decide_delays, [Segment(given.inputs, y)], ("u1", "u2"))
     assert decided().delays == (3, 1)
-    assert decided(InputRanges((0, 2))).delays == (2, 1)
-    assert decided(InputRanges((1, 1))).delays == (1, 1)
+    assert decided((0, 2)).delays == (2, 1)
+    assert decided((1, 1)).delays == (1, 1)
 
 
 # The choice.
@@ -275,7 +275,7 @@ def test_a_delay_that_is_too_long_is_found_in_the_residuals():
 
 
 def test_delays_of_the_configuration_stay():
-    given = InputRanges((3, 3))
+    given = (3, 3)
     scorer, candidates = searched(recording(ONE_MODE), (2, 2), (3, 3), nk=given)
     found = act_on_checks(scorer, choice_of(candidates, 2), candidates)
     assert "earlier delays" not in [each.remedy for each in found.trials]

@@ -6,7 +6,6 @@ import yaml
 from evopem.config.defaults import complete, yaml_text
 from evopem.config.settings import (
     AutomaticSettings,
-    InputRanges,
     OrderRanges,
     SplitSettings,
     TransformSettings,
@@ -41,10 +40,10 @@ def test_a_source_alone_leaves_every_decision_to_the_recording():
     ("keys", "decided"),
     [
         (", structure: oe", {"structure": "oe"}),
-        (", delay: {nk: 2}", {"orders": OrderRanges(nk=InputRanges((2, 2)))}),
+        (", delay: {nk: 2}", {"orders": OrderRanges(nk=(2, 2))}),
         (
             ", orders: {joint: [2, 5], nb: 3}",
-            {"orders": OrderRanges(joint=(2, 5), nb=InputRanges((3, 3)))},
+            {"orders": OrderRanges(joint=(2, 5), nb=(3, 3))},
         ),
         (", orders: {joint: auto}", {}),
         (", resample: none", {"rate_given": True}),
@@ -61,9 +60,7 @@ def test_a_key_decides_itself_and_nothing_else(keys, decided):
 
 def test_defaults_decide_for_every_data_set():
     pump = settings(", orders: {nb: 3}", "orders: {nb: 2, nc: 1}, split: {estimation: 0.5}")
-    assert pump.automatic == AutomaticSettings(
-        orders=OrderRanges(nb=InputRanges((3, 3)), nc=(1, 1))
-    )
+    assert pump.automatic == AutomaticSettings(orders=OrderRanges(nb=(3, 3), nc=(1, 1)))
     assert pump.preparation.split == SplitSettings(0, 0.5)
 
 

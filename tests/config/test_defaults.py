@@ -10,7 +10,7 @@ from evopem.config.settings import (
     AutomaticSettings,
     DatasetSettings,
     OrderGrid,
-    OrderSettings,
+    OrderRanges,
     PreparationSettings,
     SearchSettings,
     SpectrumSettings,
@@ -70,8 +70,8 @@ def test_the_built_in_values_are_the_documented_ones():
     assert arm.preparation.transforms == TransformSettings(1.1, 2, 0)
     assert arm.preparation.split == SplitSettings(500, 0.8)
     assert arm.spectrum == SpectrumSettings(4.0, 8192)
-    assert (arm.order_grid.delay.orders, arm.order_grid.delay.nk) == ((6, 9), (0, 3))
-    assert arm.order_grid.orders == OrderSettings(joint=(6, 14), nc=(2, 16), nb=(2, 16))
+    ranges = {"joint": (6, 14), "nc": (2, 16), "nb": (2, 16), "nd": (0, 4), "na": (0, 2)}
+    assert arm.order_grid.ranges == OrderRanges(delay=(6, 9), nk=(0, 3), **ranges)
     search = arm.search
     assert (search.objective, search.refine) == ("absolute", "worst")
     assert (search.mu, search.lambda_, search.nu, search.seed) == (15, 100, 10, 1)

@@ -21,9 +21,8 @@ from evopem.config.order_grid import (
     scoring_window,
 )
 from evopem.config.settings import (
-    DelaySettings,
+    CHAPTER_RANGES,
     OrderGrid,
-    OrderSettings,
     SampleRequirements,
     ScoringWindow,
     SearchSettings,
@@ -121,7 +120,16 @@ def test_a_record_that_is_too_short_for_the_largest_candidate_is_refused(
 @pytest.mark.parametrize("phase", PHASES)
 def test_a_phase_is_given_its_own_range_alone(phase):
     changed = OrderGrid(
-        DelaySettings((2, 3), (4, 5)), OrderSettings(joint=(2, 3), nc=(4, 5), nb=(6, 7))
+        replace(
+            CHAPTER_RANGES,
+            delay=(2, 3),
+            nk=(4, 5),
+            joint=(2, 3),
+            nc=(4, 5),
+            nb=(6, 7),
+            nd=(0, 4),
+            na=(0, 2),
+        )
     )
     own = grid_of_phase(phase, changed)
     assert candidate_orders(phase, own, SELECTED) == candidate_orders(phase, changed, SELECTED)
@@ -139,7 +147,9 @@ def test_a_phase_is_given_its_own_range_alone(phase):
 )
 def test_every_candidate_is_in_exactly_one_part(lower, count, per_job, phase):
     limits = (lower, lower + count - 1)
-    order_grid = OrderGrid(DelaySettings(limits, (0, 2)), OrderSettings(limits, limits, limits))
+    order_grid = OrderGrid(
+        replace(CHAPTER_RANGES, delay=limits, nk=(0, 2), joint=limits, nc=limits, nb=limits)
+    )
     candidates = tuples(candidate_orders(phase, order_grid, SELECTED))
     parts = part_count(phase, order_grid, per_job)
     jobs = [candidates[part::parts] for part in range(parts)]
@@ -155,7 +165,7 @@ ranges = st.tuples(st.integers(1, 20), st.integers(1, 20)).map(sorted).map(tuple
 @given(
     nk=st.tuples(st.integers(0, 5), st.integers(0, 5)).map(sorted).map(tuple),
     orders=ranges,
-    joint=ranges | st.just("auto"),
+    joint=ranges | st.none(),
     nc=ranges,
     nb=ranges,
     data=st.data(),
@@ -163,7 +173,7 @@ ranges = st.tuples(st.integers(1, 20), st.integers(1, 20)).map(sorted).map(tuple
 def test_no_candidate_exceeds_what_the_window_and_the_requirements_allow_for(
     nk, orders, joint, nc, nb, data
 ):
-    order_grid = OrderGrid(DelaySettings(orders, nk), OrderSettings(joint, nc, nb))
+    order_grid = OrderGrid(replace(CHAPTER_RANGES, delay=orders, nk=nk, joint=joint, nc=nc, nb=nb))
     window = scoring_window(settings_with(order_grid))
     requirements = sample_requirements(settings_with(order_grid))
     assert window.loss_start == window.residual_start == requirements.loss_start

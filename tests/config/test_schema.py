@@ -1,7 +1,6 @@
 """The keys as types: files written from them are current, and every key is described."""
 
 import runpy
-from dataclasses import fields
 from pathlib import Path
 from typing import get_args
 
@@ -10,7 +9,7 @@ import pytest
 from evopem.config.defaults import complete
 from evopem.config.keys import ANALYSIS, CONFIGURATION, SOURCE, SYNTHESIS
 from evopem.config.schema import adapter, schema_file
-from evopem.config.settings import OrderSettings, SearchSettings, Structure
+from evopem.config.settings import CHAPTER_RANGES, SearchSettings, Structure
 from evopem.config.structures import PHASES, STRUCTURES
 from evopem.errors import InputError
 
@@ -32,7 +31,7 @@ def test_the_tables_of_the_documentation_are_current():
 
 
 def test_the_phases_are_the_grids_of_the_order_search():
-    assert {"delay", *(field.name for field in fields(OrderSettings))} == set(PHASES)
+    assert {name for name, each in vars(CHAPTER_RANGES).items() if each} == {*PHASES, "nk"}
 
 
 def test_the_structures_are_those_of_the_package():

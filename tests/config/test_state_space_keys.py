@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from evopem.config.channels import ChannelPlace, UnitSettings
+from evopem.config.channels import ChannelPlace, of_each
 from evopem.config.defaults import complete, keys_of, read_settings, yaml_text
 from evopem.config.structures import searched_forms
 from evopem.errors import InputError
@@ -41,8 +41,8 @@ def test_lists_of_channels_mean_a_state_space_model():
     assert not found.is_single_channel
     assert found.source.channels.inputs == ("u",)
     assert found.source.channels.outputs == ("y1", 4, "acc_*")
-    assert found.source.channels.output_units == UnitSettings(by_name={"y1": "m"})
-    assert found.source.channels.input_units == UnitSettings("N")
+    assert found.source.channels.output_unit == {"y1": "m"}
+    assert found.source.channels.input_unit == "N"
     assert (found.preparation.split.discard, found.preparation.split.estimation) == (0, 0.8)
 
 
@@ -146,7 +146,7 @@ def test_orders_and_delays_of_each_input(tmp_path, written, ranges):
     )
     orders = found.automatic.orders
     for each in (orders.nb, orders.nf, orders.nk):
-        assert each.of_inputs(("hot", "cold")) == ranges
+        assert of_each(each, ("hot", "cold"), "") == ranges
     assert orders.joint == (1, 4)
     file = tmp_path / "config.yaml"
     file.write_text(yaml_text(found))
@@ -158,11 +158,11 @@ def test_orders_and_delays_of_each_input(tmp_path, written, ranges):
 def test_ranges_of_defaults_hold_where_the_structure_has_the_order():
     defaults = "{orders: {nc: [2, 4], nb: 3, nf: 2}, delay: {nk: [[0, 2], [1, 1]]}}"
     several = dataset(OE.strip(), defaults).automatic.orders
-    assert (several.nc, several.nb.all, several.nf.all) == (None, (3, 3), (2, 2))
-    assert several.nk.in_order == ((0, 2), (1, 1))
+    assert (several.nc, several.nb, several.nf) == (None, (3, 3), (2, 2))
+    assert several.nk == ((0, 2), (1, 1))
     one = dataset("recipe: chapter\n    structure: oe", defaults)
-    assert one.order_grid.orders.nb == (3, 3)
-    assert one.order_grid.delay.nk == (0, 3)
+    assert one.order_grid.ranges.nb == (3, 3)
+    assert one.order_grid.ranges.nk == (0, 3)
 
 
 def test_constraints_come_back(tmp_path):
@@ -243,7 +243,11 @@ def test_complete_keys_come_back(tmp_path):
         ),
         ("output: [2, 3]\n    recipe: chapter", "datasets.a.recipe", "the chapter's recipe"),
         ("output: []", "datasets.a.output", "holds 0 values"),
-        ("output: [2, 3]\n    output_unit: [m]", "datasets.a.output_unit", "1 units and 2 outputs"),
+        (
+            "output: [2, 3]\n    output_unit: [m]",
+            "datasets.a.output_unit",
+            "1 values and 2 outputs",
+        ),
         ("output: [2, 3]\n    transforms: {difference: 1}", "datasets.a.transforms", "no such key"),
         ("output: [2, 3]\n    orders: {joint: 3}", "datasets.a.orders.joint", "give one of nx"),
         ("output: [2, 3]\n    orders: {nx: [4, 2]}", "datasets.a.orders.nx", "above the upper one"),
@@ -308,7 +312,7 @@ def test_complete_keys_come_back(tmp_path):
         ("delay: {nk: {u: 1}}", "datasets.a.delay.nk", "there is no input u"),
         (OE + "orders: {nb: [1, 2, 3]}", "datasets.a.orders.nb", "such as [[2, 2], [1, 1]]"),
         (OE + "orders: {nb: [[1, 2], 3]}", "datasets.a.orders.nb", "numbers beside ranges"),
-        (OE + "orders: {nb: [[1, 2]]}", "datasets.a.orders.nb", "1 ranges and 2 inputs"),
+        (OE + "orders: {nb: [[1, 2]]}", "datasets.a.orders.nb", "1 values and 2 inputs"),
         (OE + "orders: {nb: [[1, 2, 3], [1, 1]]}", "datasets.a.orders.nb", "holds 3 values"),
         (OE + "orders: {nb: {v: 2}}", "datasets.a.orders.nb", "there is no input v"),
         (OE + "orders: {nb: 0}", "datasets.a.orders.nb", "below 1"),
@@ -320,7 +324,7 @@ def test_complete_keys_come_back(tmp_path):
             "datasets.a.orders.nb",
             "give one of nx",
         ),
-        ("output_unit: [m, s]", "datasets.a.output_unit", "2 units and 1 outputs"),
+        ("output_unit: [m, s]", "datasets.a.output_unit", "2 values and 1 outputs"),
         (
             "output: [2, 3]\n    split: {estimation: 1.0}",
             "datasets.a.split.estimation",

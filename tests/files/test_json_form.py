@@ -19,8 +19,8 @@ from hypothesis.extra import numpy as arrays
 from evopem.automatic.decision import DecisionRecord, OtherModel, Trial
 from evopem.automatic.orders import DelayChoice
 from evopem.config import settings
-from evopem.config.channels import ChannelSettings, SyntheticSource, UnitSettings
-from evopem.config.settings import OrderSettings, SearchSettings
+from evopem.config.channels import ChannelSettings, SyntheticSource
+from evopem.config.settings import OrderRanges, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
@@ -60,7 +60,7 @@ RESULTS = [
     Validation,
 ]
 SETTINGS = sorted(
-    {kind for kind in vars(settings).values() if is_dataclass(kind)},
+    {kind for kind in vars(settings).values() if isinstance(kind, type) and is_dataclass(kind)},
     key=lambda kind: kind.__name__,
 )
 
@@ -241,10 +241,9 @@ ORDERS = {"na": 2, "nb": [1], "nc": 1, "nf": [0], "nk": [0]}
         (SyntheticSource, {"synthesis": "pendulum"}, "synthesis", "'pendulum' is none of flex"),
         (ChannelSettings, {"inputs": [[1]]}, "inputs[0]", "[1] cannot be used here"),
         (ChannelSettings, {"outputs": None}, "outputs", "None is not a list"),
-        (UnitSettings, {"all": 5}, "all", "5 is not a text"),
-        (OrderSettings, {"nc": [1, 2, 3]}, "nc", "[1, 2, 3] has not 2 entries"),
-        (OrderSettings, {"nc": "ab"}, "nc", "'ab' is not a list"),
-        (OrderSettings, {"joint": "aut"}, "joint", "'aut' cannot be used here"),
+        (OrderRanges, {"nc": [1, 2, 3]}, "nc", "[1, 2, 3] has not 2 entries"),
+        (OrderRanges, {"nc": "ab"}, "nc", "'ab' is not a list"),
+        (OrderRanges, {"nb": "aut"}, "nb", "'aut' cannot be used here"),
         (
             tuple[Orders, ...],
             [ORDERS, ORDERS | {"nk": [0.5]}],
@@ -265,8 +264,8 @@ def test_other_content_is_refused_in_a_sentence_that_names_the_field(kind, conte
 
 def test_a_field_deep_inside_is_named():
     content = to_json(settings.OrderGrid())
-    content["orders"]["nc"] = [2, "x"]
-    with pytest.raises(InputError, match=r"^file\.json, orders\.nc: 'x' is not a whole number; "):
+    content["ranges"]["nc"] = [2, "x"]
+    with pytest.raises(InputError, match=r"^file\.json, ranges\.nc: 'x' is not a whole number; "):
         from_json(settings.OrderGrid, content, "file.json")
 
 

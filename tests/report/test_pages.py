@@ -214,7 +214,7 @@ def test_every_check_is_in_the_page(results, page):
 
 def test_an_order_at_the_end_of_a_given_range_is_no_failed_check(results, page):
     assert results.model.orders.single.nk == 3
-    assert results.settings.order_grid.delay.nk == (2, 3)
+    assert results.settings.order_grid.ranges.nk == (2, 3)
     assert "Note Orders inside their search ranges." in page.text
     assert "Failed Orders" not in page.text
 

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from evopem.config.channels import ChannelSettings, UnitSettings
+from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
 from evopem.signals.reading import read_measured
 
@@ -35,7 +35,7 @@ def read_recording(
         () if each is None else (each,) if isinstance(each, int | str) else tuple(each)
         for each in (input, output)
     ]
-    units = {"input_units": UnitSettings(input_unit), "output_units": UnitSettings(output_unit)}
+    units = {"input_unit": input_unit, "output_unit": output_unit}
     channels = ChannelSettings(*listed, sampling_rate=sampling_rate, **units, **settings)
     return read_measured(path, channels)[0]
 

@@ -24,7 +24,7 @@ from recorded_files import (
 )
 from scipy.io import savemat
 
-from evopem.config.channels import ChannelSettings, UnitSettings
+from evopem.config.channels import ChannelSettings
 from evopem.signals.reading import read_measured
 from evopem.signals.recording_info import (
     ChannelInfo,
@@ -306,8 +306,7 @@ def test_description_of_the_source(tmp_path):
     import hashlib
 
     path = write_every_format(tmp_path)["npz"]
-    units = UnitSettings(), UnitSettings("m")
-    channels = ChannelSettings(("u",), (2,), RATE, input_units=units[0], output_units=units[1])
+    channels = ChannelSettings(("u",), (2,), RATE, output_unit="m")
     recording, origin = read_measured(path, channels)
     assert describe_recording(recording, (origin,)) == RecordingInfo(
         samples=N,

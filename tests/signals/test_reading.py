@@ -6,7 +6,7 @@ import pytest
 from recorded_files import uff_text
 from scipy.io import savemat
 
-from evopem.config.channels import ChannelPlace, ChannelSettings, Geometry, UnitSettings
+from evopem.config.channels import ChannelPlace, ChannelSettings, Geometry
 from evopem.errors import InputError
 from evopem.signals.reading import read_measured
 from evopem.signals.recording import load_recording, save_recording
@@ -105,11 +105,11 @@ def test_a_pattern_leaves_out_what_is_named(file):
 
 def test_units_by_order_by_name_and_for_all(file):
     for units, expected in (
-        (UnitSettings(all="g"), ("g", "g", "g")),
-        (UnitSettings(in_order=("a", "b", "c")), ("a", "b", "c")),
-        (UnitSettings(by_name={"acc_2": "b"}), ("", "b", "")),
+        ("g", ("g", "g", "g")),
+        (("a", "b", "c"), ("a", "b", "c")),
+        ({"acc_2": "b"}, ("", "b", "")),
     ):
-        channels = ChannelSettings(("u1",), ("acc_*",), time="time", output_units=units)
+        channels = ChannelSettings(("u1",), ("acc_*",), time="time", output_unit=units)
         assert read_measured(file, channels)[0].output_units == expected
 
 
@@ -134,14 +134,12 @@ def test_samples_and_facts_are_kept(file, tmp_path):
         (ChannelSettings(("u1",), ("acc_1", "acc_9"), 1.0), 'there is no column "acc_9"'),
         (ChannelSettings(("u1",), ("acc_1", "time"), 50.0), "as a time does"),
         (
-            ChannelSettings(("u1",), ("acc_*",), 1.0, output_units=UnitSettings(in_order=("m",))),
-            "1 units and 3 channels",
+            ChannelSettings(("u1",), ("acc_*",), 1.0, output_unit=("m",)),
+            "1 values and 3 outputs",
         ),
         (
-            ChannelSettings(
-                ("u1",), ("acc_*",), 1.0, output_units=UnitSettings(by_name={"x": "m"})
-            ),
-            'there is no channel "x"',
+            ChannelSettings(("u1",), ("acc_*",), 1.0, output_unit={"x": "m"}),
+            "there is no output x",
         ),
         (ChannelSettings(("u1",), ("acc_*",), decimal_mark="."), "the sampling rate is not known"),
     ],

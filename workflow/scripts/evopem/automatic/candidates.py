@@ -16,6 +16,7 @@ from evopem.automatic.held_out.simulation import Model, errors_simulated_on
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import refit
+from evopem.config.channels import of_each
 from evopem.config.settings import OrderRanges
 from evopem.config.structures import STRUCTURES, varied_order
 from evopem.errors import NoModelError
@@ -68,7 +69,7 @@ class OrderLimits:
             varied = structure != "fir" and name == varied_order("joint", structure)
             joint, own = self.ranges.joint if varied else None, getattr(self.ranges, name)
             if name in PER_INPUT:
-                pairs = zip(given[name], own.of_inputs(names), strict=True)
+                pairs = zip(given[name], of_each(own, names, f"orders.{name}"), strict=True)
                 given[name] = tuple(nearest(order, each or joint) for order, each in pairs)
             else:
                 given[name] = nearest(given[name], own or joint)

@@ -24,6 +24,7 @@ from evopem.automatic.state_space import (
     recording_of,
     search_settings,
 )
+from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges, OrderRanges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
 from evopem.errors import InputError
@@ -289,14 +290,14 @@ class DelayChoice:
 
 
 def decide_delays(
-    segments: Sequence[Segment], names: Sequence[str], ranges: InputRanges | None = None
+    segments: Sequence[Segment], names: Sequence[str], ranges: InputRanges = None
 ) -> DelayChoice:
     """Decide the delay of each input.
 
     Raises InputError when the ranges are those of other inputs.
     """
     segments = first_samples(segments, MOST_SAMPLES)
-    given = (ranges or InputRanges()).of_inputs(names, "delay.nk") if names else ()
+    given = of_each(ranges, names, "delay.nk") if names else ()
     limits = [each or (0, longest_delay(segments)) for each in given]
     if all(low == high for low, high in limits):
         delays = tuple(low for low, _ in limits)

@@ -15,6 +15,7 @@ from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.orders import refine_orders
 from evopem.automatic.state_space import fits_in_state_space, fits_of_several_inputs
 from evopem.automatic.structures import score_of
+from evopem.config.channels import of_each
 from evopem.config.structures import OF_SIMULATION, ORDER_NAMES
 from evopem.errors import NoModelError
 from evopem.models.polynomial import PolynomialModel
@@ -172,7 +173,7 @@ OF_SEVERAL = (
 def earlier_delays(scorer: Scorer, candidate: Candidate) -> tuple[int, ...]:
     """The delays that residuals ask for, within the limits of the configuration."""
     delays = scorer.checks(candidate).earlier_delays
-    given = scorer.limits.ranges.nk.of_inputs(scorer.limits.names) if delays else ()
+    given = of_each(scorer.limits.ranges.nk, scorer.limits.names, "delay.nk") if delays else ()
     least = [each[0] if each else 0 for each in given]
     return tuple(map(max, delays, least))
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
+
+from evopem.errors import InputError
 
 
 def key(description: str, **bounds: Any) -> Any:
@@ -33,13 +36,28 @@ TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "d"]
 Vector = tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class UnitSettings:
-    """The units of several channels, in one of three ways; what is empty is not stated."""
+Units = str | tuple[str, ...] | dict[str, str]
+"""The unit of all channels, of each in their order, or by their names."""
 
-    all: str = ""  # of all channels
-    in_order: tuple[str, ...] = ()  # one for each
-    by_name: dict[str, str] = field(default_factory=dict)
+
+def of_each(
+    given: Any, names: Sequence[str], source: str, place: str = "", role: str = "input"
+) -> tuple[Any, ...]:
+    """What is given for each channel: for all, for each in order, or by names; else None."""
+    if isinstance(given, Mapping):
+        for name in given:
+            if name not in names:
+                problem, remedy = f"there is no {role} {name}", f"name one of {', '.join(names)}"
+                raise InputError(source, problem, remedy, place)
+        return tuple(map(given.get, names))
+    # A range of whole numbers is one value.
+    if not isinstance(given, tuple) or isinstance(next(iter(given), None), int):
+        return (given,) * len(names)
+    if len(given) != len(names):
+        problem = f"there are {len(given)} values and {len(names)} {role}s"
+        remedy = "give one for each, one for all, or a mapping from their names"
+        raise InputError(source, problem, remedy, place)
+    return given
 
 
 @dataclass(frozen=True)
@@ -66,8 +84,8 @@ class ChannelSettings:
     checked to be uniform"""
     time_unit: Annotated[TimeUnit | None, built_in("that in the file")] = None
     """the unit of the time column"""
-    input_units: UnitSettings = UnitSettings()
-    output_units: UnitSettings = UnitSettings()
+    input_unit: Units | None = None
+    output_unit: Units | None = None
     header_lines: Annotated[Annotated[int, Field(ge=0)] | None, built_in("found")] = None
     """the number of lines above the first row of numbers. Of text tables"""
     decimal_mark: Annotated[Literal[".", ","] | None, built_in("found")] = None

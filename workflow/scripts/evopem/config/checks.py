@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from evopem.config.channels import NONE, Geometry, Reference, are_one, is_pattern, listed
+from evopem.config.channels import (
+    NONE,
+    Geometry,
+    Reference,
+    are_one,
+    is_pattern,
+    listed,
+    of_each,
+)
 from evopem.config.constraints import Constraints
 from evopem.config.keys import (
     ANALYSIS,
     SOURCE,
     STATE_SPACE,
     SYNTHESIS,
-    input_ranges_of,
 )
 from evopem.config.schema import ALL_SAMPLES
 from evopem.config.settings import DatasetSettings
@@ -210,12 +217,9 @@ def _check_ranges(keys: Keys, kind: Kind, at: Place) -> None:
     by_name = all(isinstance(each, str) for each in inputs)
     for group, key in OF_INPUTS:
         if key in keys.get(group, {}) and not any(map(is_pattern, inputs)):
-            ranges = input_ranges_of(keys[group][key])
-            if by_name or not kind.several or not ranges.by_name:
-                try:
-                    ranges.of_inputs(tuple(map(str, inputs)))
-                except InputError as error:
-                    at.refuse(f"{group}.{key}", error.problem, error.remedy)
+            given = keys[group][key]
+            if by_name or not kind.several or not isinstance(given, Mapping):
+                of_each(given, tuple(map(str, inputs)), at.source, at.of_key(f"{group}.{key}"))
 
 
 def _check_constraints(constraints: Keys, kind: Kind, form: str, at: Place) -> None:

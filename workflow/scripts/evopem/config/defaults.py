@@ -41,19 +41,16 @@ from evopem.config.keys import (
     CONFIGURATION,
     SOURCE,
     SYNTHESIS,
-    input_ranges_of,
     mapping,
-    units_of,
 )
 from evopem.config.schema import ALL_SAMPLES, checked, normalized
 from evopem.config.settings import (
+    CHAPTER_RANGES,
     AutomaticSettings,
     DatasetSettings,
-    DelaySettings,
     FitSettings,
     OrderGrid,
     OrderRanges,
-    OrderSettings,
     PreparationSettings,
     SearchSettings,
     SpectrumSettings,
@@ -152,7 +149,8 @@ def _inherited(defaults: Keys, kind: Kind, absent: Mapping[str, object]) -> dict
     own = {key: each for key, each in own.items() if key not in STATE_SPACE_KEYS}
     own.get("orders", {}).pop("nx", None)
     for group, key in OF_INPUTS:
-        if key in own.get(group, {}) and not input_ranges_of(own[group][key]).all:
+        given = own.get(group, {}).get(key)
+        if given is not None and not isinstance(next(iter(given)), int):
             del own[group][key]
     return own
 
@@ -208,13 +206,15 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
     if "validation_file" in keys:
         split = {"estimation": ALL_SAMPLES} | split
     grid, automatic = OrderGrid(), None
+    ranges = {key: None if each == "auto" else each for key, each in groups["orders"].items()}
+    ranges |= {"delay" if key == "orders" else key: each for key, each in groups["delay"].items()}
     if kind.by_chapter:
         own = {key: keys[key] for key in ("structure", "level") if key in keys}
         phases = phases_of(kind.structure or "armax")
-        orders = {key: each for key, each in groups["orders"].items() if key in phases}
-        grid = OrderGrid(DelaySettings(**groups["delay"]), OrderSettings(**orders), **own)
+        own_ranges = {key: each for key, each in ranges.items() if key in phases or key == "nk"}
+        grid = OrderGrid(replace(CHAPTER_RANGES, **own_ranges), **own)
     else:
-        automatic = _automatic_of(keys, groups, kind)
+        automatic = _automatic_of(keys, groups, kind, OrderRanges(**ranges))
         split = {"discard": 0} | split
         transforms = {"box_cox": NONE, "difference": 0, "difference_input": 0} | transforms
         best = {"objective": "quadratic"} if kind.several else {"max_root_radius": MAX_ROOT_RADIUS}
@@ -250,10 +250,7 @@ def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:
         lowest = {"noise": 0.1} if keys["synthesis"] == "armax" else {}
         return SyntheticSource(**(lowest | {key: keys[key] for key in SYNTHESIS if key in keys}))
     named = any(key in keys for key in ("input", "output", "sampling_rate", "time"))
-    own: dict[str, Any] = {name: keys[name] for name in COLUMNS if name in keys}
-    for role in ("input", "output"):
-        if f"{role}_unit" in keys:
-            own[f"{role}_units"] = units_of(keys[f"{role}_unit"])
+    own = {name: keys[name] for name in (*COLUMNS, "input_unit", "output_unit") if name in keys}
     return RecordedSource(
         listed(keys["file"]),
         ChannelSettings(kind.inputs, kind.outputs, **own),
@@ -262,19 +259,16 @@ def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:
     )
 
 
-def _automatic_of(keys: Keys, groups: Mapping[str, Keys], kind: Kind) -> AutomaticSettings:
-    orders, search, transforms = groups["orders"], groups["search"], groups["transforms"]
+def _automatic_of(
+    keys: Keys, groups: Mapping[str, Keys], kind: Kind, orders: OrderRanges
+) -> AutomaticSettings:
+    search, transforms = groups["search"], groups["transforms"]
     # Constraints are those of the model after the transforms, which must then be known.
     known = "constraints" in keys and not kind.several
-    limits: dict[str, Any] = {
-        key: input_ranges_of(each) if key in ("nb", "nf", "nk") else each
-        for key, each in {**orders, **groups["delay"]}.items()
-        if each != "auto"
-    }
     given = ("purpose", "structure", "form", "weighting", *(["focus"] if kind.several else []))
     return AutomaticSettings(
         **{name: keys[name] for name in given if name in keys},
-        orders=OrderRanges(**limits),
+        orders=orders,
         start_given="discard" in groups["split"],
         rate_given="resample" in keys,
         differences_given=known or any(key.startswith("difference") for key in transforms),
@@ -297,10 +291,11 @@ def keys_of(settings: DatasetSettings) -> dict[str, Any]:
     }
     if automatic is None:
         grid = settings.order_grid
-        orders = {key: each for key, each in to_json(grid.orders).items() if key in kind.orders}
+        orders = {name: getattr(grid.ranges, name) for name in kind.orders}
         built_in |= {"resample": NONE, "transforms": to_json(prepared.transforms), "orders": orders}
         built_in |= {"structure": grid.structure, "level": grid.level}
-        built_in |= {"delay": to_json(grid.delay)} if "delay" in phases_of(grid.structure) else {}
+        if "delay" in phases_of(grid.structure):
+            built_in["delay"] = {"orders": grid.ranges.delay, "nk": grid.ranges.nk}
     else:
         built_in["purpose"] = automatic.purpose
         # What the recording decides.

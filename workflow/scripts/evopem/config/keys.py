@@ -35,7 +35,7 @@ from evopem.config.channels import (
     Rate,
     Reference,
     SyntheticSource,
-    UnitSettings,
+    Units,
     built_in,
     key,
 )
@@ -43,7 +43,6 @@ from evopem.config.configuration import RunSettings
 from evopem.config.constraints import Constraints
 from evopem.config.settings import (
     Focus,
-    InputRanges,
     OutputWeighting,
     Purpose,
     Recipe,
@@ -152,32 +151,16 @@ def _input_ranges(low: int, high: int) -> Any:
     return Annotated[Union[one, several, by_name], BeforeValidator(checked)]  # noqa: UP007
 
 
-def input_ranges_of(value: Any) -> InputRanges:
-    """The ranges of a checked value."""
-    if isinstance(value, Mapping):
-        return InputRanges(by_name=dict(value))
-    if value and isinstance(value[0], tuple):
-        return InputRanges(in_order=tuple(value))
-    return InputRanges(value)
-
-
 def one_or_list(values: Sequence[Value]) -> Value | list[Value] | None:
     """What stands under a key that has one value or a list of them."""
     return list(values) if len(values) > 1 else next(iter(values), None)
-
-
-def units_of(value: Any) -> UnitSettings:
-    """The units of a checked value."""
-    if isinstance(value, Mapping):
-        return UnitSettings(by_name=dict(value))
-    return UnitSettings(value) if isinstance(value, str) else UnitSettings(in_order=tuple(value))
 
 
 _Text = Annotated[str, Field(min_length=1)]
 _Path = Annotated[str, Field(min_length=1, description="the path of a recording")]
 _Paths = Annotated[_Text | Annotated[tuple[_Path, ...], Field(min_length=1)], Field()]
 _Channels = Annotated[Reference | Annotated[tuple[Reference, ...], Field(min_length=1)], Field()]
-_Unit = Annotated[str | tuple[str, ...] | dict[str, str], built_in("those in the file")]
+_Unit = Annotated[Units, built_in("those in the file")]
 _Condition = Annotated[int | float | str, key("a number, or a date such as 2026-03-01T12:30")]
 COLUMNS = (*("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"), "uneven_time")
 """Keys of a recorded file beside its channels."""

@@ -7,10 +7,11 @@ configuration alone, so the whole graph is known before anything runs.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from evopem.config.settings import (
+    CHAPTER_RANGES,
     DatasetSettings,
     OrderGrid,
     Range,
@@ -69,14 +70,14 @@ def previous_phase(phase: str, structure: str) -> str | None:
     return phases[position - 1] if position else None
 
 
-def joint_range(joint: Range | str, resonances: int | None) -> Range:
+def joint_range(grid: OrderGrid, resonances: int | None = None) -> Range:
     """Find the joint orders of the first phase, both ends included.
 
-    With ``"auto"`` each resonance needs a pair of complex poles, so the lower end is twice their
-    number. It stays within the range that the graph was planned for.
+    Where none are given, each resonance needs a pair of complex poles, so the lower end is twice
+    their number. It stays within the range that the graph was planned for.
     """
-    if not isinstance(joint, str):
-        return joint
+    if grid.ranges.joint is not None:
+        return grid.ranges.joint
     lower = 2 if resonances is None else max(2, 2 * resonances)
     return (min(lower, AUTO_JOINT_UPPER), AUTO_JOINT_UPPER)
 
@@ -92,11 +93,11 @@ def joint_orders(k: int, grid: OrderGrid, nk: int = 0) -> CandidateOrders:
     if "nk" in names:
         orders["nk"] = nk
     if "nd" in names:
-        orders["nd"] = min(k, grid.orders.nd[1])
+        orders["nd"] = min(k, range_of(grid, "nd")[1])
         if "nc" in names:
-            orders["nc"] = min(k, grid.orders.nc[1])
+            orders["nc"] = min(k, range_of(grid, "nc")[1])
     if grid.structure == "general":
-        orders["na"] = grid.orders.na[0]
+        orders["na"] = range_of(grid, "na")[0]
     return orders
 
 
@@ -110,8 +111,8 @@ def candidate_orders(
     if phase == "delay":
         return [
             joint_orders(order, grid, delay)
-            for order in _inclusive(grid.delay.orders)
-            for delay in _inclusive(grid.delay.nk)
+            for order in _inclusive(range_of(grid, "delay"))
+            for delay in _inclusive(range_of(grid, "nk"))
         ]
     if selected is None and previous_phase(phase, grid.structure) is not None:
         raise ValueError(
@@ -119,15 +120,15 @@ def candidate_orders(
         )
     selected = selected or {}
     if phase == "joint":
-        orders = _inclusive(joint_range(grid.orders.joint, resonances))
+        orders = _inclusive(joint_range(grid, resonances))
         return [joint_orders(order, grid, selected.get("nk", 0)) for order in orders]
     own = {name: selected[name] for name in STRUCTURES[grid.structure]}
-    return [own | {phase: order} for order in _inclusive(getattr(grid.orders, phase))]
+    return [own | {phase: order} for order in _inclusive(range_of(grid, phase))]
 
 
 def needs_resonances(phase: str, grid: OrderGrid) -> bool:
     """Whether the candidates of a phase depend on the number of resonances in the spectrum."""
-    return phase == "joint" and grid.orders.joint == "auto"
+    return phase == "joint" and grid.ranges.joint is None
 
 
 def grid_of_phase(phase: str, grid: OrderGrid) -> OrderGrid:
@@ -135,24 +136,20 @@ def grid_of_phase(phase: str, grid: OrderGrid) -> OrderGrid:
 
     A phase then does not rerun when the range of another one changes.
     """
-    default = OrderGrid()
-    common = OrderGrid(structure=grid.structure, level=grid.level)
-    joint = {phase: getattr(grid.orders, phase)} if phase != "delay" else {}
-    if phase in ("delay", "joint"):
-        # These follow the joint order up to the ends of their ranges.
-        joint |= {
-            name: getattr(grid.orders, name)
-            for name in ("nc", "nd", "na")
-            if "nd" in STRUCTURES[grid.structure] and name in phases_of(grid.structure)
-        }
-    own = replace(common, orders=replace(default.orders, **joint))
-    return replace(own, delay=grid.delay) if phase == "delay" else own
+    used = {phase, "nk"} if phase == "delay" else {phase}
+    if phase in ("delay", "joint") and "nd" in STRUCTURES[grid.structure]:
+        used |= {"nc", "nd", "na"}  # they follow the joint order up to the ends of their ranges
+    return _with_ranges(grid, used)
 
 
 def grid_of_selection(phase: str, grid: OrderGrid) -> OrderGrid:
     """The part of a grid that the selection of a phase uses: the delays, at its end."""
-    own = OrderGrid(structure=grid.structure, level=grid.level)
-    return replace(own, delay=grid.delay) if phase == DELAY_REFINED_IN else own
+    return _with_ranges(grid, {"nk"} if phase == DELAY_REFINED_IN else ())
+
+
+def _with_ranges(grid: OrderGrid, used: Iterable[str]) -> OrderGrid:
+    ranges = {name: getattr(grid.ranges, name) for name in used}
+    return replace(grid, ranges=replace(CHAPTER_RANGES, **ranges))
 
 
 def max_candidate_count(phase: str, grid: OrderGrid) -> int:
@@ -185,7 +182,7 @@ def scoring_window(settings: DatasetSettings) -> ScoringWindow:
     grid = settings.order_grid
     candidates = _largest_candidates(grid)
     largest = {name: max(each[name] for each in candidates) for name in candidates[0]}
-    memory = largest.get("nb", 0) + (grid.delay.nk[1] if "nk" in largest else 0) - 1
+    memory = largest.get("nb", 0) + (range_of(grid, "nk")[1] if "nk" in largest else 0) - 1
     memory = max(memory, *(order for name, order in largest.items() if name not in ("nb", "nk")), 0)
     return ScoringWindow(memory, memory + settings.search.n_initial_discard)
 
@@ -195,13 +192,13 @@ def _largest_candidates(grid: OrderGrid) -> list[CandidateOrders]:
     phases = phases_of(grid.structure)
     candidates = []
     if "delay" in phases:
-        candidates.append(joint_orders(grid.delay.orders[1], grid))
+        candidates.append(joint_orders(range_of(grid, "delay")[1], grid))
     if "joint" in phases:
-        candidates.append(joint_orders(joint_range(grid.orders.joint, None)[1], grid))
+        candidates.append(joint_orders(joint_range(grid)[1], grid))
     last = dict(candidates[-1])
     for phase in phases:
         if phase not in ("delay", "joint"):
-            upper = getattr(grid.orders, phase)[1]
+            upper = range_of(grid, phase)[1]
             # The last phase may keep the joint number of coefficients of B.
             last[phase] = max(last[phase], upper) if phase == "nb" else upper
     return [*candidates, last]
@@ -248,6 +245,12 @@ def check_samples(
         )
         remedy = "leave more to validation, lower the ends of delay and orders, or record longer"
         raise InputError(f"{place}.split", problem, remedy)
+
+
+def range_of(grid: OrderGrid, name: str) -> Range:
+    """A range of the chapter's recipe, which has one input and all ranges."""
+    given: Range = getattr(grid.ranges, name)
+    return given
 
 
 def _inclusive(limits: Range) -> range:

@@ -8,7 +8,6 @@ documentation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
@@ -24,7 +23,6 @@ from evopem.config.channels import (
 )
 from evopem.config.constraints import Constraints
 from evopem.config.strict_yaml import Keys
-from evopem.errors import InputError
 
 Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
@@ -88,38 +86,6 @@ class SpectrumSettings:
     """the time-halfbandwidth product NW of the tapers"""
     nfft: Annotated[int, Field(ge=16, le=2**26)] = 8192
     """the length of the Fourier transforms"""
-
-
-@dataclass(frozen=True)
-class DelaySettings:
-    """Grid of the delay search: models of order k and delay nk over ranges of both."""
-
-    orders: Range = (6, 9)
-    nk: Range = (0, 3)
-
-
-@dataclass(frozen=True)
-class OrderSettings:
-    """Ranges of the phases of the orders; a structure uses those of the orders that it has.
-
-    The range of the order k is ``"auto"`` where the spectral peaks give its lower end.
-    """
-
-    joint: Range | Literal["auto"] = (6, 14)
-    nc: Range = (2, 16)
-    nb: Range = (2, 16)
-    nd: Range = (0, 4)
-    na: Range = (0, 2)
-
-
-@dataclass(frozen=True)
-class OrderGrid:
-    """The candidates of all phases of the order search."""
-
-    delay: DelaySettings = DelaySettings()
-    orders: OrderSettings = OrderSettings()
-    structure: Structure = "armax"
-    level: bool = False  # whether a constant is estimated along
 
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
@@ -193,25 +159,8 @@ class SampleRequirements:
     settling: int  # samples in which the longest model settles: its memory and its states
 
 
-@dataclass(frozen=True)
-class InputRanges:
-    """Ranges of the inputs, both ends included, in one of three ways."""
-
-    all: Range | None = None  # of all inputs
-    in_order: tuple[Range, ...] = ()  # one for each
-    by_name: dict[str, Range] = field(default_factory=dict)
-
-    def of_inputs(self, names: Sequence[str], key: str = "") -> tuple[Range | None, ...]:
-        """The range of each input, None where none is given; an error names the key."""
-        if self.in_order and len(self.in_order) != len(names):
-            problem = f"there are {len(self.in_order)} ranges and {len(names)} inputs"
-            remedy = "give one range for each, one for all, or a mapping from their names"
-            raise InputError(key, problem, remedy)
-        for name in self.by_name:
-            if name not in names:
-                remedy = f"name one of {', '.join(names)}"
-                raise InputError(key, f"there is no input {name}", remedy)
-        return self.in_order or tuple(self.by_name.get(name, self.all) for name in names)
+InputRanges = Range | tuple[Range, ...] | dict[str, Range] | None
+"""The range of all inputs, of each in their order, or by their names (:func:`.of_each`)."""
 
 
 @dataclass(frozen=True)
@@ -226,9 +175,10 @@ class OrderRanges:
     na: Range | None = None
     nc: Range | None = None
     nd: Range | None = None
-    nb: InputRanges = field(default_factory=InputRanges)
-    nf: InputRanges = field(default_factory=InputRanges)
-    nk: InputRanges = field(default_factory=InputRanges)
+    nb: InputRanges = None
+    nf: InputRanges = None
+    nk: InputRanges = None
+    delay: Range | None = None  # orders k of the models whose delays the chapter's recipe compares
 
     @property
     def of_states(self) -> OrderRanges:
@@ -239,6 +189,20 @@ class OrderRanges:
     def of_polynomials(self) -> OrderRanges:
         """Those of a search over the orders of polynomial models."""
         return replace(self, nx=None)
+
+
+CHAPTER_RANGES = OrderRanges(
+    joint=(6, 14), nc=(2, 16), nb=(2, 16), nd=(0, 4), na=(0, 2), nk=(0, 3), delay=(6, 9)
+)
+
+
+@dataclass(frozen=True)
+class OrderGrid:
+    """The candidates of all phases of the chapter's order search."""
+
+    ranges: OrderRanges = CHAPTER_RANGES
+    structure: Structure = "armax"
+    level: bool = False  # whether a constant is estimated along
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import NoReturn
 
-from evopem.config.channels import Reference, is_pattern, listed
+from evopem.config.channels import Reference, is_pattern, listed, of_each
 from evopem.config.strict_yaml import Keys
 from evopem.config.table import Origin, check_locale
 from evopem.errors import InputError
@@ -85,9 +85,13 @@ class Place:
 
     def refuse(self, key: str, problem: str, remedy: str) -> NoReturn:
         """Say what is wrong with a key below the place; an empty one is the place itself."""
+        raise InputError(self.source, problem, remedy, self.of_key(key))
+
+    def of_key(self, key: str) -> str:
+        """Where a key stands."""
         above = [key, *(key.rsplit(".", count)[0] for count in range(1, key.count(".") + 1))]
         name = "defaults" if key and any(each in self.inherited for each in above) else self.name
-        raise InputError(self.source, problem, remedy, f"{name}.{key}".rstrip("."))
+        return f"{name}.{key}".rstrip(".")
 
 
 def check_source(
@@ -109,14 +113,9 @@ def check_source(
                 problem = f"{channel} is both {one} and {other}"
                 at.refuse(other, problem, "name two different columns")
     for role in ("input", "output"):
-        units, channels = keys.get(f"{role}_unit", ""), roles[role]
-        patterns = any(map(is_pattern, channels))
-        if isinstance(units, tuple) and not patterns and len(units) != len(channels):
-            at.refuse(
-                f"{role}_unit",
-                f"there are {len(units)} units and {len(channels)} {role}s",
-                "give one unit for each, one for all, or a mapping by their names",
-            )
+        units, key = keys.get(f"{role}_unit"), f"{role}_unit"
+        if isinstance(units, tuple) and not any(map(is_pattern, roles[role])):
+            of_each(units, tuple(map(str, roles[role])), at.source, at.of_key(key), role)
     for path, key in _paths(keys):
         if {"{", "}"} & set(path):
             problem = f"the braces in {path} have a meaning of their own in a workflow"

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
+from evopem.config.channels import of_each
 from evopem.config.settings import OrderRanges, Range, ScoringWindow, SearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.errors import NoModelError
@@ -59,7 +60,7 @@ class OrderLimits:
         return cls(
             *(getattr(ranges, name) for name in SHARED),
             *(
-                getattr(ranges, name).of_inputs(names, f"{group}.{name}")
+                of_each(getattr(ranges, name), names, f"{group}.{name}")
                 for name, group in groups.items()
             ),
         )
@@ -122,9 +123,7 @@ def joint_orders(
     --------
     >>> print(joint_orders("armax", 3, (1, 2)), joint_orders("bj", 6, (1, 2)))
     ARMAX(3,[3 3],3,[1 2]) BJ([6 6],4,4,[6 6],[1 2])
-    >>> from evopem.config.settings import InputRanges
-    >>> nb = InputRanges(by_name={"hot": (1, 2)})
-    >>> limits = OrderLimits.of(OrderRanges(nb=nb, nc=(1, 1)), ("hot", "cold"))
+    >>> limits = OrderLimits.of(OrderRanges(nb={"hot": (1, 2)}, nc=(1, 1)), ("hot", "cold"))
     >>> print(joint_orders("armax", 3, (1, 2), limits))
     ARMAX(3,[2 3],1,[1 2])
     """

@@ -191,9 +191,9 @@ def _is_plain_union(kind: Any) -> bool:
     """Whether a type is a union that JSON itself tells apart, such as ``int | str | None``."""
     if get_origin(kind) not in (Union, UnionType):
         return False
-    plain = (int, float, str, bool, type(None))
-    members = map(_without_notes, get_args(kind))
-    return all(
+    plain = (int, float, str, bool)
+    members = [_without_notes(each) for each in get_args(kind) if each is not type(None)]
+    return len(members) > 1 and all(
         member in plain or get_origin(member) in (Literal, tuple, dict) for member in members
     )
 

@@ -10,6 +10,7 @@ from evopem.config.order_grid import (
     candidate_orders,
     needs_resonances,
     previous_phase,
+    range_of,
 )
 from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
 from evopem.estimation.candidate import Candidate, PhaseSelection, first_pass
@@ -81,7 +82,7 @@ def select_candidate(
         for candidate in load(tuple[Candidate, ...], files.part(phase, part))
     ]
     data = load_prepared(files.prepared, files.transforms).estimation
-    min_delay = grid.delay.nk[0] if phase == DELAY_REFINED_IN else None
+    min_delay = range_of(grid, "nk")[0] if phase == DELAY_REFINED_IN else None
     selection = select(candidates, phase, data, search, window, min_delay, log)
     if log is not None:
         log(selection.reason)

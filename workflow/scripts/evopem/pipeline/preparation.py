@@ -47,7 +47,7 @@ def prepare_samples(
     given: GivenPreparation | None = None,
     requirements: SampleRequirements | None = None,
     fit: tuple[FitSettings, OrderGrid] | None = None,
-    delays: InputRanges | None = None,
+    delays: InputRanges = None,
     of_polynomials: bool = True,
 ) -> None:
     """Make all channels stationary, and divide the samples for estimation and validation.

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.channels import ChannelSettings, UnitSettings, is_pattern
+from evopem.config.channels import ChannelSettings, Units, is_pattern, of_each
 from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file
 from evopem.signals.inspection import time_told
@@ -82,8 +82,8 @@ def read_measured(
     count = len(inputs)
     whole = Recording(
         *(signals[:, :count], signals[:, count:], timed.rate, names[:count], names[count:]),
-        _units(channels.input_units, read[:count], names[:count], source, "input_unit"),
-        _units(channels.output_units, read[count:], names[count:], source, "output_unit"),
+        _units(channels.input_unit, read[:count], names[:count], source, "input"),
+        _units(channels.output_unit, read[count:], names[count:], source, "output"),
     )
     recording = without_missing(whole, source)
     check_recording(recording, source, measured=True)
@@ -183,23 +183,11 @@ def _names(given: Sequence[Channel], roles: Sequence[str]) -> tuple[str, ...]:
 
 
 def _units(
-    given: UnitSettings, channels: Sequence[Channel], names: Sequence[str], source: str, key: str
+    given: Units | None, channels: Sequence[Channel], names: Sequence[str], source: str, role: str
 ) -> tuple[str, ...]:
     """The unit of each channel: the stated one, else the file's own."""
-    if given.in_order and len(given.in_order) != len(channels):
-        problem = f"there are {len(given.in_order)} units and {len(channels)} channels"
-        remedy = "give one unit for each, one for all, or a mapping by their names"
-        raise InputError(source, problem, remedy, key)
-    unknown = next((name for name in given.by_name if name not in names), None)
-    if unknown is not None:
-        raise InputError(
-            source, f'there is no channel "{unknown}"', f"choose one of {listing(names)}", key
-        )
-    stated = given.in_order or (given.all,) * len(channels)
-    return tuple(
-        given.by_name.get(name) or unit or channel.unit
-        for name, unit, channel in zip(names, stated, channels, strict=True)
-    )
+    stated = of_each(given, names, source, f"{role}_unit", role)
+    return tuple(unit or each.unit for unit, each in zip(stated, channels, strict=True))
 
 
 def _expanded(

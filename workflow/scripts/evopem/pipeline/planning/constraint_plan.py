@@ -67,10 +67,10 @@ def selectable_orders(grid: OrderGrid) -> Iterator[Orders]:
     phases = phases_of(grid.structure)
     joint = range(1, 2)
     if "joint" in phases:
-        lower, upper = joint_range(grid.orders.joint, None)
+        lower, upper = joint_range(grid)
         joint = range(lower, upper + 1)
     names = [phase for phase in phases if phase not in ("delay", "joint")]
-    ends = [sorted(set(getattr(grid.orders, name))) for name in names]
+    ends = [sorted(set(getattr(grid.ranges, name))) for name in names]
     for k, *values in product(joint, *ends):
         orders = joint_orders(k, grid) | dict(zip(names, values, strict=True))
         if any(value for name, value in orders.items() if name != "nk"):
