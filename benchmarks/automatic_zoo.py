@@ -27,7 +27,7 @@ from scipy.signal import chirp, lfilter
 
 from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.identify import identify
-from evopem.estimation.search.polynomials import subspace_denominator
+from evopem.estimation.search.linear_estimates import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
 from evopem.signals.recording import Recording, Segment

@@ -33,7 +33,7 @@ from filtered_residuals import FilteredResiduals  # noqa: E402
 from evopem.config.settings import ScoringWindow, SearchSettings  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.estimation.search.global_search import global_search  # noqa: E402
-from evopem.estimation.search.polynomial_problem import ArmaxProblem  # noqa: E402
+from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.structures import Orders, armax_orders  # noqa: E402
 from evopem.signals.recording import Recording, Segment  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
@@ -64,7 +64,7 @@ def prediction_errors(record: Recording, orders: Orders, objective: str) -> Poly
 def searched(errors: PolynomialErrors, settings: SearchSettings) -> tuple[float, int, float]:
     """Best value, evaluations and processor time of one search."""
     began = time.process_time()
-    result = global_search(ArmaxProblem(errors), settings, np.random.default_rng(1))
+    result = global_search(PolynomialProblem(errors), settings, np.random.default_rng(1))
     return result.value, result.diagnostics.evaluations, time.process_time() - began
 
 
@@ -170,7 +170,7 @@ def multistart(
 ) -> float:
     """Best value of repeated starts within the evaluations."""
     generator = np.random.default_rng(2)
-    problem = ArmaxProblem(errors)
+    problem = PolynomialProblem(errors)
     spent, best = 0, np.inf
     while spent < evaluations:
         value, used = local(errors, problem.draw(2, generator)[0][1])
@@ -184,7 +184,7 @@ def true_orders(case: tuple[int, float, int]) -> float:
     samples, noise, seed = case
     with threadpool_limits(limits=1):
         errors = prediction_errors(armax(seed, samples, noise=noise)[0], TRUE_ORDERS, "quadratic")
-        starts, _ = ArmaxProblem(errors).draw(STARTS, np.random.default_rng(seed))
+        starts, _ = PolynomialProblem(errors).draw(STARTS, np.random.default_rng(seed))
         best = min(sequential_quadratic_from(errors, start) for start in starts)
         return searched(errors, DEFAULT)[0] / best - 1.0
 

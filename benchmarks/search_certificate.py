@@ -27,7 +27,6 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem import PolynomialModel, SearchSettings  # noqa: E402
-from evopem.estimation.estimate import problem_of as problem_of_errors  # noqa: E402
 from evopem.estimation.order_selection import REPEAT_FACTOR  # noqa: E402
 from evopem.estimation.prediction_errors import (  # noqa: E402
     default_window,
@@ -47,10 +46,7 @@ from evopem.estimation.search.global_search import (  # noqa: E402
     FIRST_PASS,
     global_search,
 )
-from evopem.estimation.search.polynomial_problem import (  # noqa: E402
-    ArmaxProblem,
-    PolynomialProblem,
-)
+from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.structures import Orders, orders_of  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import polynomial_record  # noqa: E402
@@ -58,7 +54,7 @@ from evopem.synthesis.armax import polynomial_record  # noqa: E402
 Row = dict[str, Any]
 Array = NDArray[np.float64]
 
-# Half of the problems are ARMAX models, which have a search of their own.
+# Half of the problems are ARMAX models.
 STRUCTURES = ("armax",) * 5 + ("oe", "bj", "arma", "ararx", "ararmax")
 LENGTHS = (200, 500, 1000, 2000, 4000)
 NOISES = (5.0, 50.0)
@@ -132,7 +128,7 @@ def orders_of_case(case: Case, truth: PolynomialModel) -> Orders:
     return orders_of(case.structure, given | ({"nk": o.single.nk} if o.single.nk else {}))
 
 
-def problem_of(case: Case) -> tuple[ArmaxProblem | PolynomialProblem, Orders]:
+def problem_of(case: Case) -> tuple[PolynomialProblem, Orders]:
     generator = np.random.default_rng([2027, case.index])
     truth = truth_of(case, generator)
     u, y, _ = polynomial_record(truth, case.samples, case.noise, generator)
@@ -140,16 +136,15 @@ def problem_of(case: Case) -> tuple[ArmaxProblem | PolynomialProblem, Orders]:
     settings = SearchSettings(objective=case.objective)
     window = default_window(orders, settings)
     errors = prediction_errors(Recording(u, y, 1.0), orders, settings, window, False)
-    return problem_of_errors(scaled_errors(errors)[0]), orders
+    return PolynomialProblem(scaled_errors(errors)[0]), orders
 
 
 def search(case: Case, seed: int, evaluations: int, known_minimum: float = np.inf) -> Row:
     problem, _ = problem_of(case)
     settings = SearchSettings(objective=case.objective, evaluations=evaluations)
     generator = np.random.default_rng([case.index, seed])
-    recombine = problem.recombine if isinstance(problem, PolynomialProblem) else None
     began = time.process_time()
-    found = global_search(problem, settings, generator, None, known_minimum, recombine)
+    found = global_search(problem, settings, generator, None, known_minimum)
     diagnostics = found.diagnostics
     return {
         "value": found.value,

@@ -48,7 +48,7 @@ from evopem.estimation.order_selection import (  # noqa: E402
 from evopem.estimation.pem.kernels.simd import LANES  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.estimation.search.global_search import global_search  # noqa: E402
-from evopem.estimation.search.polynomial_problem import ArmaxProblem  # noqa: E402
+from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.structures import Orders, armax_orders, orders_of  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
@@ -108,7 +108,7 @@ def one_pass() -> list[str]:
     """Value and gradient of a candidate against scipy.signal.lfilter's value alone."""
     errors = problem(1, ORDERS)
     generator = np.random.default_rng(1)
-    points, _ = ArmaxProblem(errors).draw(LANES, generator)
+    points, _ = PolynomialProblem(errors).draw(LANES, generator)
     none = np.zeros(LANES)
     point = points[0]
     a = np.concatenate([[1.0], point[:7]])
@@ -137,7 +137,7 @@ def search(seed: int, orders: Orders) -> tuple[float, float]:
     """Objective and seconds of one whole global search, default settings."""
     errors = problem(seed, orders)
     began = time.process_time()
-    result = global_search(ArmaxProblem(errors), SearchSettings(), np.random.default_rng(1))
+    result = global_search(PolynomialProblem(errors), SearchSettings(), np.random.default_rng(1))
     seconds = time.process_time() - began
     return of_point(errors, result.point), seconds
 
@@ -217,7 +217,7 @@ def of_point(errors: PolynomialErrors, point: Array) -> float:
 def scipy_local(seed: int, orders: Orders) -> tuple[float, float]:
     """One Levenberg-Marquardt run by MINPACK from stage one, Jacobian by SciPy's filters."""
     errors = problem(seed, orders)
-    start = ArmaxProblem(errors).draw(1, np.random.default_rng(1))[0][0]
+    start = PolynomialProblem(errors).draw(1, np.random.default_rng(1))[0][0]
     filtered = FilteredResiduals(errors)
     began = time.process_time()
     found = least_squares(filtered.residuals, start, filtered.jacobian, method="lm", x_scale="jac")

@@ -143,7 +143,6 @@ def from_random_points(u: np.ndarray, y: np.ndarray, case: Case, certified: bool
         sizes,
         np.random.default_rng([case.index, 2]),
         known_minimum=0.0,
-        recombine=search.recombine,
     )
     return found.value
 

@@ -13,8 +13,7 @@ from evopem import (
     estimate,
 )
 from evopem.estimation.pem.covariance import estimate_covariance
-from evopem.estimation.search.polynomial_problem import fit_arx
-from evopem.models.structures import armax_orders
+from evopem.estimation.search.linear_estimates import arx
 from evopem.synthesis.armax import armax
 
 QUADRATIC = SearchSettings(objective="quadratic")
@@ -31,9 +30,8 @@ def test_arx_recovers_a_noise_free_system():
     rng = np.random.default_rng(2)
     u = rng.standard_normal(300)
     y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u)
-    np.testing.assert_allclose(
-        fit_arx(u, y, armax_orders(2, 2, 0, 1), 20), [-1.5, 0.7, 1.0, 0.5], atol=1e-10
-    )
+    found = arx(u[:, None], y, 2, (2,), (1,))
+    np.testing.assert_allclose(found, [-1.5, 0.7, 1.0, 0.5], atol=1e-10)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -64,11 +62,11 @@ def test_no_local_method_finds_less(seed):
         return np.clip(np.nan_to_num(e, nan=1e6), -1e6, 1e6)
 
     rng = np.random.default_rng(seed)
-    arx = fit_arx(u, y, armax_orders(7, 6, 7, 3), 110)
+    of_arx = arx(u[:, None], y, 7, (6,), (3,))
     best = np.inf
     for trial in range(10):
         noise_start = 0.2 * rng.standard_normal(7) if trial else np.zeros(7)
-        local = least_squares(residuals, np.r_[arx, noise_start], method="lm", max_nfev=3000)
+        local = least_squares(residuals, np.r_[of_arx, noise_start], method="lm", max_nfev=3000)
         inside = np.abs(np.roots(np.r_[1.0, local.x[13:]])).max() < 0.9999
         stable = np.abs(np.roots(np.r_[1.0, local.x[:7]])).max() < 0.9999
         if inside and stable:

@@ -14,14 +14,14 @@ from evopem.estimation.search.certificate import (
 )
 from evopem.estimation.search.global_search import BATCH, BATCHES, global_search, hop
 from evopem.estimation.search.memetic import memetic_search
-from evopem.estimation.search.polynomial_problem import ArmaxProblem, PolynomialProblem
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.models.structures import armax_orders, orders_of
 from evopem.synthesis.armax import armax
 
 
 def problem(orders, samples=600, objective="quadratic"):
     record = armax(seed=3, samples=samples)[0]
-    return ArmaxProblem(
+    return PolynomialProblem(
         PolynomialErrors(
             *(record.segments, armax_orders(*orders), objective, 0.9999, 0.9999, False),
             ScoringWindow(20, 40),
@@ -81,7 +81,7 @@ def test_a_neighbour_keeps_all_sections_but_one():
     searched = problem((6, 6, 6, 3))
     start = searched.descend(searched.random(2, np.random.default_rng(1)))
     point = start.points[0]
-    moved, _ = searched.neighbours(point, start.values[0], 8, np.random.default_rng(2))
+    moved, _ = searched.neighbours(point, 8, np.random.default_rng(2))
     own = np.roots(np.concatenate([[1.0], point[:6]]))
     for neighbour in moved:
         roots = np.roots(np.concatenate([[1.0], neighbour[:6]]))
@@ -127,7 +127,7 @@ def test_every_structure_has_neighbours_of_finite_value(structure, orders):
     generator = np.random.default_rng(1)
     point = searched.descend(searched.random(4, generator)).points[0]
     value = float(searched.values(point[None, :])[0])
-    moved, evaluations = searched.neighbours(point, value, 8, generator)
+    moved, evaluations = searched.neighbours(point, 8, generator)
     assert moved.shape == (8, errors.dimension)
     assert np.isfinite(searched.values(moved)).all()
     assert evaluations > 8

@@ -12,6 +12,7 @@ from evopem.estimation.search.memetic import (
     HOPELESS_PROBABILITY,
     REFINE,
     SUFFICIENT_PROBABILITY,
+    discrete_recombination,
     memetic_search,
 )
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
@@ -31,6 +32,9 @@ class Rastrigin:
 
     def random(self, count, generator):
         return generator.uniform(-5, 5, (count, self.dimension))
+
+    def recombine(self, parents, count, generator):
+        return discrete_recombination(parents, count, generator)
 
     def repair(self, points):
         return points

@@ -7,7 +7,7 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
-from evopem.estimation.search.polynomial_problem import ArmaxProblem, PolynomialProblem
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.section_coordinates import SectionCoordinates
 from evopem.models.structures import armax_orders, orders_of
 from evopem.signals.recording import Segment
@@ -19,7 +19,7 @@ RADIUS = 0.9999
 def armax_problem(objective="quadratic", orders=(5, 5, 5, 3)):
     record = armax(seed=2, samples=400)[0]
     given = (record.segments, armax_orders(*orders), objective, RADIUS, RADIUS, False)
-    return ArmaxProblem(PolynomialErrors(*given, ScoringWindow(20, 40)))
+    return PolynomialProblem(PolynomialErrors(*given, ScoringWindow(20, 40)))
 
 
 def box_jenkins(objective="quadratic"):

@@ -9,7 +9,7 @@ import pytest
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
-from evopem.estimation.search.polynomial_problem import ArmaxProblem, PolynomialProblem
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.section_exchange import (
     SectionExchange,
     growth,
@@ -38,7 +38,7 @@ def problem(structure, orders, objective="quadratic", samples=500):
     orders = orders_of(structure, orders)
     if structure == "armax":
         given = (record.segments, orders, objective, 0.9999, 0.9999, False, ScoringWindow(20, 40))
-        return ArmaxProblem(PolynomialErrors(*given))
+        return PolynomialProblem(PolynomialErrors(*given))
     errors = prediction_errors(record, orders, settings, ScoringWindow(20, 40), False)
     return PolynomialProblem(scaled_errors(errors)[0])
 

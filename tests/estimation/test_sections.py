@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evopem.estimation.search.polynomials import (
+from evopem.estimation.search.root_sections import (
     product_of,
     random_denominators,
     recombined_polynomials,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent, descend
+from evopem.estimation.search.memetic import discrete_recombination
 from fletcher_powell import levenberg_marquardt
 from fletcher_powell.function import wrap
 from fletcher_powell.objective import Objective
@@ -52,6 +53,12 @@ class FletcherPowellProblem:
         """Draw points uniform in the box."""
         return generator.uniform(-np.pi, np.pi, (count, self.objective.dimension))
 
+    def recombine(
+        self, parents: Array, count: int, generator: np.random.Generator
+    ) -> tuple[Array, int]:
+        """Each coordinate from one of two random parents."""
+        return discrete_recombination(parents, count, generator)
+
     def repair(self, points: Array) -> Array:
         """Move the points to their images in the box."""
         return wrap(points)
@@ -90,11 +97,7 @@ class LeastSquaresProblem(FletcherPowellProblem):
         return least_squares_in_turn(self.objective, points, FINE)
 
     def neighbours(
-        self,
-        point: Array,
-        value: float,  # noqa: ARG002 - as of other problems
-        count: int,
-        generator: np.random.Generator,
+        self, point: Array, count: int, generator: np.random.Generator
     ) -> tuple[Array, int]:
         """Random points in a cube around a point, without evaluations."""
         return point + generator.uniform(-STEP, STEP, (count, len(point))), 0

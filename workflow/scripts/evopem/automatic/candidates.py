@@ -21,7 +21,7 @@ from evopem.config.settings import OrderRanges
 from evopem.config.structures import STRUCTURES, varied_order
 from evopem.errors import NoModelError
 from evopem.estimation.order_scan import nearest
-from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
+from evopem.estimation.search.polynomial_problem import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.polynomial import PolynomialModel, of_signals
 from evopem.models.structures import PER_INPUT, Orders

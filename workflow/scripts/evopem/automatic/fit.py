@@ -13,8 +13,7 @@ from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import OutputWeighting
 from evopem.errors import NoModelError
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.polynomial_starts import SWEEP_STAGES
+from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
 from evopem.estimation.search.staged_descent import Stage
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.structures import Orders

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.held_out.folds import FoldPlan, HeldOutScores, held_out_scores
-from evopem.estimation.search.polynomials import subspace_denominator
+from evopem.estimation.search.linear_estimates import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
 from evopem.signals.recording import Segment

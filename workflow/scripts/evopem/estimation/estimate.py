@@ -31,7 +31,7 @@ from evopem.estimation.prediction_estimate import (
 )
 from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.global_search import continued_search
-from evopem.estimation.search.polynomial_problem import ArmaxProblem, PolynomialProblem
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.estimation.simulation_estimate import simulation_estimate
 from evopem.estimation.state_space.estimate import estimate_state_space
@@ -277,8 +277,8 @@ def estimate_polynomial(
     """Find the polynomial model of given orders with the smallest errors in focus, globally. One
     objective over all segments, each with initial states, and each recording with a level where one
     is estimated: ``A y = (B/F) u + (C/D) e + level``. Draws come from ``SeedSequence(seed,
-    spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``, without nd, nf and level for ARMAX models of
-    one input and segment, whose searches alone use ``n_initial_discard``. ``earlier``: a search of
+    spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``. ARMAX models of one input and segment without a
+    level alone use ``n_initial_discard``. ``earlier``: a search of
     the same problem to combine with this one. ``optimum``: of one-step prediction without
     constraints, where these or a focus are given. ``target``: what the search is made for; it ends
     once it is unlikely to get so low. Criteria and residuals are those of one step. The covariance
@@ -320,30 +320,16 @@ def _searched(
 ) -> PolynomialEstimate:
     """The optimum of one-step prediction without constraints."""
     scaled, units = scaled_errors(errors)
-    problem = problem_of(scaled)
-    o, recombine = errors.orders, None
-    if isinstance(problem, PolynomialProblem):
-        recombine, key = problem.recombine, search_key(errors)
-    else:
-        key = (o.na, o.single.nb, o.nc, o.single.nk)
-    if isinstance(problem, PolynomialProblem) and o.inputs > 1 and earlier is None:
+    problem = PolynomialProblem(scaled)
+    if errors.orders.inputs > 1 and earlier is None:
         earlier = from_estimates(problem)
         earlier = earlier and replace(earlier, point=units.restored(earlier.point))
         if settings.evaluations == 0 and earlier is not None:
             return describe(errors, earlier, sampling_rate, shortest=True)
-    found = continued_search(
-        *(problem, units.restored, key, settings, earlier, log, recombine, target)
-    )
+    key = search_key(errors)
+    found = continued_search(problem, units.restored, key, settings, earlier, log, target)
     del problem, scaled, units  # their tables are as large as those that follow
     return describe(errors, found, sampling_rate, shortest=True)
-
-
-def problem_of(errors: PolynomialErrors) -> ArmaxProblem | PolynomialProblem:
-    """The search problem of prediction errors: that of the chapter for its ARMAX models."""
-    of_armax = errors.orders.structure == "armax" and errors.orders.inputs == 1
-    if of_armax and not errors.level and len(errors.stretches) == 1:
-        return ArmaxProblem(errors)
-    return PolynomialProblem(errors)
 
 
 def descended_from(
@@ -363,6 +349,6 @@ def descended_from(
         starts = PolynomialProblem(scaled, models, own_starts=False).starts()
         if not len(starts):
             return describe(errors, earlier, data.sampling_rate, shortest=True)
-        ended = descended(problem_of(scaled), starts[0])
+        ended = descended(PolynomialProblem(scaled), starts[0])
         ended = replace(ended, point=units.restored(ended.point))
         return describe(errors, pooled(earlier, ended), data.sampling_rate, shortest=True)

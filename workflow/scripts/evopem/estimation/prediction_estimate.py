@@ -238,9 +238,7 @@ def _one_step_optimum(
         if known is not None and task.settings.evaluations == 0:
             return known
         lowest = np.inf if known is None else known.value
-        found = global_search(
-            *(problem, task.settings, task.generator(0), task.log, lowest, problem.recombine)
-        )
+        found = global_search(problem, task.settings, task.generator(0), task.log, lowest)
         return found if known is None else pooled(known, found)
     # The search of ARMAX models counts other first residuals.
     ended = descended(problem, units.taken(task.optimum.point))

@@ -32,8 +32,8 @@ from evopem.estimation.prediction_estimate import (
     weight_of_priors,
     without_plant_radius,
 )
+from evopem.estimation.search.linear_estimates import noise_model
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.polynomials import noise_model
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, solve_linear
 from evopem.models.parameter_covariance import ParameterCovariance

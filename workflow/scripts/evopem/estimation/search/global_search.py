@@ -23,8 +23,8 @@ from evopem.estimation.search.certificate import (
     Target,
     enough_agree,
 )
-from evopem.estimation.search.descent_problem import DescentProblem
-from evopem.estimation.search.memetic import Recombination, memetic_search
+from evopem.estimation.search.memetic import memetic_search
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import (
     SAME_COARSE_DESCENT,
     HoppingProblem,
@@ -107,7 +107,6 @@ def continued_search(
     settings: SearchSettings,
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
-    recombine: Recombination | None = None,
     target: Target | None = None,
 ) -> SearchResult:
     """Search a scaled problem, combined with an earlier search; ``restored`` gives points their
@@ -117,7 +116,7 @@ def continued_search(
     if earlier is not None:
         known, key = earlier.value, (*key, earlier.diagnostics.n_restarts)
     generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-    found = global_search(problem, settings, generator, log, known, recombine, target)
+    found = global_search(problem, settings, generator, log, known, target)
     found = replace(found, point=restored(found.point))
     return found if earlier is None else pooled(earlier, found)
 
@@ -128,13 +127,12 @@ def global_search(
     generator: np.random.Generator,
     log: Callable[[str], None] | None = None,
     known_minimum: float = np.inf,
-    recombine: Recombination | None = None,
     target: Target | None = None,
 ) -> SearchResult:
     """Minimise the objective of an identification globally.  ``known_minimum``: A value that an
     earlier search reached.  Restarts that agree on a higher one do not end the search.  ``target``:
     the search ends once it is unlikely to get so low.  InputError when no value was finite."""
-    exchange = SectionExchange(problem) if isinstance(problem, DescentProblem) else None
+    exchange = SectionExchange(problem) if isinstance(problem, PolynomialProblem) else None
     found, exchange = _Record(log), exchange if exchange and exchange.possible else None
     if settings.evaluations == FIRST_PASS:
         _descend_coarsely(problem, generator, found)
@@ -161,7 +159,7 @@ def global_search(
             found.optima.extend(hops.optima)
             found.add("growth and exchange", hops.point, hops.value, hops.evaluations)
         else:
-            _restart(problem, settings, generator, recombine, found, known_minimum)
+            _restart(problem, settings, generator, found, known_minimum)
     return found.result(found.points, found.undiscovered)
 
 
@@ -211,12 +209,14 @@ def _descend_coarsely(
     """The first pass of a race: coarse descents from a few random points, and from the same
     estimates of the record every time, which are no independent restart: random points alone may
     all lead to an optimum that has exchanged the poles of A and D."""
-    descend = problem.descend_coarsely if isinstance(problem, DescentProblem) else problem.descend
+    descend = (
+        problem.descend_coarsely if isinstance(problem, PolynomialProblem) else problem.descend
+    )
     descents = descend(problem.random(FIRST_BATCH, generator))
     found.optima, found.points = converged_values(descents), FIRST_BATCH
     found.add("first pass", *_lowest_of(descents), descents.evaluations)
     found.undiscovered = undiscovered(found.optima, SAME_COARSE_DESCENT)
-    if isinstance(problem, DescentProblem):
+    if isinstance(problem, PolynomialProblem):
         estimates, used = problem.lowest_estimates(FIRST_ESTIMATES)
         if len(estimates):
             descents = descend(estimates)
@@ -241,7 +241,7 @@ def hop(
     evaluations = failed = 0
     optima: list[float] = []
     while failed < PATIENCE and evaluations < max_evaluations:
-        starts, used = problem.neighbours(point, value, DESCENDED, generator)
+        starts, used = problem.neighbours(point, DESCENDED, generator)
         evaluations += used
         failed += 1
         if not len(starts):
@@ -263,7 +263,6 @@ def _restart(
     problem: HoppingProblem,
     settings: SearchSettings,
     generator: np.random.Generator,
-    recombine: Recombination | None,
     found: _Record,
     known_minimum: float,
 ) -> None:
@@ -271,9 +270,7 @@ def _restart(
     memetic = found.restarts < MEMETIC_RESTARTS
     if memetic:
         short = replace(settings, evaluations=min(settings.evaluations, RESTART_EVALUATIONS))
-        ended = memetic_search(
-            problem, short, generator, agreeing_restarts=NEVER, recombine=recombine
-        )
+        ended = memetic_search(problem, short, generator, agreeing_restarts=NEVER)
         point, value = ended.point, ended.value
         evaluations = ended.diagnostics.evaluations
         found.generations += ended.diagnostics.generations

@@ -23,7 +23,6 @@ from evopem.estimation.search.problem import (
 )
 
 Array = NDArray[np.float64]
-Recombination = Callable[[Array, int, np.random.Generator], tuple[Array, int]]
 
 # Random points of the first batch; each further batch doubles their number.
 FIRST_BATCH = 32
@@ -47,12 +46,10 @@ def memetic_search(
     log: Callable[[str], None] | None = None,
     known_minimum: float = np.inf,
     agreeing_restarts: int = AGREEING_RESTARTS,
-    recombine: Recombination | None = None,
     until_certified: bool = False,
 ) -> SearchResult:
     """Minimise an objective globally; InputError when no value was finite.  Restarts that agree on
-    a value above ``known_minimum`` do not end the search.  ``recombine(parents, count,
-    generator)``: offspring (count, n), and their evaluations.  ``until_certified``: restarts go on
+    a value above ``known_minimum`` do not end the search.  ``until_certified``: restarts go on
     after the check until a certificate, where all agree with up to twice the evaluations."""
     found = _Found()
 
@@ -67,7 +64,7 @@ def memetic_search(
 
     limit = settings.evaluations
     while found.spent < limit:
-        _restart(problem, replace(settings, evaluations=limit), generator, recombine, found, log)
+        _restart(problem, replace(settings, evaluations=limit), generator, found, log)
         if not found.random_points and agreed():
             found.check(problem, settings.evaluations, generator)
             if log is not None:
@@ -119,7 +116,6 @@ def _restart(
     problem: Problem,
     settings: SearchSettings,
     generator: np.random.Generator,
-    recombine: Recombination | None,
     found: _Found,
     log: Callable[[str], None] | None,
 ) -> None:
@@ -128,9 +124,7 @@ def _restart(
     values = problem.values(parents)
     found.spent += used + len(parents)
     while True:
-        parents, values, used, descents = _generation(
-            problem, settings, parents, values, generator, recombine
-        )
+        parents, values, used, descents = _generation(problem, settings, parents, values, generator)
         found.spent += used
         found.generations += 1
         found.optima.extend(descents)
@@ -154,11 +148,9 @@ def _generation(
     parents: Array,
     values: Array,
     generator: np.random.Generator,
-    recombine: Recombination | None,
 ) -> tuple[Array, Array, int, list[float]]:
     """Recombine, evaluate, refine by BFGS, and select."""
-    recombine = recombine or discrete_recombination
-    recombined, used = recombine(parents, settings.lambda_, generator)
+    recombined, used = problem.recombine(parents, settings.lambda_, generator)
     offspring = problem.repair(recombined)
     offspring_values = problem.values(offspring)
     chosen = _chosen(offspring_values, settings, generator)

@@ -1,40 +1,289 @@
-"""Prediction-error problems as the global search minimises them."""
+"""The search problem of a polynomial model: where searches and descents of it start from (estimates
+of the record by linear algebra, models of other orders, random poles), and its descents."""
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Iterator, Sequence
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.least_squares import chunks, triangle_of
+from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.search.descent_problem import NEIGHBOUR_DAMPING, DescentProblem
+from evopem.estimation.search.linear_estimates import (
+    common_denominators,
+    noise_model,
+    own_denominators,
+    steiglitz_mcbride,
+)
 from evopem.estimation.search.memetic import discrete_recombination
-from evopem.estimation.search.polynomial_starts import PolynomialStarts
-from evopem.estimation.search.polynomials import (
+from evopem.estimation.search.problem import HoppingProblem
+from evopem.estimation.search.root_sections import (
     random_denominators,
     recombined_polynomials,
     with_moved_section,
 )
-from evopem.estimation.search.staged_descent import promised_values
+from evopem.estimation.search.section_coordinates import descend_in_sections
+from evopem.estimation.search.staged_descent import (
+    DESCENT_STAGES,
+    LINEAR_STEPS,
+    Stage,
+    coarse_descent,
+    polish,
+    promised_values,
+    solve_linear,
+    staged_descent,
+)
+from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomials import reflect_into_disc
 from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
+# Random points of a multistart check times samples, at least: shorter records have more optima and
+# cheaper descents.
+MIN_MULTISTART = 2**17
+# Damping of descents from neighbours of an optimum, relative to the scaled diagonal of the
+# Gauss-Newton matrix, which is singular where a section is common to all polynomials.
+NEIGHBOUR_DAMPING = 1e-3
+# Damping of the step from a point with a section that polynomials share exactly: the matrix is
+# singular in the directions of the section, where there is no slope either.
+COMMON_DAMPING = 1e-6
 # Share of the generations that recombine roots; the others recombine coefficients.
 BY_ROOTS = 0.75
-# A neighbour of a larger value than this, relative to the optimum's, is too far away for the
-# prediction of its gain by one Gauss-Newton step.
-FARTHEST_NEIGHBOUR = 1.2
+# Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
+PAIRS, DESCENDED = 32, 4
+# One stage is enough for the quadratic objective, whose corner needs no smoothing.
+SWEEP_STAGES = (Stage(0.1, 1e-7, 1e-7),)
 
 
-class PolynomialProblem(PolynomialStarts):
-    """Search problem of one record and orders.  The first population holds the estimates of
-    :class:`.PolynomialStarts`, descended from.  The rest of it, and all later populations, have
-    random poles."""
+class PolynomialProblem(HoppingProblem):
+    """Search problem of one record and orders.  ``models``: models of other orders that
+    :meth:`starts` begin from; ``own_starts``: whether from estimates by linear algebra too.  The
+    first population holds those, descended from; the rest of it, and later ones, random poles."""
 
-    _drawn = False
+    def __init__(
+        self,
+        errors: PolynomialErrors,
+        models: Sequence[PolynomialModel] = (),
+        own_starts: bool = True,
+    ) -> None:
+        self.errors = errors
+        self._parts = errors.parts()
+        self._models, self._own_starts = tuple(models), own_starts
+        self._drawn = False
+
+    def of_orders(self, orders: Orders) -> PolynomialProblem:
+        """The problem of other orders."""
+        problem = PolynomialProblem(self.errors.of_orders(orders))
+        problem._largest_value = self._largest_value
+        return problem
+
+    @cached_property
+    def _largest_value(self) -> float:
+        """What the first estimate reaches: the scale of the objective, however bad a point is."""
+        values = self.values(self._from_denominators(next(self._plants()))[0])
+        return float(np.min(values)) if np.isfinite(values).any() else 100.0
+
+    @cached_property
+    def _arx_denominator(self) -> Array:
+        return next(common_denominators(self.errors))
+
+    @property
+    def min_multistart(self) -> int:
+        """Points of a multistart check."""
+        return MIN_MULTISTART // self.errors.samples
+
+    def values(self, points: Array) -> Array:
+        """Exact objective in percent, (M,)."""
+        return self.errors.values(points)
+
+    def repair(self, points: Array) -> Array:
+        """Move the roots of infeasible points inside."""
+        return self.errors.repair(points)
+
+    def descend(self, points: Array) -> Descent:
+        """BFGS from each point, preconditioned by its Gauss-Newton matrix."""
+        return staged_descent(self.errors, points, DESCENT_STAGES, self._largest_value)
+
+    def descend_coarsely(self, points: Array) -> Descent:
+        """BFGS from each point to near its end."""
+        return coarse_descent(self.errors, points, self._largest_value)
+
+    def descend_from_neighbours(self, points: Array) -> Descent:
+        """BFGS from points whose Gauss-Newton matrix may be singular."""
+        given = points, DESCENT_STAGES, self._largest_value, NEIGHBOUR_DAMPING
+        return staged_descent(self.errors, *given)
+
+    def sweep_descent(self, points: Array, stages: tuple[Stage, ...] = SWEEP_STAGES) -> Descent:
+        """One BFGS from each point."""
+        return staged_descent(self.errors, points, stages, float(np.min(self.values(points))))
+
+    def polish(self, points: Array) -> Descent:
+        """BFGS with ever less smoothing, each point to its own end; never worse than before."""
+        return polish(self.errors, points, self._largest_value, wait=None)
+
+    def descend_in_sections(self, points: Array) -> Descent:
+        """Descents along the edge of the stability region; never worse than where they began."""
+        return descend_in_sections(self.errors, points, self._largest_value)
+
+    def promised(self, points: Array, value: float) -> Array:
+        """Objective that one Gauss-Newton step from each point predicts; inf where meaningless.
+        The states are fitted first, in place."""
+        solve_linear(self.errors, points, self.errors.linear("plant", "noise"), 1)
+        promised = promised_values(self.errors, points, value, self._largest_value, COMMON_DAMPING)
+        return np.where(promised > 0.0, promised, np.inf)
+
+    def completed(self, points: Array) -> tuple[Array, int]:
+        """Points with B, level and states by least squares, given A, C, D and F; evaluations.  The
+        roots of infeasible points are moved inside first."""
+        errors = self.errors
+        linear = errors.linear("b", "level", "plant", "noise")
+        points = errors.repair(np.where(linear, 0.0, points))
+        if not linear.any():
+            return points, 0
+        steps = LINEAR_STEPS[errors.objective]
+        points = solve_linear(errors, points, linear, steps)
+        return points, 4 * steps * len(points)
+
+    def starts(self) -> Array:
+        """Feasible points to descend from, (M, n), the lowest first."""
+        found: list[Array] = []
+        if self._own_starts:
+            found.append(self.estimates[0])
+        for model in self._models:
+            found.append(self.completed(self.adapted(model))[0])
+            found.append(self._with_further_poles(model))
+        points = np.concatenate(found)
+        values = self.values(points)
+        finite = np.isfinite(values)
+        points, values = points[finite], values[finite]
+        return points[np.argsort(values, kind="stable")]
+
+    def lowest_estimates(self, count: int) -> tuple[Array, int]:
+        """Points of the lowest of the estimates by linear algebra, and their evaluations."""
+        points, used = self.estimates
+        values = self.values(points)
+        lowest = np.argsort(values, kind="stable")[:count]
+        return points[lowest[np.isfinite(values[lowest])]], used + len(points)
+
+    @cached_property
+    def estimates(self) -> tuple[Array, int]:
+        """Points of all denominators by linear algebra, and the evaluations that they took."""
+        points, used = [np.empty((0, self.errors.dimension))], 0
+        for plant in self._plants():
+            if all(np.isfinite(denominator).all() for denominator in plant):
+                found, more = self._from_denominators(plant)
+                points.append(found)
+                used += more
+        return np.concatenate(points), used
+
+    def _plants(self) -> Iterator[list[Array]]:
+        """Denominators from each input, by linear algebra on the longest stretch.  One for all
+        inputs, (max(na, nf_i),), or one for each, (nf_i,)."""
+        count = max(self.errors.orders.inputs, 1)
+        try:
+            for denominator in common_denominators(self.errors):
+                yield [denominator] * count
+            if count > 1 and any(self.errors.orders.nf):
+                for plant in own_denominators(self.errors):
+                    yield plant
+                    yield self._one_by_one(plant)
+        except (np.linalg.LinAlgError, ValueError):
+            return
+
+    def _one_by_one(self, plant: list[Array]) -> list[Array]:
+        """Each F_i by Steiglitz-McBride iterations on what the other inputs leave of the output."""
+        from scipy.signal import lfilter
+
+        o, found = self.errors.orders, []
+        u, y = self.errors.inputs, self.errors.output
+        u, y = u - np.mean(u, axis=0), y - np.mean(y)
+        point = self._from_denominators(plant)[0][0]
+        outputs = [
+            lfilter(
+                np.append(np.zeros(o.nk[i]), point[o.part("b", i)]),
+                np.append(1.0, point[o.part("f", i)]),
+                u[:, i],
+            )
+            for i in range(o.inputs)
+        ]
+        for i, denominator in enumerate(plant):
+            rest = y - sum(outputs) + outputs[i]
+            given = o.nf[i], o.nb[i : i + 1], o.nk[i : i + 1], self.errors.plant_radius
+            steps = list(steiglitz_mcbride(u[:, i : i + 1], rest, *given)) if o.nf[i] else []
+            found.append(steps[-1] if steps else denominator)
+        return found
+
+    def _from_denominators(self, plant: Sequence[Array]) -> tuple[Array, int]:
+        """Points with denominators as F_i or as A, the noise white and by its own model."""
+        o = self.errors.orders
+        plant = [reflect_into_disc(each[None, :], self.errors.plant_radius)[0] for each in plant]
+        points = []
+        for name in "fa":
+            point = np.zeros(self.errors.dimension)
+            places = range(o.inputs) if name == "f" else range(1)
+            for part, denominator in zip((o.part(name, i) for i in places), plant, strict=False):
+                order = min(part.stop - part.start, len(denominator))
+                point[part][:order] = denominator[:order]
+            if any(o.nf) if name == "f" else o.na:
+                points.append(point)
+        points = points or [np.zeros(self.errors.dimension)]
+        white, used = self.completed(np.array(points))
+        if o.nc == 0 and o.nd == 0:
+            return white, used
+        coloured = white.copy()
+        for point in coloured:
+            residuals = self.errors.residuals(point)
+            point[self._parts["c"]], point[self._parts["d"]] = noise_model(residuals, o.nc, o.nd)
+        coloured, more = self.completed(coloured)
+        return np.concatenate([white, coloured]), used + more + len(coloured)
+
+    def adapted(self, model: PolynomialModel) -> Array:
+        """A model as points of these orders: coefficients cut off or filled up with zeros."""
+        o, of_inputs = self.errors.orders, range(self.errors.orders.inputs)
+        plants = [np.convolve(model.A, f) for f in model.F]
+        kinds: list[dict[str, list[Array]]]
+        if model.orders == o or (o.na and any(o.nf)):
+            kinds = [{"a": [model.A], "f": list(model.F), "c": [model.C], "d": [model.D]}]
+        elif any(o.nf):
+            kinds = [{"f": plants, "c": [model.C], "d": [model.noise_denominator]}, {"f": plants}]
+        else:
+            a, by_f = [model.plant_denominator], reduce(np.convolve, model.F, model.C)
+            kinds = [{"a": a, "c": [by_f], "d": [model.D]}, {"a": a, "c": [model.C]}]
+        points = np.zeros((len(kinds), self.errors.dimension))
+        for point, polynomials in zip(points, kinds, strict=True):
+            for name, monic in polynomials.items():
+                for i in of_inputs if name == "f" else range(1):
+                    part = o.part(name, i)
+                    kept = monic[i][1 : part.stop - part.start + 1]
+                    point[part.start : part.start + len(kept)] = kept
+        return points
+
+    def _with_further_poles(self, model: PolynomialModel) -> Array:
+        """The best of a model with random further poles, where these orders have more of them."""
+        o = self.errors.orders
+        monic = {"a": [model.plant_denominator]}
+        if any(o.nf):
+            monic = {"f": [np.convolve(model.A, f) for f in model.F]}
+        grown = [
+            (o.part(name, i), each) for name, own in monic.items() for i, each in enumerate(own)
+        ]
+        missing = [part.stop - part.start - len(each) + 1 for part, each in grown]
+        if max(missing) <= 0 or o.inputs == 0 or (o.na and any(o.nf)):
+            return np.empty((0, self.errors.dimension))
+        points = np.repeat(self.adapted(model)[:1], PAIRS, axis=0)
+        # The draws of these orders, the same in every search.
+        nb, nf, nk = (each or (0,) for each in (o.nb, o.nf, o.nk))
+        generator = np.random.default_rng([o.na, *nb, o.nc, o.nd, *nf, *nk])
+        for (part, own), more in zip(grown, missing, strict=True):
+            drawn = random_denominators(PAIRS, max(more, 0), generator)
+            for point, further in zip(points, drawn, strict=True):
+                if more > 0:
+                    point[part] = np.convolve(own, np.append(1.0, further))[1:]
+        points, _ = self.completed(points)
+        return points[np.argsort(self.values(points), kind="stable")[:DESCENDED]]
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A population, and the evaluations that it took; the first one holds the estimates."""
@@ -49,15 +298,19 @@ class PolynomialProblem(PolynomialStarts):
         return points[best], used + descents.evaluations + more + len(points)
 
     def random(self, count: int, generator: np.random.Generator) -> Array:
-        """Independent points with random A, C, D and F; the rest follows by least squares."""
+        """Independent points with random A, C, D and F; the rest follows by least squares.  Of
+        ARMAX models A and B are those of the ARX model (chapter section 4)."""
         return self._drawn_at_random(count, generator)[0]
 
     def _drawn_at_random(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         points = np.zeros((count, self.errors.dimension))
+        of_arx = self.errors.orders.structure == "armax"
         for name, part in self.errors.polynomials():
             order = part.stop - part.start
             if name in "cd":
                 points[1:, part] = generator.standard_normal((count - 1, order))
+            elif of_arx:
+                points[:, part] = self._arx_denominator
             else:
                 points[:, part] = random_denominators(count, order, generator)
         return self.completed(points)
@@ -77,11 +330,7 @@ class PolynomialProblem(PolynomialStarts):
         return self.completed(offspring)
 
     def neighbours(
-        self,
-        point: Array,
-        value: float,  # noqa: ARG002 - as of other problems
-        count: int,
-        generator: np.random.Generator,
+        self, point: Array, count: int, generator: np.random.Generator
     ) -> tuple[Array, int]:
         """The lowest of the points with a section of one or two polynomials elsewhere.  A section
         of A or D is moved together with the nearest one of C, or alone."""
@@ -100,86 +349,3 @@ class PolynomialProblem(PolynomialStarts):
         values = self.values(points)
         best = np.argsort(values, kind="stable")[:count]
         return points[best], used + len(values)
-
-
-class ArmaxProblem(DescentProblem):
-    """Search problem of one record and order, whose random points have A and B of stage one."""
-
-    def __init__(self, errors: PolynomialErrors) -> None:
-        self.errors = errors
-
-    @cached_property
-    def _regression(self) -> Array:
-        """A and B of stage one."""
-        errors = self.errors
-        start = errors.window.residual_start
-        return fit_arx(errors.inputs[:, 0], errors.output, errors.orders, start)
-
-    @cached_property
-    def _largest_value(self) -> float:
-        """The objective of stage one, which bounds the weight of the barrier at poor points."""
-        return float(self.values(self.random(1, np.random.default_rng(0)))[0])
-
-    def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
-        """A first population, and the evaluations that it took."""
-        return self.random(count, generator), 0
-
-    def random(self, count: int, generator: np.random.Generator) -> Array:
-        """Individuals with A and B of stage one, C from the standard normal distribution, d = 0.
-        One of them has C = 1.  The draw of C is hardly ever invertible as it falls; its roots are
-        reflected inside (chapter section 4, as restored)."""
-        orders = self.errors.orders
-        points = np.zeros((count, self.errors.dimension))
-        regression = orders.na + orders.single.nb
-        points[:, :regression] = self._regression
-        points[1:, regression : orders.parameters] = generator.standard_normal(
-            (count - 1, orders.nc)
-        )
-        return self.repair(points)
-
-    def of_orders(self, orders: Orders) -> ArmaxProblem:
-        """The problem of other orders."""
-        problem = ArmaxProblem(self.errors.of_orders(orders))
-        problem._largest_value = self._largest_value
-        return problem
-
-    def neighbours(
-        self, point: Array, value: float, count: int, generator: np.random.Generator
-    ) -> tuple[Array, int]:
-        """The most promising points with one section of A, and the nearest of B and C, elsewhere.
-        The new section is common to all polynomials.  One Gauss-Newton step predicts its gain."""
-        parts = self.errors.parts()
-        others = [(name, parts[name]) for name in "bc"]
-        moved = with_moved_section(point, parts["a"], others, generator)
-        points = self.repair(np.array(moved).reshape(len(moved), len(point)))
-        values = self.values(points)
-        points = points[values <= FARTHEST_NEIGHBOUR * value]
-        if not len(points):
-            return points, len(values)
-        promised = promised_values(
-            self.errors, points, value, self._largest_value, NEIGHBOUR_DAMPING
-        )
-        promised[promised < 0.0] = np.inf
-        best = np.argsort(promised, kind="stable")[:count]
-        return points[best], len(values) + 4 * len(points)
-
-
-def fit_arx(input: Array, output: Array, orders: Orders, start: int) -> Array:  # noqa: A002
-    """Least-squares ``[a_1..a_na, b_0..b_(nb-1)]`` of the equation error from ``start`` on.  Solved
-    by singular values: collinear regressors give the shortest solution instead of noise.  The
-    result may be unstable; it is a start for the search, not a model."""
-    o, samples = orders.single, len(output)
-
-    def rows(first: int, stop: int) -> Array:
-        columns = [-output[first - i : stop - i] for i in range(1, o.na + 1)]
-        columns += [input[first - o.nk - j : stop - o.nk - j] for j in range(o.nb)]
-        return np.column_stack([*columns, output[first:stop]])
-
-    triangle = triangle_of(rows(*chunk) for chunk in chunks(start, samples))
-    phi, target = triangle[:, :-1], triangle[:, -1]
-    scale = np.linalg.norm(phi, axis=0)
-    scale[scale == 0.0] = 1.0
-    cutoff = np.finfo(float).eps * (samples - start)  # as for the matrix before its reduction
-    solution = np.linalg.lstsq(phi / scale, target, rcond=cutoff)[0]
-    coefficients: Array = solution / scale
-    return coefficients

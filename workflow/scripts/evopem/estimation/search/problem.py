@@ -38,6 +38,11 @@ class Problem(Protocol):
     def random(self, count: int, generator: np.random.Generator) -> Array:
         """Draw independent random points, (count, n), without regard to any optimum."""
 
+    def recombine(
+        self, parents: Array, count: int, generator: np.random.Generator
+    ) -> tuple[Array, int]:
+        """Offspring of a population, (count, n), and the evaluations that they took."""
+
     def repair(self, points: Array) -> Array:
         """Move points that lie outside into the feasible region."""
 
@@ -55,7 +60,7 @@ class HoppingProblem(Problem, Protocol):
     """A problem whose points have sections of roots."""
 
     def neighbours(
-        self, point: Array, value: float, count: int, generator: np.random.Generator
+        self, point: Array, count: int, generator: np.random.Generator
     ) -> tuple[Array, int]:
         """The most promising of random neighbours, (at most count, n), and the evaluations."""
 

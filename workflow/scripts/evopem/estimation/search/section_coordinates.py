@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.search.polynomials import sections_of
+from evopem.estimation.search.root_sections import sections_of
 from evopem.estimation.search.staged_descent import POLISH_STAGES, staged_descent
 
 Array = NDArray[np.float64]

@@ -13,9 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.search.descent_problem import DescentProblem
-from evopem.estimation.search.polynomials import each_without, random_sections, without_nearest_of
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import Hops, converged_values, same_optimum
+from evopem.estimation.search.root_sections import (
+    each_without,
+    random_sections,
+    without_nearest_of,
+)
 from evopem.estimation.search.section_gains import gains, grid
 from evopem.models.structures import Orders
 
@@ -55,7 +59,7 @@ class Optimum(NamedTuple):
 class SectionExchange:
     """Searches of a problem by growth and exchange, each independent of the others."""
 
-    def __init__(self, problem: DescentProblem) -> None:
+    def __init__(self, problem: PolynomialProblem) -> None:
         self.problem = problem
         self._steps = growth(problem.errors.orders)
         self._shared = tuple(dict.fromkeys(shared for _, shared in self._steps[1:]))
@@ -84,7 +88,7 @@ class SectionExchange:
         found = _Found(self.problem, generator, by_gains=False)
         return self._exchanged([Optimum(value, point)], found, max_evaluations)
 
-    def _of(self, orders: Orders) -> DescentProblem:
+    def _of(self, orders: Orders) -> PolynomialProblem:
         """The problem of some orders on the way."""
         if orders == self.problem.errors.orders:
             return self.problem
@@ -123,14 +127,18 @@ class _Found:
     prefers those of the largest gains, or random ones."""
 
     def __init__(
-        self, problem: DescentProblem, generator: np.random.Generator, by_gains: bool = True
+        self, problem: PolynomialProblem, generator: np.random.Generator, by_gains: bool = True
     ) -> None:
         self.problem, self.generator, self._by_gains = problem, generator, by_gains
         self.evaluations = 0
         self.ended: list[float] = []
 
     def with_sections(
-        self, optima: list[Optimum], smaller: DescentProblem, larger: DescentProblem, shared: Shared
+        self,
+        optima: list[Optimum],
+        smaller: PolynomialProblem,
+        larger: PolynomialProblem,
+        shared: Shared,
     ) -> list[Optimum]:
         """Optima of larger orders from the most promising places of a further section."""
         starts, promised = [np.empty((0, larger.errors.dimension))], [np.empty(0)]
@@ -142,7 +150,11 @@ class _Found:
         return self.descents(larger, np.concatenate(starts)[best])
 
     def _most_promising(
-        self, optimum: Optimum, smaller: DescentProblem, larger: DescentProblem, shared: Shared
+        self,
+        optimum: Optimum,
+        smaller: PolynomialProblem,
+        larger: PolynomialProblem,
+        shared: Shared,
     ) -> tuple[Array, Array]:
         """An optimum with a further section at the best of random places, and what is promised.
         The gains of the places come first; one Gauss-Newton step from each of the best is nearer to
@@ -170,7 +182,7 @@ class _Found:
         best = np.argsort(promised, kind="stable")[:OF_EACH]
         return grown[best], promised[best]
 
-    def descents(self, problem: DescentProblem, starts: Array) -> list[Optimum]:
+    def descents(self, problem: PolynomialProblem, starts: Array) -> list[Optimum]:
         """The lowest optima that descents from some starts lead to."""
         if not len(starts):
             return []

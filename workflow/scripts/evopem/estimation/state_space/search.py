@@ -277,7 +277,6 @@ def searched(
         generator,
         log,
         agreeing_restarts=AGREEING_BEFORE_CHECK,
-        recombine=problem.recombine,
         until_certified=True,
     )
     diagnostics = replace(result.diagnostics, evaluations=result.diagnostics.evaluations + spent)

@@ -1,0 +1,156 @@
+"""Polynomials as products of second-order sections, each a conjugate pair or two real roots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.models.polynomials import roots
+
+Array = NDArray[np.float64]
+
+# Distances of random roots from the unit circle: as far as a pole that decays in a sample, and as
+# near as one that rings for hundreds.
+FARTHEST, NEAREST = 0.9, 0.003
+# Places of a section that are tried at a hop.
+PLACES = 12
+# Distances of a section's roots from the unit circle: as far as a pole that rings for two samples,
+# and as near as one that rings for hundreds.
+SECTION_FARTHEST, SECTION_NEAREST = 0.4, 0.003
+
+
+class RootSections(NamedTuple):
+    """Quadratic factors by the angle of their roots, (m // 2, 2), and the real root left over."""
+
+    quadratic: Array
+    single: Array
+
+
+def sections_of(coefficients: Array) -> RootSections:
+    """Sections of ``1 + x_1 q^-1 + ... + x_m q^-m``; (m,) coefficients."""
+    found = roots(coefficients)
+    upper = found[found.imag > 0.0]
+    real = np.sort(found[found.imag == 0.0].real)
+    odd = len(coefficients) % 2
+    single, paired = real[len(real) - odd :], real[: len(real) - odd].reshape(-1, 2)
+    factors = np.concatenate(
+        [
+            np.column_stack([-2.0 * upper.real, np.abs(upper) ** 2]),
+            np.column_stack([-paired.sum(axis=1), paired.prod(axis=1)]),
+        ]
+    )
+    # Two real roots stand at the frequency zero, or at half the sampling rate.
+    angles = np.concatenate([np.angle(upper), np.where(paired[:, 1] > 0.0, 0.0, np.pi)])
+    return RootSections(factors[np.argsort(angles, kind="stable")], single)
+
+
+def product_of(sections: RootSections) -> Array:
+    """Coefficients of the product of sections, without the leading 1."""
+    product = np.ones(1)
+    for factor in sections.quadratic:
+        product = np.convolve(product, np.concatenate([[1.0], factor]))
+    for root in sections.single:
+        product = np.convolve(product, [1.0, -root])
+    return product[1:]
+
+
+def recombined_polynomials(
+    polynomials: Array, pairs: NDArray[np.int64], generator: np.random.Generator
+) -> Array:
+    """Polynomials, (count, m), whose sections each come from one of two parents, by frequency.
+    ``polynomials`` (M, m): without the leading 1.  ``pairs`` (2, count): the parents of each."""
+    parents = [sections_of(coefficients) for coefficients in polynomials]
+    count, order = pairs.shape[1], polynomials.shape[1]
+    from_first = generator.random((count, order // 2 + order % 2)) < 0.5
+    offspring = np.empty((count, order))
+    if order == 0:
+        return offspring
+    for row, (one, other) in enumerate(pairs.T):
+        first, second, chosen = parents[one], parents[other], from_first[row]
+        quadratic = np.where(chosen[: order // 2, None], first.quadratic, second.quadratic)
+        single = first.single if chosen[-1] else second.single
+        offspring[row] = product_of(RootSections(quadratic, single))
+    return offspring
+
+
+def random_sections(count: int, generator: np.random.Generator) -> Array:
+    """Monic quadratic polynomials, (count, 3), spread over all frequencies and over the damping."""
+    angles = np.pi * (np.arange(count) + generator.random(count)) / count
+    radii = 1.0 - SECTION_FARTHEST * (SECTION_NEAREST / SECTION_FARTHEST) ** generator.random(count)
+    return np.column_stack([np.ones(count), -2.0 * radii * np.cos(angles), radii**2])
+
+
+def each_without(coefficients: Array) -> Iterator[tuple[Array, Array]]:
+    """Each section of a polynomial, (2,), and the polynomial without it, with the leading 1."""
+    found = sections_of(coefficients)
+    for row, section in enumerate(found.quadratic):
+        rest = RootSections(np.delete(found.quadratic, row, axis=0), found.single)
+        yield section, np.append(1.0, product_of(rest))
+
+
+def without_nearest(coefficients: Array, section: Array) -> Array | None:
+    """A monic polynomial, with the leading 1, without its section nearest to another one.
+    ``coefficients`` (m,): without the leading 1.  None where the polynomial has no section."""
+    roots_of_section = _section_roots(section)
+    nearest = min(
+        each_without(coefficients),
+        key=lambda each: np.min(np.abs(_section_roots(each[0])[:, None] - roots_of_section)),
+        default=None,
+    )
+    return None if nearest is None else nearest[1]
+
+
+def without_nearest_of(name: str, coefficients: Array, section: Array) -> Array | None:
+    """Coefficients of a polynomial as a point holds them, with the leading one, of B any number,
+    without the section nearest to another one."""
+    gain = coefficients[0] if name == "b" and len(coefficients) else 1.0
+    if gain == 0.0:
+        return None
+    rest = without_nearest(coefficients[1:] / gain if name == "b" else coefficients, section)
+    return None if rest is None else gain * rest
+
+
+def with_moved_section(
+    point: Array,
+    lead: slice,
+    others: Sequence[tuple[str, slice]],
+    generator: np.random.Generator,
+) -> list[Array]:
+    """Points with each section of a polynomial, and the nearest of others, at random places."""
+    moved = []
+    for section, rest in each_without(point[lead]):
+        left = [(part, without_nearest_of(name, point[part], section)) for name, part in others]
+        for factor in random_sections(PLACES, generator):
+            neighbour = point.copy()
+            neighbour[lead] = np.convolve(rest, factor)[1:]
+            for part, near in left:
+                if near is not None:
+                    whole = np.convolve(near, factor)
+                    neighbour[part] = whole[len(whole) - part.stop + part.start :]
+            moved.append(neighbour)
+    return moved
+
+
+def _section_roots(section: Array) -> NDArray[np.complex128]:
+    half = -0.5 * section[0]
+    spread = np.sqrt(complex(half * half - section[1]))
+    return np.array([half + spread, half - spread])
+
+
+def random_denominators(count: int, order: int, generator: np.random.Generator) -> Array:
+    """Polynomials with roots spread over all frequencies and over the damping, (count, order)."""
+    coefficients = np.empty((count, order))
+    pairs = order // 2
+    for row in range(count):
+        angles = np.pi * generator.random(pairs)
+        radii = 1.0 - FARTHEST * (NEAREST / FARTHEST) ** generator.random(pairs)
+        upper = radii * np.exp(1j * angles)
+        real = (1.0 - FARTHEST * (NEAREST / FARTHEST) ** generator.random(order % 2)) * (
+            generator.choice([-1.0, 1.0], order % 2)
+        )
+        roots = np.concatenate([upper, upper.conj(), real])
+        coefficients[row] = np.atleast_1d(np.real(np.poly(roots)))[1:]
+    return coefficients
