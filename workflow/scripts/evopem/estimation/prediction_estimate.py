@@ -212,7 +212,7 @@ def _unconstrained(
         return found
     scaled = problem.errors
     k_errors = errors_ahead(scaled, horizon)
-    random = problem.random(RANDOM_STARTS, task.generator(1))
+    random = problem.spread(RANDOM_STARTS, task.generator(1))[0]
     starts = np.concatenate([found.point[None, :], problem.estimates[0], random])
     if task.constraints.stability == "required":
         # k-step errors are not linear in the states and B alone: descents follow at once.
@@ -255,12 +255,12 @@ def _starts(
     z = [parameters.unbounded(parameters.coordinates(point)) for point in points]
     z += [
         parameters.random(parameters.coordinates(point), generator)
-        for point in problem.random(RANDOM_STARTS, generator)
+        for point in problem.spread(RANDOM_STARTS, generator)[0]
     ]
     starts = np.array(z)
     if not np.isfinite(constrained.values(starts)).any():
         # Fixed coefficients leave a small region: draw until some models lie in it.
-        drawn = problem.random(DRAWS, generator)
+        drawn = problem.spread(DRAWS, generator)[0]
         more = np.array([parameters.unbounded(parameters.coordinates(point)) for point in drawn])
         starts = np.concatenate([starts, more[np.isfinite(constrained.values(more))]])
     starts = starts[np.isfinite(constrained.values(starts))]

@@ -205,7 +205,7 @@ def _noise_fit(
     constrained = ConstrainedErrors(errors, parameters, priors, weight)
     white = point.copy()
     white[parts["c"]] = white[parts["d"]] = 0.0
-    random = problem.random(RANDOM_STARTS, task.generator(3))
+    random = problem.spread(RANDOM_STARTS, task.generator(3))[0]
     starts = np.array([parameters.coordinates(each) for each in (point, white, *random)])
     starts[:, parameters.linear] = 0.0
     starts = starts[np.isfinite(constrained.values(starts))]

@@ -288,29 +288,32 @@ class PolynomialProblem(HoppingProblem):
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A population, and the evaluations that it took; the first one holds the estimates."""
         if self._drawn:
-            return self._drawn_at_random(count, generator)
+            return self.spread(count, generator)
         self._drawn = True
         estimates, used = self.estimates
         descents = self.descend(estimates)
-        random, more = self._drawn_at_random(max(count - len(estimates), count // 3), generator)
+        random, more = self.spread(max(count - len(estimates), count // 3), generator)
         points = np.concatenate([descents.points, random])
         best = np.argsort(self.values(points), kind="stable")[:count]
         return points[best], used + descents.evaluations + more + len(points)
 
     def random(self, count: int, generator: np.random.Generator) -> Array:
-        """Independent points with random A, C, D and F; the rest follows by least squares.  Of
-        ARMAX models A and B are those of the ARX model (chapter section 4)."""
-        return self._drawn_at_random(count, generator)[0]
+        """Independent points with random A, C, D and F; the rest follows by least squares.  A of
+        ARMAX models is that of the ARX model, from where descents are short (chapter section 4)."""
+        of_armax = self.errors.orders.structure == "armax"
+        return self.spread(count, generator, self._arx_denominator if of_armax else None)[0]
 
-    def _drawn_at_random(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
+    def spread(
+        self, count: int, generator: np.random.Generator, a: Array | None = None
+    ) -> tuple[Array, int]:
+        """Such points with one A or random ones, and the evaluations that they took."""
         points = np.zeros((count, self.errors.dimension))
-        of_arx = self.errors.orders.structure == "armax"
         for name, part in self.errors.polynomials():
             order = part.stop - part.start
             if name in "cd":
                 points[1:, part] = generator.standard_normal((count - 1, order))
-            elif of_arx:
-                points[:, part] = self._arx_denominator
+            elif name == "a" and a is not None:
+                points[:, part] = a
             else:
                 points[:, part] = random_denominators(count, order, generator)
         return self.completed(points)
