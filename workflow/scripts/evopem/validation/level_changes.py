@@ -1,18 +1,18 @@
 """Whether a quantity that was estimated again and again has changed, and when.
 
-Estimates ``x_i`` with standard errors ``s_i`` have one level, up to steps and drifts; their scatter
-beyond the standard errors is estimated, and tests allow for its own uncertainty.
+Steps, single estimates away from their level, a trend or a wave are regressors of one weighted fit;
+the scatter beyond the standard errors is what they leave.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtrc, fdtrc
 
 Array = NDArray[np.float64]
 
@@ -20,17 +20,11 @@ Array = NDArray[np.float64]
 FEWEST = 4
 # Estimates on either side of a step.
 BESIDE = 2
-# Median of the square of a standard normal variable.
-MEDIAN_OF_SQUARES = 0.454936
-# Half of its standard error from n of them, relative, times sqrt(n): 1 / (4 f(m) m), f the density.
-ERROR_OF_MEDIAN = 1.2
-# Degrees of freedom of the scatter for each difference that it is estimated from: a median has
-# 37 % of the efficiency of a mean, successive differences have two thirds.
-FREEDOM = 0.25
-# Estimates beyond the coefficients from which a drift is tested, and shortest period in estimates.
+# Estimates beyond the coefficients from which a regressor is tested, and shortest period in
+# estimates.
 FEWEST_BEYOND, SHORTEST_PERIOD = 2, 3.0
-# Halvings of the interval in which the scatter is sought.
-BISECTIONS = 40
+# Newton steps to the scatter.
+ITERATIONS = 10
 
 
 @dataclass(frozen=True)
@@ -56,170 +50,72 @@ class Levels:
 
 
 def find_levels(values: Array, standard_errors: Array, significance: float) -> Levels:
-    """Find steps and outlying estimates in a sequence.
+    """Find steps and outlying estimates in a sequence, the most significant one at a time.
 
-    The probability of finding anything where nothing changes is at most ``significance``, half of
-    it for single estimates (Bonferroni), half for steps: each part is tested again with a quarter.
+    The probability of finding anything where nothing changes is at most ``significance``, a third
+    each for steps, for two at once, and for single estimates, and of all their places (Bonferroni).
     """
     count = len(values)
-    scatter = excess_scatter(values, standard_errors)
-    variances = standard_errors**2 + scatter**2
-    freedom = _freedom(variances, scatter)
-    single = 0.5 * significance / count
-    kept = np.flatnonzero(np.logical_not(_isolated(values, variances, freedom, single)))
-    steps = sorted(_steps(values[kept], variances[kept], freedom, 0, 0.25 * significance))
-    bounds = [0, *(int(kept[index]) for index, _ in steps), count]
-    levels, parts, outlying = np.empty(count), [], []
-    for first, stop in pairwise(bounds):
-        inside = kept[(kept >= first) & (kept < stop)]
-        mean, variance = _mean(values[inside], variances[inside])
-        levels[first:stop] = mean
-        parts.append((mean, variance))
-        outlying += _outlying(values, variances, freedom, range(first, stop), inside, single)
-    changes = tuple(
-        LevelChange(index, before[0], after[0], math.sqrt(before[1] + after[1]), p_value)
-        for index, (before, after), (_, p_value) in zip(
-            bounds[1:-1], pairwise(parts), steps, strict=True
-        )
-    )
-    return Levels(tuple(levels.tolist()), scatter, changes, tuple(outlying))
-
-
-def excess_scatter(values: Array, standard_errors: Array) -> float:
-    """Standard deviation of estimates beyond their standard errors, 0 where these explain all.
-
-    With it the squared successive differences, which a step hardly touches, have the median of
-    squared normal variables, less half of its standard error: too small a scatter makes alarms.
-    """
-    from scipy.optimize import brentq
-
-    if len(values) < FEWEST:
-        return 0.0
-    squares = np.diff(values) ** 2
-    known = standard_errors[1:] ** 2 + standard_errors[:-1] ** 2
-    expected = MEDIAN_OF_SQUARES * max(1.0 - ERROR_OF_MEDIAN / math.sqrt(len(values)), 0.5)
-
-    def surplus(variance: float) -> float:
-        return float(np.median(squares / (known + 2.0 * variance))) - expected
-
-    largest = float(squares.max()) / expected
-    if surplus(0.0) <= 0.0:
-        return 0.0
-    return math.sqrt(float(brentq(surplus, 0.0, largest, rtol=1e-10)))
-
-
-def step_probability(statistic: float, splits: int, first: float, last: float) -> float:
-    """Probability that the largest of all standardised steps exceeds a value by chance.
-
-    The smaller of Bonferroni's bound and the tail of the standardised Brownian bridge between two
-    times, ``P(max |B(t)| / sqrt(t (1 - t)) > b)`` (Miller & Siegmund 1982, eq. 8).  ``first``,
-    ``last``: share of the weight before the first and the last of the places that were tried.
-    """
-    b = statistic
-    single = math.erfc(b / math.sqrt(2.0))
-    bound = min(1.0, splits * single)
-    if b <= 1.0 or math.isinf(b):
-        return bound
-    density = math.exp(-0.5 * b * b) / math.sqrt(2.0 * math.pi)
-    span = math.log(last * (1.0 - first) / (first * (1.0 - last)))
-    tail = density * (4.0 / b + (b - 1.0 / b) * span)
-    return min(bound, max(tail, single))
-
-
-def _steps(
-    values: Array, variances: Array, freedom: float, start: int, significance: float
-) -> list[tuple[int, float]]:
-    """Indices of significant steps with their probabilities, none in particular order."""
-    count = len(values)
-    if count < FEWEST:
-        return []
-    weights = 1.0 / variances
-    total = np.cumsum(weights)
-    sums = np.cumsum(weights * values)
-    splits = np.arange(BESIDE, count - BESIDE + 1)
-    left, right = total[splits - 1], total[-1] - total[splits - 1]
-    difference = (sums[-1] - sums[splits - 1]) / right - sums[splits - 1] / left
-    statistics = np.abs(difference) / np.sqrt(1.0 / left + 1.0 / right)
-    best = int(np.argmax(statistics))
-    p_value = step_probability(
-        _normal_equivalent(float(statistics[best]), freedom),
-        len(splits),
-        float(left[0] / total[-1]),
-        float(left[-1] / total[-1]),
-    )
-    if p_value >= significance:
-        return []
-    at = int(splits[best])
-    return [
-        (start + at, p_value),
-        *_steps(values[:at], variances[:at], freedom, start, 0.25 * significance),
-        *_steps(values[at:], variances[at:], freedom, start + at, 0.25 * significance),
+    at, edges = np.arange(count), range(BESIDE, count - BESIDE + 1)
+    # What lies at the other level: from an estimate on, between two, or one alone.
+    kinds = [
+        [(k, count) for k in edges],
+        [(k, end) for k in edges for end in edges if end - k >= BESIDE],
+        [(k, k + 1) for k in range(count)],
     ]
+    design = np.ones((1, count))
+    found: list[tuple[int, float, bool]] = []
+    while count >= max(FEWEST, len(design) + 1 + FEWEST_BEYOND):
+        tests = []
+        for places in filter(None, kinds):
+            first, stop = np.array(places).T[..., None]
+            regressors = ((first <= at) & (at < stop)).astype(float)
+            p_value, best = _most_significant(values, standard_errors, design, regressors)
+            tests.append((len(kinds) * len(places) * p_value, places[best]))
+        p_value, (first, stop) = min(tests)
+        if p_value >= significance:
+            break
+        is_step = stop - first >= BESIDE
+        known = {k for k, _, each in found if each == is_step} | {count}
+        added = [k for k in ((first, stop) if is_step else (first,)) if k not in known]
+        found += [(k, p_value, is_step) for k in added]
+        design = np.vstack([design, *((at >= k) if is_step else (at == k) for k in added)])
+    coefficients, covariances, _, scatter = _fits(values, standard_errors, design.T[None], 1)
+    is_level = np.array([True, *(is_step for *_, is_step in found)])
+    level = coefficients[0, is_level] @ design[is_level]
+    errors = np.sqrt(np.diag(covariances[0]))[1:].tolist()
+    changes = [
+        LevelChange(k, float(level[k - 1]), float(level[k]), error, p_value)
+        for error, (k, p_value, is_step) in zip(errors, found, strict=True)
+        if is_step
+    ]
+    return Levels(
+        tuple(level.tolist()),
+        math.sqrt(float(scatter[0])),
+        tuple(sorted(changes, key=lambda each: each.index)),
+        tuple(sorted(k for k, _, is_step in found if not is_step)),
+    )
 
 
-def _mean(values: Array, variances: Array) -> tuple[float, float]:
-    """Weighted mean and its variance."""
-    weights = 1.0 / variances
-    return float(weights @ values / weights.sum()), float(1.0 / weights.sum())
+def _most_significant(
+    values: Array, errors: Array, design: Array, regressors: Array
+) -> tuple[float, int]:
+    """Which of some regressors, (k, n), explains most beside a design, (p, n); its p-value first.
 
-
-def _freedom(variances: Array, scatter: float) -> float:
-    """Degrees of freedom of variances of which the scatter is an estimated part (Welch 1947)."""
-    share = scatter**2 / float(variances.mean())
-    return FREEDOM * (len(variances) - 1) / share**2 if share > 0.0 else math.inf
-
-
-def _normal_equivalent(statistic: float, freedom: float) -> float:
-    """The normal deviate with the probability of a Student's t."""
-    from scipy.special import ndtri, stdtr
-
-    if math.isinf(freedom):
-        return statistic
-    return -float(ndtri(stdtr(freedom, -statistic)))
-
-
-def _isolated(values: Array, variances: Array, freedom: float, significance: float) -> Array:
-    """Whether each estimate lies on one side of all its neighbours, significantly each time.
-
-    One that would be taken for a step, or hide one; a true step has neighbours on its own side.
+    By the scatter that the design leaves, then by the one that the regressor found so leaves.
     """
-    count = len(values)
-    isolated = np.zeros(count, dtype=bool)
-    if count < FEWEST:
-        return isolated
-    for index in range(count):
-        near = [k for k in range(index - BESIDE, index + BESIDE + 1) if 0 <= k < count]
-        near.remove(index)
-        deviations = (values[index] - values[near]) / np.sqrt(variances[index] + variances[near])
-        if np.ptp(np.sign(deviations)) == 0.0:
-            isolated[index] = _probability(float(np.abs(deviations).min()), freedom) < significance
-    return isolated
-
-
-def _probability(statistic: float, freedom: float) -> float:
-    """Two-sided tail of Student's t."""
-    return math.erfc(_normal_equivalent(statistic, freedom) / math.sqrt(2.0))
-
-
-def _outlying(
-    values: Array,
-    variances: Array,
-    freedom: float,
-    part: range,
-    inside: NDArray[np.int64],
-    significance: float,
-) -> list[int]:
-    """Estimates of a part away from the mean of the others inside it."""
-    found = []
-    for index in part:
-        others = inside[inside != index]
-        if len(others) < BESIDE:
-            continue
-        mean, variance = _mean(values[others], variances[others])
-        statistic = abs(values[index] - mean) / math.sqrt(variances[index] + variance)
-        if _probability(float(statistic), freedom) < significance:
-            found.append(index)
-    return found
+    scatter = _fits(values, errors, design.T[None], 1)[3]
+    for _ in range(2):
+        roots = 1.0 / np.sqrt(errors**2 + scatter)
+        basis = np.linalg.qr((design * roots).T)[0]
+        own = regressors * roots - (regressors * roots) @ basis @ basis.T
+        explained = (own @ (values * roots)) ** 2 / np.maximum(np.sum(own**2, axis=1), 1e-9)
+        best = int(np.argmax(explained))
+        both = np.vstack([design, regressors[best]])
+        if np.linalg.matrix_rank(both) < len(both):
+            return 1.0, best
+        _, _, p_values, scatter = _fits(values, errors, both.T[None], 1)
+    return float(p_values[0]), best
 
 
 @dataclass(frozen=True)
@@ -237,11 +133,8 @@ class Drift:
 
 def constant_probability(values: Array, standard_errors: Array) -> float:
     """Probability that a constant, weighted by the standard errors, leaves as much or more."""
-    from scipy.special import chdtrc
-
-    weights = standard_errors**-2.0
-    left = values - weights @ values / weights.sum()
-    return float(chdtrc(len(values) - 1, weights @ left**2))
+    left = _weighted(values, standard_errors**2.0, np.ones((1, len(values), 1)))[2]
+    return float(chdtrc(len(values) - 1, left.sum()))
 
 
 def find_drift(
@@ -254,61 +147,58 @@ def find_drift(
     count, span = len(values), float(places[-1] - places[0])
     if span <= 0.0:
         return None
-    found, time, level = [], (places - places[0]) / span, np.ones((1, count))
-    if count >= 2 + FEWEST_BEYOND:
-        designs = np.stack([level, level * time - 0.5], axis=-1)
-        coefficients, covariances, p_values = _fits(values, standard_errors, designs)
-        size, error = coefficients[0, 1], np.sqrt(covariances[0, 1, 1])
-        shown = tuple((designs[0] @ coefficients[0]).tolist())
-        found.append(Drift("trend", shown, float(size), float(error), np.nan, float(p_values[0])))
+    found, time = [], (places - places[0]) / span
     # Numbers of periods, a quarter apart: a wave between two of them is found by both.
     periods = np.arange(1.0, (count - 1) / SHORTEST_PERIOD + 1e-9, 0.25)
-    if count >= 3 + FEWEST_BEYOND and len(periods):
-        waves = 2.0 * np.pi * np.outer(periods, time) * (count - 1) / count
-        designs = np.stack([np.ones_like(waves), np.cos(waves), np.sin(waves)], axis=-1)
-        coefficients, covariances, p_values = _fits(values, standard_errors, designs)
+    waves = 2.0 * np.pi * np.outer(periods, time) * (count - 1) / count
+    regressors: dict[Literal["trend", "oscillation"], list[Array]] = {
+        "trend": [time[None] - 0.5],
+        "oscillation": [np.cos(waves), np.sin(waves)],
+    }
+    for kind, each in regressors.items():
+        designs = np.stack([np.ones_like(each[0]), *each], axis=-1)
+        if count < designs.shape[2] + FEWEST_BEYOND or not len(designs):
+            continue
+        coefficients, covariances, p_values, _ = _fits(values, standard_errors, designs, len(each))
         best = int(np.argmin(p_values))
         along = coefficients[best, 1:]
-        size = np.hypot(*along)
-        direction = along / max(size, 1e-300)
-        error = np.sqrt(direction @ covariances[best, 1:, 1:] @ direction)
-        period = span * count / (count - 1) / float(periods[best])
-        p_value = min(1.0, len(periods) * float(p_values[best]))  # Bonferroni
+        size = float(along[0]) if kind == "trend" else float(np.hypot(*along))
+        direction = along / (size or 1.0)
+        error = math.sqrt(direction @ covariances[best, 1:, 1:] @ direction)
+        period = math.nan if kind == "trend" else span * count / (count - 1) / periods[best]
         shown = tuple((designs[best] @ coefficients[best]).tolist())
-        found.append(Drift("oscillation", shown, float(size), float(error), period, p_value))
+        p_value = min(1.0, len(designs) * float(p_values[best]))  # Bonferroni
+        found.append(Drift(kind, shown, size, error, float(period), p_value))
     significant = [each for each in found if each.p_value < 0.5 * significance]
     return min(significant, key=lambda each: each.p_value, default=None)
 
 
-def _fits(values: Array, errors: Array, designs: Array) -> tuple[Array, Array, Array]:
-    """Weighted fits of a level and regressors (k, n, p): coefficients, covariances, F tests."""
-    from scipy.special import fdtrc
+def _fits(
+    values: Array, errors: Array, designs: Array, tested: int
+) -> tuple[Array, Array, Array, Array]:
+    """Weighted fits of regressors (k, n, p): coefficients, covariances, F tests, scatter.
 
-    free, tested = designs.shape[1] - designs.shape[2], designs.shape[2] - 1
-    scatter = _scatter(values, errors, designs, free)
-    coefficients, covariances, left = _weighted(values, errors**2 + scatter, designs)
+    F tests of the last regressors; the scatter is the variance beyond the errors, (k,).
+    """
+    free = designs.shape[1] - designs.shape[2]
+    scatter = np.zeros(len(designs))
+    for _ in range(ITERATIONS):
+        # The inverse of what is left is nearly linear in the scatter, and grows with it.
+        variances = errors**2 + scatter[:, None]
+        _, _, left, slope = _weighted(values, variances, designs)
+        scatter = np.maximum(scatter + (left / free - 1.0) * left / np.maximum(slope, 1e-300), 0.0)
+    coefficients, covariances, left, _ = _weighted(values, errors**2 + scatter[:, None], designs)
     covariances *= np.maximum(1.0, left / free)[:, None, None]
-    own = coefficients[:, 1:, None]
-    along = np.linalg.solve(covariances[:, 1:, 1:], own)
+    own = coefficients[:, -tested:, None]
+    along = np.linalg.solve(covariances[:, -tested:, -tested:], own)
     statistics = (own * along).sum(axis=(1, 2)) / tested
-    return coefficients, covariances, fdtrc(tested, free, statistics)
+    return coefficients, covariances, fdtrc(tested, free, statistics), scatter
 
 
-def _weighted(values: Array, variances: Array, designs: Array) -> tuple[Array, Array, Array]:
-    """Coefficients, their covariances, and the weighted sums of squares that are left."""
+def _weighted(values: Array, variances: Array, designs: Array) -> tuple[Array, ...]:
+    """Coefficients, their covariances, weighted squares left, and how these fall with variance."""
     weighted = np.swapaxes(designs / variances[..., None], 1, 2)
     covariances: Array = np.asarray(np.linalg.inv(weighted @ designs), dtype=float)
     coefficients: Array = (covariances @ (weighted @ values)[..., None])[..., 0]
-    fitted = (designs @ coefficients[..., None])[..., 0]
-    return coefficients, covariances, np.sum((values - fitted) ** 2 / variances, axis=1)
-
-
-def _scatter(values: Array, errors: Array, designs: Array, free: int) -> Array:
-    """Variance beyond the errors, (k, 1), with which what is left is its expectation, or 0."""
-    low = np.zeros((len(designs), 1))
-    high = np.full_like(low, float(np.sum((values - values.mean()) ** 2)))
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        above = _weighted(values, errors**2 + middle, designs)[2][:, None] > free
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return low
+    squares = (values - (designs @ coefficients[..., None])[..., 0]) ** 2 / variances
+    return coefficients, covariances, squares.sum(axis=1), (squares / variances).sum(axis=1)
