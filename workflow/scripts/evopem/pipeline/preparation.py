@@ -79,7 +79,7 @@ def prepare_samples(
         rate = prepared.estimation.sampling_rate
         check_fit(own, selectable_orders(grid), rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)
-    if delays is not None and given is not None:
+    if given is not None:
         stretches, names = load_record(files).stretches, prepared.estimation.input_names
         with errors_name_dataset(files), one_blas_thread():
             save(decide_folds(stretches, of_polynomials), files.decision("folds"))
