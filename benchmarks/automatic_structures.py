@@ -86,7 +86,7 @@ def judged(
     """Compare a model of the prepared stretches with the truth."""
     truth, plan = truth_of(structure), prepared.plan
     scale = float(prepared.scales[0][0] / prepared.scales[1][0])
-    given = replace(truth, B=(truth.b * scale,))
+    given = replace(truth, B=(truth.B[0] * scale,))
     stretches = [Segment(*record_of(structure, seed))]
     true_orders = fit(stretches, truth.orders, FitSettings(), [truth]).model
     ratio = _distance(model, given) / _distance(true_orders, truth)

@@ -159,8 +159,8 @@ def input_record(
     assert model.covariance is not None
     of_b = model.covariance.part(slice(model.orders.na, model.orders.na + model.orders.single.nb))
     held_out = divided(model, Recording(u, y, 1.0), cut)
-    statistic = float(model.b @ np.linalg.pinv(of_b.matrix) @ model.b)
-    return input_significance(held_out).p_value, float(chdtrc(len(model.b), statistic))
+    statistic = float(model.B[0] @ np.linalg.pinv(of_b.matrix) @ model.B[0])
+    return input_significance(held_out).p_value, float(chdtrc(len(model.B[0]), statistic))
 
 
 def selected(u: Array, y: Array) -> Fit:

@@ -24,7 +24,7 @@ TRUTH = PolynomialModel(
     np.poly([POLE, POLE.conjugate()]).real,
     1,
 )
-GAIN = float(TRUTH.b.sum() / TRUTH.f.sum())
+GAIN = float(TRUTH.B[0].sum() / TRUTH.F[0].sum())
 MODE = TRUTH.modes()[0]
 CASES = {
     "damping at least": Constraints(min_damping_ratio=MODE.damping_ratio),

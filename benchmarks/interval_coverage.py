@@ -55,7 +55,7 @@ def covered(seed: int, samples: int, noise: str, objective: str) -> NDArray[np.f
     u = generator.standard_normal(total)
     clean = truth.simulate(u)
     e = NOISE_RATIO * np.std(clean[WARM_UP:]) * innovations(noise, generator, total)
-    y = clean + lfilter(truth.c, truth.a, e)
+    y = clean + lfilter(truth.C, truth.A, e)
     settings = replace(SEARCH[samples], objective=objective)
     found = estimate(u[WARM_UP:], y[WARM_UP:], truth.orders, 100.0, settings=settings).model
     assert found.covariance is not None

@@ -53,7 +53,7 @@ def errors_of(seed: int, place: str, share: float) -> Array:
     hits = generator.random(total) < share
     size = SIZE * (np.std(clean[WARM_UP:]) if place == PLACES[2] else deviation)
     outliers = np.where(hits, size * generator.choice([-1.0, 1.0], total), 0.0)
-    y = clean + lfilter(truth.c, truth.a, e + outliers * (place == PLACES[0]))
+    y = clean + lfilter(truth.C, truth.A, e + outliers * (place == PLACES[0]))
     y += outliers * (place != PLACES[0])
     rows = []
     for objective in OBJECTIVES:

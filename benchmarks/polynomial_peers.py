@@ -141,7 +141,7 @@ def evopem(structure: str, o: Orders, u: Array, y: Array) -> Coefficients:
     found = estimate(
         None if own == "arma" else u, y, named(o), structure=own, settings=QUADRATIC
     ).model
-    return found.a[1:], found.b, found.c[1:], found.d[1:], found.f[1:]
+    return found.A[1:], found.B[0], found.C[1:], found.D[1:], found.F[0][1:]
 
 
 def objective(filtered: FilteredPolynomials, coefficients: Coefficients) -> float:

@@ -52,7 +52,7 @@ def recordings(truth: PolynomialModel, lengths: tuple[int, ...], seed: int) -> l
         level = LEVELS * generator.standard_normal()
         u, e = generator.standard_normal((2, length + before))
         y = lfilter(truth.delayed_b(), truth.plant_denominator, u)
-        y = y + NOISE * lfilter(truth.c, truth.noise_denominator, e) + level
+        y = y + NOISE * lfilter(truth.C, truth.noise_denominator, e) + level
         found.append(Segment(u[before:], y[before:], number))
     return found
 

@@ -51,7 +51,7 @@ def search() -> list[dict]:
             ]
             found.append(
                 {"objective": fit.criteria.objective, "bic": fit.criteria.bic, "modes": modes}
-                | {"orders": orders, "bits": [float(x).hex() for x in fit.model.a]}
+                | {"orders": orders, "bits": [float(x).hex() for x in fit.model.A]}
             )
     return found
 

@@ -66,8 +66,8 @@ def test_the_search_begins_with_the_candidate_in_the_units_of_the_recording(cand
         *(choice, scorer, record, recording, SearchSettings(evaluations=200))
     )
     assert about.choice == chosen.SEARCHED
-    assert found.model.f == pytest.approx([1.0, -1.5, 0.8], abs=0.05)
-    assert found.model.b == pytest.approx([5.0, 2.5], rel=0.2)
+    assert found.model.F[0] == pytest.approx([1.0, -1.5, 0.8], abs=0.05)
+    assert found.model.B[0] == pytest.approx([5.0, 2.5], rel=0.2)
 
 
 def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():
@@ -78,7 +78,7 @@ def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():
     truth = PolynomialModel(one, np.array([1.0, 0.5]), one, one, np.array([1.0, -1.5, 0.8]), 1)
     y = truth.simulate(u) + 2.0 * np.sin(2.0 * np.pi * np.arange(600) / 500.0 + 0.5) + 0.1 * e
     wave = np.array([1.0, -2.0 * np.cos(2.0 * np.pi / 500.0), 1.0])
-    larger = replace(truth, B=(np.convolve(truth.b, wave),), F=(np.convolve(truth.f, wave),))
+    larger = replace(truth, B=(np.convolve(truth.B[0], wave),), F=(np.convolve(truth.F[0], wave),))
     stretches = [Segment(u, y)]
     errors = [np.std(y - simulated(m, stretches[0], True)[:, 0]) for m in (truth, larger)]
     assert errors[1] < 0.2 * errors[0]
@@ -96,9 +96,9 @@ def test_a_slow_state_of_the_predictor_gains_nothing_by_what_it_is_fitted_to():
     u, e = generator.standard_normal((2, 400))
     one = np.ones(1)
     truth = PolynomialModel(np.array([1.0, -0.8]), one, one, one, one, 1)
-    y = lfilter([0.0, 1.0], truth.a, u) + lfilter([1.0], truth.a, e)
-    slow = replace(truth, A=np.convolve(truth.a, [1.0, -0.99]), C=np.array([1.0, -0.9999]))
-    slow = replace(slow, B=(np.convolve(truth.b, [1.0, -0.99]),))
+    y = lfilter([0.0, 1.0], truth.A, u) + lfilter([1.0], truth.A, e)
+    slow = replace(truth, A=np.convolve(truth.A, [1.0, -0.99]), C=np.array([1.0, -0.9999]))
+    slow = replace(slow, B=(np.convolve(truth.B[0], [1.0, -0.99]),))
     before, held_out = Segment(u[:200], y[:200]), Segment(u[200:], y[200:] + 3.0)
 
     def size(past):
@@ -113,5 +113,5 @@ def test_models_go_to_the_units_of_a_recording_and_back(candidate):
     _, record, _, choice = candidate
     back = replace(record, scales=tuple(1.0 / each for each in record.scales))
     once = record.in_its_units(choice.candidate.model)
-    assert not np.allclose(once.b, choice.candidate.model.b)
-    np.testing.assert_array_equal(back.in_its_units(once).b, choice.candidate.model.b)
+    assert not np.allclose(once.B[0], choice.candidate.model.B[0])
+    np.testing.assert_array_equal(back.in_its_units(once).B[0], choice.candidate.model.B[0])

@@ -36,7 +36,7 @@ def test_common_roots_of_an_arx_model_are_those_of_the_noise():
         "ararx",
         Orders(na=2, nb=2, nd=2, nk=1),
     )
-    np.testing.assert_allclose(after.model.d, D, atol=0.1)
+    np.testing.assert_allclose(after.model.D, D, atol=0.1)
 
 
 def test_ends_of_b_that_are_zero_are_left_out():
@@ -63,5 +63,5 @@ def test_a_plant_keeps_its_simulations_beside_a_noise_model_of_its_own():
     plant = scorer.candidate("oe", Orders(nb=2, nf=2, nk=1))
     order, described = next(with_noise_models(scorer, plant))
     assert order == 1
-    assert np.roots(described.model.d)[0].real == pytest.approx(0.9, abs=0.05)
-    np.testing.assert_array_equal(described.model.f, plant.model.f)
+    assert np.roots(described.model.D)[0].real == pytest.approx(0.9, abs=0.05)
+    np.testing.assert_array_equal(described.model.F[0], plant.model.F[0])

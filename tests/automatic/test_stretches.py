@@ -51,7 +51,7 @@ def test_recordings_with_their_own_levels_give_one_model():
     stretches = [Segment(u[:250], y[:250] + 7.0, 0), Segment(u[300:], y[300:] - 4.0, 1)]
     found = fit(stretches, Orders(nb=2, nf=2, nk=1), FitSettings())
     assert found.levels == pytest.approx((7.0, -4.0), abs=0.2)
-    assert found.model.f == pytest.approx([1.0, -1.5, 0.8], abs=0.02)
+    assert found.model.F[0] == pytest.approx([1.0, -1.5, 0.8], abs=0.02)
     assert error_percent(truth, simulated(found.model, Segment(u, truth + 7.0))[:, 0] - 7.0) < 3.0
 
 
@@ -79,10 +79,10 @@ def with_level_as_state(model):
     The further state is a constant, fitted along by the estimate of the initial state.
     """
     difference = np.array([1.0, -1.0])
-    b = np.convolve(model.b, difference)
+    b = np.convolve(model.B[0], difference)
     if model.orders.single.nf or not model.orders.na:
-        return replace(model, B=(b,), F=(np.convolve(model.f, difference),), level=0.0)
-    a, c = np.convolve(model.a, difference), np.convolve(model.c, difference)
+        return replace(model, B=(b,), F=(np.convolve(model.F[0], difference),), level=0.0)
+    a, c = np.convolve(model.A, difference), np.convolve(model.C, difference)
     return replace(model, A=a, B=(b,), C=c, level=0.0)
 
 

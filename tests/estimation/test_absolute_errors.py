@@ -72,7 +72,7 @@ def test_the_jacobian_is_the_derivative_of_the_errors(structure):
     )
     errors = AbsoluteStateSpaceProblem(StateSpaceErrors(record, 3, structure, "noise"))
     generator = np.random.default_rng(2)
-    coordinates = 0.3 * generator.standard_normal(errors.plain.dimension)
+    coordinates = 0.3 * generator.standard_normal(errors.plain.layout.dimension)
     point = errors.completed(coordinates)
     for k, (columns, places) in enumerate(errors.jacobians(point)):
         expected = np.zeros((150, errors.dimension))

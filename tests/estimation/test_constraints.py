@@ -40,7 +40,7 @@ def constrained(constraints, u=None, y=None, **others):
 
 
 def static_gain(model):
-    return float(model.b.sum() / model.plant_denominator.sum())
+    return float(model.B[0].sum() / model.plant_denominator.sum())
 
 
 def damping(model):
@@ -86,7 +86,7 @@ HARD = {
     "fixed_coefficients": (
         Constraints(fixed_coefficients={"f1": -1.4, "b0": 0.8, "c2": 0.0}),
         None,
-        lambda model: (model.f[1], model.b[0], model.c[2]) == (-1.4, 0.8, 0.0),
+        lambda model: (model.F[0][1], model.B[0][0], model.C[2]) == (-1.4, 0.8, 0.0),
     ),
     "fixed_poles": (
         Constraints(fixed_poles=(FixedPole(frequency_hz=5.0, damping_ratio=0.1),)),
@@ -178,7 +178,7 @@ def test_a_fixed_integrator_is_a_pole_at_one_and_the_rest_is_estimated():
     y = lfilter([0.0, 0.5, 0.3], a, u) + lfilter(COLOUR, a, 0.3 * e)
     integrator = Constraints(fixed_poles=(FixedPole(real=1.0),))
     model = constrained(integrator, u, y, structure="armax", orders=(2, 2, 2, 1)).model
-    assert model.a.sum() == pytest.approx(0.0, abs=1e-14)
+    assert model.A.sum() == pytest.approx(0.0, abs=1e-14)
     errors = model.parameters - np.concatenate([a[1:], [0.5, 0.3], COLOUR[1:]])
     deviations = np.sqrt(np.diag(model.covariance.matrix))
     np.testing.assert_array_less(np.abs(errors), 4.0 * deviations)
@@ -195,7 +195,7 @@ def test_an_unstable_plant_under_feedback_is_found_where_stability_is_free():
     options = {"structure": "armax", "orders": (2, 2, 1, 1)}
     free = constrained(Constraints(stability="free"), u, y, **options)
     stable = constrained(Constraints(), u, y, **options)
-    assert max_root_radius(stable.model.a[1:]) <= QUADRATIC.max_root_radius
+    assert max_root_radius(stable.model.A[1:]) <= QUADRATIC.max_root_radius
     assert "stability" in stable.constraints.active
     assert free.constraints.objective < stable.constraints.objective
     errors = free.model.parameters - np.array([*a[1:], 0.5, 0.3, 0.4])
@@ -206,8 +206,8 @@ def test_an_unstable_plant_under_feedback_is_found_where_stability_is_free():
 @pytest.mark.parametrize(
     ("prior", "quantity"),
     [
-        (Prior("f1", -1.45, 1e-5), lambda model: model.f[1]),
-        (Prior("b0", 0.9, 1e-5), lambda model: model.b[0]),
+        (Prior("f1", -1.45, 1e-5), lambda model: model.F[0][1]),
+        (Prior("b0", 0.9, 1e-5), lambda model: model.B[0][0]),
         (Prior("static_gain", 4.0, 1e-5), static_gain),
         (Prior("frequency", 5.0, 1e-5), lambda model: model.modes()[0].frequency_hz),
         (Prior("damping", 0.2, 1e-5, mode_hz=5.0), lambda model: model.modes()[0].damping_ratio),
@@ -231,7 +231,7 @@ def test_a_prior_counts_as_an_observation():
     deviation = float(np.sqrt(np.diag(free.covariance.matrix))[0])
     prior = Prior("b0", free.b[0] + deviation, deviation)
     found = constrained(Constraints(priors=(prior,)), u, y, **options).model
-    assert found.b[0] == pytest.approx(free.b[0] + 0.5 * deviation, rel=1e-4)
+    assert found.B[0][0] == pytest.approx(free.B[0][0] + 0.5 * deviation, rel=1e-4)
     after = float(np.sqrt(np.diag(found.covariance.matrix))[0])
     assert after == pytest.approx(deviation / math.sqrt(2.0), rel=1e-2)
 
@@ -243,8 +243,8 @@ def test_an_active_constraint_leaves_no_variance_across_it():
     assert model.modes()[0].damping_se < 1e-9
     assert model.modes()[0].frequency_se_hz > 1e-4
     of_gain = np.zeros(len(model.parameters))
-    of_gain[:2] = 1.0 / model.f.sum()
-    of_gain[4:] = -model.b.sum() / model.f.sum() ** 2
+    of_gain[:2] = 1.0 / model.F[0].sum()
+    of_gain[4:] = -model.B[0].sum() / model.F[0].sum() ** 2
     assert model.covariance.standard_errors(of_gain[None, :])[0] < 1e-9
 
 

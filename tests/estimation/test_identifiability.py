@@ -55,7 +55,7 @@ def test_lines_determine_the_gain_at_the_lines_only(signal, orders, excited, bet
     of_b = slice(orders[0], orders[0] + orders[1])
     assert np.isinf(errors[of_b]).all()
     assert np.isfinite(np.delete(errors, np.r_[of_b])).all()
-    assert np.abs(model.b).max() < 2.0
+    assert np.abs(model.B[0]).max() < 2.0
     lower, upper = (each[:, 0, 0] for each in response_interval(model, excited)[:2])
     # Four standard errors instead of two: several lines, one record each.
     middle = np.sqrt(lower * upper)
@@ -68,12 +68,12 @@ def test_lines_determine_the_gain_at_the_lines_only(signal, orders, excited, bet
 def test_a_constant_input_determines_the_sum_of_b_only():
     u, y = record(np.full(2500, 5.0), 0.1)
     model = estimate(u, y, (2, 3, 1, 1), settings=SEARCH).model
-    assert model.b == pytest.approx(np.full(3, model.b.mean()))
+    assert model.B[0] == pytest.approx(np.full(3, model.B[0].mean()))
     total = np.array([[0, 0, 1, 1, 1, 0], [0, 0, 1, 0, 0, 0]])
     errors = model.covariance.standard_errors(total)
     assert np.isfinite(errors[0])
     assert errors[1] == np.inf
-    assert abs(model.b.sum() - 1.5) < 4 * errors[0]
+    assert abs(model.B[0].sum() - 1.5) < 4 * errors[0]
 
 
 def test_a_record_without_noise_determines_the_true_mode_only():
@@ -102,8 +102,8 @@ def test_the_shortest_b_leaves_the_residuals_as_they_are():
     point[2:8] += 1e3 * null
     moved = describe(errors, replace(found.search, point=point), 1.0, shortest=True)
     assert np.abs(errors.residuals(point) - found.residuals[found.window.loss_start :]).max() < 1e-8
-    assert np.abs(moved.model.b - found.model.b).max() < 1e-4
-    assert np.linalg.norm(moved.model.b) < 2.0
+    assert np.abs(moved.model.B[0] - found.model.B[0]).max() < 1e-4
+    assert np.linalg.norm(moved.model.B[0]) < 2.0
 
 
 def test_pseudo_inverse_factor_of_a_singular_matrix():

@@ -65,7 +65,7 @@ def test_neither_the_order_of_recordings_nor_their_levels_change_the_model():
     found = estimate_joined(stretches, orders, window)
     other = estimate_joined(others, orders, window)
     assert other.model.parameters == pytest.approx(found.model.parameters, rel=1e-5)
-    shifts = np.array([0.0, 7.0, 14.0]) * found.model.a.sum()
+    shifts = np.array([0.0, 7.0, 14.0]) * found.model.A.sum()
     assert other.levels[::-1] == pytest.approx(found.levels + shifts, rel=1e-4)
 
 

@@ -36,7 +36,7 @@ def path(estimated, tmp_path):
 
 def test_json_keeps_every_bit_of_the_model(estimated, path):
     model, again = estimated[0].model, evopem.load(path)
-    for name in ("a", "b", "c", "covariance"):
+    for name in ("A", "B", "C", "covariance"):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
     for name in ("nk", "orders", "sampling_rate", "noise_variance"):
         assert getattr(again, name) == getattr(model, name)
@@ -59,9 +59,11 @@ def test_the_record_says_how_the_model_was_found(estimated, path):
 def test_roots_modes_and_standard_errors_are_those_of_the_model(estimated, path):
     model, record = estimated[0].model, load(ModelRecord, path)
     assert list(record.modes) == model.modes()
-    np.testing.assert_allclose(np.real(np.poly(record.poles)), model.a, rtol=1e-12)
-    np.testing.assert_allclose(np.real(np.poly(record.noise_zeros)), model.c, rtol=1e-12)
-    np.testing.assert_allclose(np.real(np.poly(record.zeros[0])) * model.b[0], model.b, rtol=1e-12)
+    np.testing.assert_allclose(np.real(np.poly(record.poles)), model.A, rtol=1e-12)
+    np.testing.assert_allclose(np.real(np.poly(record.noise_zeros)), model.C, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.real(np.poly(record.zeros[0])) * model.B[0][0], model.B[0], rtol=1e-12
+    )
     np.testing.assert_array_equal(
         record.parameter_standard_errors, model.parameter_standard_errors()
     )

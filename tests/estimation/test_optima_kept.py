@@ -30,8 +30,8 @@ def test_a_level_is_found_beside_an_input_of_any_mean(structure, orders, mean):
     y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u - mean) + 7.5 * mean + 2.0 + noise
     found = estimate(u, y, orders, structure=structure, settings=QUICK, level=True)
     assert found.model.noise_variance == pytest.approx(np.var(e), rel=0.05)
-    assert found.model.f == pytest.approx([1.0, -1.5, 0.7], abs=0.02)
-    constant = found.model.b.sum() / found.model.f.sum() * mean + found.model.level
+    assert found.model.F[0] == pytest.approx([1.0, -1.5, 0.7], abs=0.02)
+    constant = found.model.B[0].sum() / found.model.F[0].sum() * mean + found.model.level
     assert constant == pytest.approx(7.5 * mean + 2.0, abs=0.1)
 
 

@@ -117,8 +117,8 @@ def test_a_completed_candidate_is_the_estimate(short):
 
 def test_radii_of_a_candidate_are_those_of_its_model(short):
     (candidate,) = estimate_candidates(short, [armax_orders(2, 2, 2, 3)], "nb", SEARCH, LATE)
-    assert candidate.max_pole_radius == np.abs(np.roots(candidate.model.a)).max()
-    assert candidate.max_noise_zero_radius == np.abs(np.roots(candidate.model.c)).max()
+    assert candidate.max_pole_radius == np.abs(np.roots(candidate.model.A)).max()
+    assert candidate.max_noise_zero_radius == np.abs(np.roots(candidate.model.C)).max()
 
 
 def test_a_record_too_short_for_an_order_is_refused_in_a_sentence(record):

@@ -130,7 +130,7 @@ def test_a_level_is_found_whatever_the_signals_means(structure):
     orders = TRUTHS[structure].orders
     without = estimate(u, y, orders, structure=structure, settings=QUADRATIC, level=True)
     model = without.model
-    gain = np.sum(model.b) / np.sum(model.plant_denominator)
+    gain = np.sum(model.B[0]) / np.sum(model.plant_denominator)
     shifted = estimate(
         u + 3.0, y - 7.0, orders, structure=structure, settings=QUADRATIC, level=True
     )
@@ -145,8 +145,8 @@ def test_the_scale_of_the_signals_scales_the_model_bit_by_bit():
     orders = TRUTHS["oe"].orders
     one = estimate(u, y, orders, structure="oe", settings=QUADRATIC).model
     other = estimate(2.0**40 * u, 2.0**-30 * y, orders, structure="oe", settings=QUADRATIC).model
-    np.testing.assert_array_equal(one.f, other.f)
-    np.testing.assert_array_equal(one.b * 2.0**-70, other.b)
+    np.testing.assert_array_equal(one.F[0], other.F[0])
+    np.testing.assert_array_equal(one.B[0] * 2.0**-70, other.B[0])
 
 
 def test_the_armax_structure_is_estimated_as_without_naming_it():
@@ -176,7 +176,7 @@ def test_a_noise_model_may_have_one_polynomial(orders, expected):
 def test_an_input_of_zeros_has_no_effect():
     y = np.random.default_rng(1).standard_normal(300)
     found = estimate(np.zeros(300), y, (2, 1, 1), structure="oe", settings=QUADRATIC)
-    np.testing.assert_array_equal(found.model.b, 0.0)
+    np.testing.assert_array_equal(found.model.B[0], 0.0)
 
 
 def test_the_record_is_not_modified():

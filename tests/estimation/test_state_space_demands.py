@@ -27,7 +27,7 @@ for k, (frequency, damping) in enumerate(((0.8, 0.05), (2.5, 0.1))):
     A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
 
 
-def recorded(inputs=1, outputs=1, samples=500, seed=0, structure="ss"):
+def recorded(inputs=1, outputs=1, samples=250, seed=0, structure="ss"):
     """A recording of two modes with process noise, or with noise of the outputs alone."""
     generator = np.random.default_rng(seed)
     B = generator.standard_normal((4, inputs))
@@ -101,7 +101,7 @@ def test_the_optimum_of_one_step_is_one_of_all_entries_as_well(structure):
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])
 @pytest.mark.parametrize(("inputs", "outputs"), [(1, 1), (2, 2), (0, 2)])
 def test_several_steps_are_predicted_better_by_a_model_for_them(inputs, outputs, objective):
-    recording = recorded(inputs, outputs, 250)
+    recording = recorded(inputs, outputs, 150)
     options = {"weighting": "noise", "settings": replace(SETTINGS, objective=objective)}
     # An order too small for both modes: the focus decides which of them it has.
     one, five = (estimate_state_space(recording, 2, focus=focus, **options) for focus in (1, 5))
@@ -122,16 +122,14 @@ def test_several_steps_are_predicted_better_by_a_model_for_them(inputs, outputs,
     ("structure", "objective", "inputs", "outputs"),
     [
         ("ss", "quadratic", 1, 1),
-        ("ss", "absolute", 2, 2),
+        ("ss", "absolute", 1, 2),
         ("ss_oe", "quadratic", 2, 2),
-        ("ss_oe", "absolute", 1, 1),
-        ("ss_oe_drift", "quadratic", 1, 1),
-        ("ss_oe_drift", "absolute", 2, 2),
+        ("ss_oe_drift", "absolute", 1, 1),
     ],
 )
 def test_modes_keep_their_least_damping(structure, objective, inputs, outputs):
     found = estimate_state_space(
-        recorded(inputs, outputs, 300, structure=structure),
+        recorded(inputs, outputs, 200, structure=structure),
         4,
         structure=structure,
         constraints=Constraints(min_damping_ratio=0.09),
@@ -182,7 +180,7 @@ def test_standard_errors_of_one_step_are_those_without_constraints():
 
 
 def test_a_plant_beside_its_noise_model_serves_every_focus():
-    recording = recorded(1, 1, 200, structure="ss_oe")
+    recording = recorded(1, 1, 120, structure="ss_oe")
     simulated = estimated(recording, structure="ss_bj", focus="simulation")
     plant = estimated(recording, structure="ss_oe")
     assert simulated.focus_objective == pytest.approx(plant.objective)
@@ -223,19 +221,19 @@ def test_a_model_has_its_structure_for_one_channel_as_well():
 
 @pytest.mark.parametrize(
     ("structure", "order"),
-    [("ss", 4), ("ss_oe", {"n": 4, "nk": [1]}), ("ss_oe_drift", (4, [1])), ("ss_bj", (4,))],
+    [("ss", 2), ("ss_oe", {"n": 2, "nk": [1]}), ("ss_oe_drift", (2, [1])), ("ss_bj", (2,))],
 )
 def test_one_function_estimates_every_structure(structure, order):
     """From arrays, the order as a number, by its name or with delays."""
-    recording = recorded(1, 1, 150, structure="ss_oe")
+    recording = recorded(1, 1, 80, structure="ss_oe")
     found = evopem.estimate(
         *(recording.input, recording.output, order, RATE),
         structure=structure,
         level=True,
         settings=SETTINGS,
     )
-    assert found.objective == estimated(recording, structure=structure).objective
-    assert found.order == 4
+    assert found.objective == estimated(recording, 2, structure=structure).objective
+    assert found.order == 2
 
 
 @pytest.mark.parametrize("orders", [{"nf": 2}, {"n": 2, "nb": 1}, (2, 1, 1), "4", None, 2.0])

@@ -200,10 +200,10 @@ def test_step_and_impulse_are_those_of_the_transfer_function(results, view):
     from scipy.signal import dlti, dstep
 
     model, table = results.model.model, settling_part(view)
-    numerator = np.zeros(max(len(model.delayed_b()), len(model.a)))
+    numerator = np.zeros(max(len(model.delayed_b()), len(model.A)))
     denominator = np.zeros_like(numerator)
     numerator[: len(model.delayed_b())] = model.delayed_b()
-    denominator[: len(model.a)] = model.a
+    denominator[: len(model.A)] = model.A
     times, (step,) = dstep(dlti(numerator, denominator, dt=1 / 100.0), n=len(table))
     np.testing.assert_allclose(table["step"], step[:, 0], atol=1e-9)
     np.testing.assert_allclose(table["time_s"], times)

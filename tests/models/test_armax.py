@@ -25,9 +25,9 @@ def brute_force_residuals(model, u, y):
     o = model.orders
     e = np.zeros(len(y))
     for t in range(o.first_residual, len(y)):
-        e[t] = sum(model.a[i] * y[t - i] for i in range(o.na + 1))
-        e[t] -= sum(model.b[j] * u[t - o.single.nk - j] for j in range(o.single.nb))
-        e[t] -= sum(model.c[k] * e[t - k] for k in range(1, o.nc + 1))
+        e[t] = sum(model.A[i] * y[t - i] for i in range(o.na + 1))
+        e[t] -= sum(model.B[0][j] * u[t - o.single.nk - j] for j in range(o.single.nb))
+        e[t] -= sum(model.C[k] * e[t - k] for k in range(1, o.nc + 1))
     return e
 
 
@@ -79,7 +79,7 @@ def test_transfer_functions_of_other_libraries_keep_the_dynamics_and_the_delay(b
     np.testing.assert_allclose(by_control(z), expected, rtol=1e-12)
     # The same model as a polynomial model with A in the place of F.
     unit = np.ones(1)
-    general = PolynomialModel(unit, model.b, unit, unit, model.a, nk, sampling_rate=50.0)
+    general = PolynomialModel(unit, model.B[0], unit, unit, model.A, nk, sampling_rate=50.0)
     theirs = general.to_scipy()
     np.testing.assert_allclose(
         np.polyval(theirs.num, z) / np.polyval(theirs.den, z), expected, rtol=1e-12
@@ -92,7 +92,7 @@ def test_innovations_come_back_as_residuals():
     model = true_model()
     rng = np.random.default_rng(3)
     u, e = rng.standard_normal((2, 4000))
-    y = model.simulate(u) + lfilter(model.c, model.a, e)
+    y = model.simulate(u) + lfilter(model.C, model.A, e)
     # The unknown past innovations are forgotten as the largest root of C, 0.90, decays.
     np.testing.assert_allclose(model.residuals(u, y)[500:], e[500:], atol=1e-8)
 
@@ -106,7 +106,7 @@ def test_an_estimated_noise_state_leaves_no_transient():
     )
     rng = np.random.default_rng(8)
     u, e = rng.standard_normal((2, 3000))
-    y = slow.simulate(u) + lfilter(slow.c, slow.a, e)
+    y = slow.simulate(u) + lfilter(slow.C, slow.A, e)
     u, y, e = u[1000:], y[1000:], e[1000:]
     plain = slow.residuals(u, y)
     state = slow.prediction_state(u, y)[1]

@@ -21,9 +21,9 @@ def model():
     n = truth.orders.parameters
     covariance = ParameterCovariance(1e-2 * np.eye(n)[:, 1:], np.eye(n)[:, :1])
     return evopem.PolynomialModel(
-        truth.a,
-        truth.b,
-        truth.c,
+        truth.A,
+        truth.B[0],
+        truth.C,
         nk=truth.nk,
         sampling_rate=100.0,
         noise_variance=0.25,
@@ -35,9 +35,9 @@ def test_mat_holds_the_arguments_of_idpoly(model, tmp_path):
     path = tmp_path / "model.mat"
     save_model_mat(model, path)
     stored = loadmat(path)
-    np.testing.assert_array_equal(stored["A"], model.a[None, :])
-    np.testing.assert_array_equal(stored["B"][0], np.r_[0, 0, 0, model.b])
-    np.testing.assert_array_equal(stored["C"], model.c[None, :])
+    np.testing.assert_array_equal(stored["A"], model.A[None, :])
+    np.testing.assert_array_equal(stored["B"][0], np.r_[0, 0, 0, model.B[0]])
+    np.testing.assert_array_equal(stored["C"], model.C[None, :])
     assert stored["Ts"][0, 0] == 0.01
     assert stored["NoiseVariance"][0, 0] == 0.25
 
@@ -89,7 +89,7 @@ def test_a_polynomial_model_leaves_and_comes_back(tmp_path):
     )
     save_model_mat(model, tmp_path / "model.mat")
     stored = loadmat(tmp_path / "model.mat")
-    for name, expected in (("A", model.a), ("C", model.c), ("D", model.d), ("F", model.f)):
+    for name, expected in (("A", model.A), ("C", model.C), ("D", model.D), ("F", model.F[0])):
         np.testing.assert_array_equal(stored[name][0], expected)
     np.testing.assert_array_equal(stored["B"][0], [0, 0, 1.0, 0.5])
     assert stored["Level"][0, 0] == 0.25

@@ -22,7 +22,7 @@ MODEL = PolynomialModel(
 
 def record(model, samples=300, noise=0.2, seed=1):
     u, e = np.random.default_rng(seed).standard_normal((2, samples))
-    y = model.simulate(u) + signal.lfilter(model.c, model.noise_denominator, noise * e)
+    y = model.simulate(u) + signal.lfilter(model.C, model.noise_denominator, noise * e)
     return u, y, noise * e
 
 
@@ -43,15 +43,15 @@ def test_a_prediction_is_the_mean_of_the_future_given_the_past(horizon):
     first = MODEL.orders.first_residual
     e = np.nan_to_num(MODEL.residuals(u, y))
     x = np.zeros(len(u))
-    x[first:] = signal.lfilter(ONE, MODEL.f, signal.lfilter(MODEL.delayed_b(), ONE, u)[first:])
+    x[first:] = signal.lfilter(ONE, MODEL.F[0], signal.lfilter(MODEL.delayed_b(), ONE, u)[first:])
     for t in (60, 90, 119):
         known = t - horizon
         innovations = np.where(np.arange(len(u)) <= known, e, 0.0)
         noise = np.zeros(len(u))
-        noise[first:] = signal.lfilter(MODEL.c, MODEL.d, innovations[first:])
+        noise[first:] = signal.lfilter(MODEL.C, MODEL.D, innovations[first:])
         future = y.copy()
         for s in range(known + 1, t + 1):
-            future[s] = x[s] + noise[s] + MODEL.level - MODEL.a[1] * future[s - 1]
+            future[s] = x[s] + noise[s] + MODEL.level - MODEL.A[1] * future[s - 1]
         assert predicted[t] == pytest.approx(future[t], abs=1e-9)
 
 
@@ -72,9 +72,9 @@ def test_simulation_follows_the_difference_equations():
     u, _, _ = record(MODEL, 200)
     x, y = np.zeros((2, 200))
     for t in range(200):
-        x[t] = sum(MODEL.b[j] * u[t - 2 - j] for j in range(3) if t - 2 - j >= 0)
-        x[t] -= sum(MODEL.f[k] * x[t - k] for k in (1, 2) if t >= k)
-        y[t] = x[t] - (MODEL.a[1] * y[t - 1] if t else 0.0)
+        x[t] = sum(MODEL.B[0][j] * u[t - 2 - j] for j in range(3) if t - 2 - j >= 0)
+        x[t] -= sum(MODEL.F[0][k] * x[t - k] for k in (1, 2) if t >= k)
+        y[t] = x[t] - (MODEL.A[1] * y[t - 1] if t else 0.0)
     np.testing.assert_allclose(MODEL.simulate(u), y + 0.3 / 0.4, atol=1e-9)
 
 
@@ -92,7 +92,7 @@ def test_responses_are_scipys():
         MODEL.delayed_b(), MODEL.plant_denominator, worN=frequencies, fs=50.0
     )
     np.testing.assert_allclose(MODEL.frequency_response(frequencies)[:, 0, 0], expected, rtol=1e-9)
-    _, expected = signal.freqz(MODEL.c, MODEL.noise_denominator, worN=frequencies, fs=50.0)
+    _, expected = signal.freqz(MODEL.C, MODEL.noise_denominator, worN=frequencies, fs=50.0)
     np.testing.assert_allclose(MODEL.noise_response(frequencies)[:, 0, 0], expected, rtol=1e-9)
     _, (impulse,) = signal.dimpulse(plant, n=40)
     _, (step,) = signal.dstep(plant, n=40)
@@ -108,7 +108,7 @@ def test_poles_and_zeros_of_plant_and_noise():
     )
     np.testing.assert_allclose(np.sort(MODEL.noise_poles().real), [0.6, 0.7], atol=1e-12)
     np.testing.assert_allclose(np.poly(MODEL.zeros()).real, [1.0, 0.4, -0.2], atol=1e-12)
-    np.testing.assert_allclose(np.poly(MODEL.noise_zeros()).real, MODEL.c, atol=1e-12)
+    np.testing.assert_allclose(np.poly(MODEL.noise_zeros()).real, MODEL.C, atol=1e-12)
     (mode,) = MODEL.modes()
     assert mode.pole == pytest.approx(0.9 * np.exp(0.7j))
     assert MODEL.noise_modes() == []

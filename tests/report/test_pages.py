@@ -135,7 +135,7 @@ def test_every_figure_offers_its_numbers_inside_the_page(results, page):
     roots = tables["poles_zeros"]
     poles = roots[roots["kind"] == "pole"]
     model = results.model.model
-    np.testing.assert_allclose(np.poly(poles["real"] + 1j * poles["imag"]), model.a, atol=1e-4)
+    np.testing.assert_allclose(np.poly(poles["real"] + 1j * poles["imag"]), model.A, atol=1e-4)
     assert len(poles) == model.orders.na
     assert (poles["variance_real"] > 0).all()
     assert set(tables["record"]["stage"]) == {"recorded", "estimation", "validation"}

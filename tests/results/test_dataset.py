@@ -28,7 +28,7 @@ def test_the_selection_is_the_model(identified):
     results = identified.results
     selected = results.phases["nb"].selected
     assert selected.orders == results.model.orders
-    np.testing.assert_array_equal(selected.model.a, results.model.model.A)
+    np.testing.assert_array_equal(selected.model.A, results.model.model.A)
     assert selected.criteria.bic == results.model.bic
     assert list(results.phases) == list(PHASES)
     assert results.name == "bench"

@@ -81,7 +81,7 @@ def test_the_preparation_brings_the_armax_record_back(transforms):
     first = transforms.difference
     expected = plain.output[first : first + 600]
     np.testing.assert_allclose(prepared.estimation.output, expected - expected.mean(), atol=1e-6)
-    np.testing.assert_array_equal(truth.a, true_model().a)
+    np.testing.assert_array_equal(truth.a, true_model().A)
 
 
 def test_the_truth_of_an_armax_recording_is_its_model():

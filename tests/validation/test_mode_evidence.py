@@ -77,7 +77,7 @@ def example(nk=2):
 
 def test_residues_are_those_of_scipy():
     model = example()
-    residues, poles, _ = residuez(model.b, model.a)
+    residues, poles, _ = residuez(model.B[0], model.A)
     for mode in model.modes():
         expected = residues[np.argmin(np.abs(poles - mode.pole))]
         assert mode.input_participation[0] == pytest.approx(expected, rel=1e-8)
@@ -91,7 +91,7 @@ def test_modal_responses_add_up_to_the_simulation(nk):
     parts = ModalParts.of(model.modes(), record)
     # Without a delay the response to the sample itself is no part of the modes.
     rest = (parts.simulated - sum(parts.by_input))[:, 0]
-    np.testing.assert_allclose(rest, 0.0 if nk else model.b[0] * u, atol=1e-10)
+    np.testing.assert_allclose(rest, 0.0 if nk else model.B[0][0] * u, atol=1e-10)
 
 
 def test_a_mode_is_reached_without_covariance_or_other_orders():

@@ -33,7 +33,7 @@ def response(model, samples, noise, seed=0, warm_up=500):
     rng = np.random.default_rng(seed)
     u = rng.normal(size=samples + warm_up)
     e = noise * rng.normal(size=samples + warm_up)
-    y = lfilter(model.delayed_b(), model.a, u) + lfilter(model.c, model.a, e)
+    y = lfilter(model.delayed_b(), model.A, u) + lfilter(model.C, model.A, e)
     return u[warm_up:], y[warm_up:]
 
 
@@ -152,9 +152,9 @@ def test_prediction_continues_the_recursion_over_the_cut():
     state = model.prediction_state(u[:300], y[:300])[1]
     b = model.delayed_b()
     for t in range(start, 400):
-        e[t] = sum(model.a[i] * y[t - i] for i in range(model.a.size))
+        e[t] = sum(model.A[i] * y[t - i] for i in range(model.A.size))
         e[t] -= sum(b[i] * u[t - i] for i in range(b.size))
-        e[t] -= sum(model.c[i] * e[t - i] for i in range(1, model.c.size))
+        e[t] -= sum(model.C[i] * e[t - i] for i in range(1, model.C.size))
         e[t] += state[t - start] if t - start < state.size else 0.0
     result, tables = validate(model, prepared(u, y, 300))
     np.testing.assert_allclose(tables.simulation["prediction_error_output"], e[300:], atol=1e-9)

@@ -77,7 +77,7 @@ def test_another_project_uses_the_workflow_under_a_prefix(project, finished, rec
     assert not (folder / "results").exists()
     made = load(ModelRecord, folder / "models" / "results" / "bench" / "model.json")
     own = load(ModelRecord, finished.files_of("truth").model)
-    for name in "abc":
+    for name in "ABC":
         np.testing.assert_array_equal(getattr(made.model, name), getattr(own.model, name))
     frequency = float((folder / "first_mode.txt").read_text().split(",")[1])
     assert frequency == own.modes[0].frequency_hz

@@ -46,9 +46,9 @@ def test_a_run_makes_every_promised_file(finished):
             assert path.stat().st_size > 0, path
     record = load(ModelRecord, files.model)
     orders = record.orders
-    assert len(record.polynomials.a) == orders.na + 1
-    assert len(record.polynomials.b) == orders.single.nb
-    assert len(record.polynomials.c) == orders.nc + 1
+    assert len(record.polynomials.A) == orders.na + 1
+    assert len(record.polynomials.B[0]) == orders.single.nb
+    assert len(record.polynomials.C) == orders.nc + 1
     candidates = pd.read_csv(files.candidates)
     selected = candidates[candidates["selected"]].set_index("phase")
     assert list(selected.index) == list(PHASES)

@@ -76,11 +76,11 @@ def test_the_results_of_a_structure_are_read_back(run, name):
     assert model.structure == name
     found = sorted(map(str, Path(files.phase_folder).glob("*.json")))
     assert found == sorted(map(files.phase, PHASES[name]))
-    plant = model.f if name != "arma" else model.a
+    plant = model.F[0] if name != "arma" else model.A
     assert plant == pytest.approx(RESONANCE, abs=0.05)
     assert load(DatasetSummary, files.summary).orders == model.orders
     stored = loadmat(files.model_mat)
-    assert stored["F"].size == (0 if name == "arma" else len(model.f))
+    assert stored["F"].size == (0 if name == "arma" else len(model.F[0]))
     horizons = pd.read_csv(files.horizons)
     assert horizons["horizon"].iloc[0] == 1
     assert json.loads(Path(files.validation).read_text())["horizons"][0] == 1

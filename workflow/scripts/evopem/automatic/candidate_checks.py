@@ -149,7 +149,7 @@ def _is_insignificant(
     gradient = np.zeros((1, covariance.factor.shape[0]))
     gradient[0, model.part("b").start + coefficient] = 1.0
     spread = float(covariance.standard_errors(gradient)[0])
-    return bool(abs(model.b[coefficient]) < SMALL * spread)
+    return bool(abs(model.B[0][coefficient]) < SMALL * spread)
 
 
 def _of_several_channels(

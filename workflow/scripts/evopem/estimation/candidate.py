@@ -76,13 +76,13 @@ class Candidate:
     def max_pole_radius(self) -> float:
         """Largest radius of the poles of the plant, or of the noise filter where there is none."""
         model = self.model
-        others = model.f if model.has_input else model.d
-        return max(max_root_radius(model.a[1:]), max_root_radius(others[1:]))
+        others = model.F[0] if model.has_input else model.D
+        return max(max_root_radius(model.A[1:]), max_root_radius(others[1:]))
 
     @property
     def max_noise_zero_radius(self) -> float:
         """Largest radius of the roots of C."""
-        return max_root_radius(self.model.c[1:])
+        return max_root_radius(self.model.C[1:])
 
 
 @dataclass(frozen=True, eq=False)

@@ -240,5 +240,5 @@ def t_ratios_of_ends(model: PolynomialModel) -> tuple[float, float]:
     ends = np.eye(model.orders.parameters)[[of_b.start, of_b.stop - 1]]
     errors = model.covariance.standard_errors(ends)
     with np.errstate(divide="ignore", invalid="ignore"):
-        leading, trailing = np.abs(model.b[[0, -1]]) / errors
+        leading, trailing = np.abs(model.B[0][[0, -1]]) / errors
     return float(leading), float(trailing)

@@ -334,7 +334,7 @@ def load_model(path: str | Path) -> Model:
     >>> with TemporaryDirectory() as folder:
     ...     save(evopem.PolynomialModel([1.0, -0.5], [2.0], nk=1), f"{folder}/model.json")
     ...     model = evopem.load(f"{folder}/model.json")
-    >>> model.a
+    >>> model.A
     array([ 1. , -0.5])
     """
     check_result(path, "summary.json")

@@ -108,41 +108,6 @@ class Polynomials:
         return len(self.B) > 0
 
     @property
-    def a(self) -> Array:
-        """A; with :attr:`b` to :attr:`f` the polynomials of a model with at most one input."""
-        return self.A
-
-    @property
-    def b(self) -> Array:
-        """B of the one input, (nb,); empty without an input."""
-        return self._single(self.B, np.empty(0))
-
-    @property
-    def c(self) -> Array:
-        """C."""
-        return self.C
-
-    @property
-    def d(self) -> Array:
-        """D."""
-        return self.D
-
-    @property
-    def f(self) -> Array:
-        """F of the one input, (nf + 1,); 1 without an input."""
-        return self._single(self.F, np.ones(1))
-
-    @property
-    def delay(self) -> int:
-        """Delay of the one input in samples; 0 without an input."""
-        return self.orders.single.nk
-
-    def _single(self, of_inputs: tuple[Array, ...], without: Array) -> Array:
-        if len(of_inputs) > 1:
-            raise ValueError(f"the model has {len(of_inputs)} inputs, not one")
-        return of_inputs[0] if of_inputs else without
-
-    @property
     def parameters(self) -> Array:
         """Coefficients ``[a_1.., b_1 ... b_m, c_1.., d_1.., f_1 ... f_m]``, (n,)."""
         f = [each[1:] for each in self.F]
@@ -202,7 +167,8 @@ class Polynomials:
     def uncertain_roots(self, letter: str) -> list[tuple[complex, Array]]:
         """Roots of one of a, b, c, d, f of a model with one input, with their covariances."""
         own = None if self.covariance is None else self.covariance.part(self.part(letter))
-        return uncertain_roots(getattr(self, letter), own)
+        polynomial = getattr(self, letter.upper())
+        return uncertain_roots(polynomial[0] if letter in "bf" else polynomial, own)
 
     def residuals(
         self,

@@ -98,7 +98,7 @@ def armax(
     u = generator.standard_normal(total)
     clean = model.simulate(u)
     deviation = noise * float(np.std(clean[WARM_UP:]))
-    output = clean + lfilter(model.c, model.a, deviation * generator.standard_normal(total))
+    output = clean + lfilter(model.C, model.A, deviation * generator.standard_normal(total))
     output = undo_stationarity(output[WARM_UP:], box_cox, difference)
     recording = Recording(
         inputs=u[WARM_UP:],
@@ -116,9 +116,9 @@ def armax(
         box_cox=box_cox,
         difference=difference,
         orders=model.orders,
-        a=model.a,
-        b=model.b,
-        c=model.c,
+        a=model.A,
+        b=model.B[0],
+        c=model.C,
     )
     return recording, truth
 
@@ -148,9 +148,9 @@ def polynomial_record(
 
     u, e = generator.standard_normal((2, WARM_UP + samples))
     simulated = model.simulate(u)
-    noise = lfilter(model.c, model.noise_denominator, e)
+    noise = lfilter(model.C, model.noise_denominator, e)
     scale = 1.0
-    if len(model.b):
+    if model.has_input:
         ratio = float(np.std(simulated[WARM_UP:]) / np.std(noise[WARM_UP:]))
         scale = noise_percent / 100.0 * ratio
     output = simulated + scale * noise

@@ -7,8 +7,9 @@ coordinates of the sections (:mod:`.pole_coordinates`), the other entries, and s
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -58,7 +59,12 @@ class EntryErrors:
     states: Array  # (N, n)
     one_step: Array  # (N, l)
     errors: Array  # (N, l): in focus
-    covariance: Array
+
+    @cached_property
+    def covariance(self) -> Array:
+        """``errors' errors / N``, (l, l)."""
+        with np.errstate(all="ignore"):
+            return np.asarray(self.errors.T @ self.errors / len(self.errors))
 
 
 class EntryProblem:
@@ -128,13 +134,15 @@ class EntryProblem:
             drives[:, column] += missing / np.sum(v * v, axis=0) * v
         return Matrices(A, drives, outputs)
 
-    def changes(self, point: Array) -> Matrices:
-        """Derivatives of the matrices by a point, s of each section held."""
+    def by_point(
+        self, point: Array, function: Callable[[Matrices], Iterable[NDArray]]
+    ) -> list[Array]:
+        """Derivatives by a point of what follows from its matrices, s of each section held."""
         entries, by_point = self.entries(point)
         steps = entries[:, None] + 1j * COMPLEX_STEP * np.eye(len(entries))
         scale = np.repeat(self._scales(point)[:, None], len(entries), axis=1)
-        stepped = self.matrices(steps, scale)
-        return Matrices(*(each.imag / COMPLEX_STEP @ by_point for each in stepped))
+        stepped = function(self.matrices(steps, scale))
+        return [each.imag / COMPLEX_STEP @ by_point for each in stepped]
 
     def _direct(self, column: int, outputs: NDArray) -> NDArray | float:
         """The entry of D of an input, of the row of an output."""
@@ -146,7 +154,7 @@ class EntryProblem:
         """Errors of a point."""
         if self._latest is not None and np.array_equal(self._latest.point, point):
             return self._latest
-        data, driving = self.plain.data, self.plain.driving
+        data, driving = self.plain.data, self.plain.signals.driving
         now = self.matrices(self.entries(point)[0])
         C, K = output_and_gain(self.plain, now)
         with np.errstate(all="ignore"):
@@ -157,15 +165,14 @@ class EntryProblem:
             states = driven_states(now.A - K @ C, initial[:, None], inputs[:, None], data.bounds)
             one_step = left - states[:, 0] @ C.T
             errors = self._ahead(now, one_step)
-            covariance = errors.T @ errors / len(errors)
-        self._latest = EntryErrors(point.copy(), now, states[:, 0], one_step, errors, covariance)
+        self._latest = EntryErrors(point.copy(), now, states[:, 0], one_step, errors)
         return self._latest
 
     def derivatives(self, found: EntryErrors) -> Array:
         """Derivatives of the errors by the point, (N, l, n)."""
         if self._derivatives is None or self._derivatives[0] is not found:
-            data, now, driving = self.plain.data, found.matrices, self.plain.driving
-            by = self.changes(found.point)
+            data, now, driving = self.plain.data, found.matrices, self.plain.signals.driving
+            by = Matrices(*self.by_point(found.point, tuple))
             C, K = output_and_gain(self.plain, now)
             seen = np.hstack([found.states, self.regressors])
             signals = np.hstack([found.states, data.inputs, found.one_step])
@@ -177,30 +184,32 @@ class EntryProblem:
                 initial = np.moveaxis(by.drives[:, driving:].T, 1, 0)
                 states = driven_states(now.A - K @ C, initial, inputs, data.bounds)
                 of_one_step = -np.swapaxes(states @ C.T + direct, 1, 2)
-                self._derivatives = found, self._derivatives_ahead(found, by, of_one_step)
+                self._derivatives = found, self._derivatives_ahead(found, of_one_step)
         return self._derivatives[1]
+
+    def _responses(self, now: Matrices) -> Iterator[NDArray]:
+        """Responses of the noise filter, ``C A^(k-1) K`` of lags k below the horizon, (l, l)."""
+        C, G = output_and_gain(self.plain, now)
+        for _ in range(1, self.horizon):
+            yield np.einsum("in...,nj...->ij...", C, G)
+            G = np.einsum("mn...,nj...->mj...", now.A, G)
 
     def _ahead(self, now: Matrices, errors: Array) -> Array:
         """Errors of predictions ``horizon`` samples ahead from those of one step."""
-        ahead, (C, G) = errors.copy(), output_and_gain(self.plain, now)
-        for lag in range(1, self.horizon):
+        ahead = errors.copy()
+        for lag, H in enumerate(self._responses(now), 1):
             for after, before in _lagged(self.plain.data.bounds, lag):
-                ahead[after] += errors[before] @ (C @ G).T
-            G = now.A @ G
+                ahead[after] += errors[before] @ H.T
         return ahead
 
-    def _derivatives_ahead(self, found: EntryErrors, by: Matrices, derivatives: Array) -> Array:
+    def _derivatives_ahead(self, found: EntryErrors, derivatives: Array) -> Array:
         """Their derivatives from those of the errors of one step."""
-        ahead, A, dA = derivatives.copy(), found.matrices.A, by.A
-        C, G = output_and_gain(self.plain, found.matrices)
-        dC, dG = output_and_gain(self.plain, by)
-        for lag in range(1, self.horizon):
-            dH = np.tensordot(C, dG, 1) + np.einsum("inp,nj->ijp", dC, G)
+        ahead = derivatives.copy()
+        responses = self._responses(found.matrices), self.by_point(found.point, self._responses)
+        for lag, (H, dH) in enumerate(zip(*responses, strict=True), 1):
             for after, before in _lagged(self.plain.data.bounds, lag):
-                ahead[after] += (C @ G) @ derivatives[before]
+                ahead[after] += H @ derivatives[before]
                 ahead[after] += np.tensordot(found.one_step[before], dH, ([1], [1]))
-            dG = np.tensordot(A, dG, 1) + np.einsum("mnp,nj->mjp", dA, G)
-            G = A @ G
         return ahead
 
     def scaled(self, point: Array) -> ScaledModel:

@@ -27,7 +27,6 @@ from evopem.estimation.state_space.sections import (
     Layout,
     Sections,
     SectionSignals,
-    StateDerivatives,
     input_matrix,
     inside,
     largest_radius,
@@ -193,7 +192,11 @@ class Projection:
     basis: Array  # (N, rank): orthonormal, of the regressors
     linear: Array  # (q, ny): least-squares C, D, constants and drift, transposed
     errors: Array  # (N, ny)
-    covariance: Array  # (ny, ny): errors' errors / N
+
+    @cached_property
+    def covariance(self) -> Array:
+        """``errors' errors / N``, (ny, ny)."""
+        return np.asarray(self.errors.T @ self.errors / len(self.errors))
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,19 +213,12 @@ class StateSpaceErrors:
     structure: PlainStructure
     weighting: OutputWeighting = "determinant"
     radius: float = 0.9999
-    forgets: bool = (
-        False  # whether a predictor has to forget its initial state, in innovations form
-    )
+    forgets: bool = False  # whether a predictor of innovations form forgets its initial state
 
     @property
     def innovations(self) -> bool:
         """Whether there is a K."""
         return self.structure == "ss"
-
-    @property
-    def driving(self) -> int:
-        """Number of signals that drive the states."""
-        return self.signals.driving
 
     @property
     def layout(self) -> Layout:
@@ -241,16 +237,6 @@ class StateSpaceErrors:
     def direct(self) -> tuple[Array, ...]:
         """Regressors beside the states."""
         return self.data.inputs[:, self.data.feedthrough], self.data.constants, self.data.drift
-
-    @property
-    def dimension(self) -> int:
-        """Length of a point."""
-        return self.layout.dimension
-
-    @cached_property
-    def derivatives(self) -> StateDerivatives:
-        """Derivatives of the states by the coordinates."""
-        return StateDerivatives(self.layout)
 
     @property
     def section_radius(self) -> float:
@@ -304,23 +290,20 @@ class StateSpaceErrors:
         along = basis.T @ y
         linear = (right[kept].T / singular[kept]) @ along / sizes[:, None]
         errors = y - basis @ along
-        covariance = errors.T @ errors / len(y)
-        return Projection(point, sections, states, regressors, basis, linear, errors, covariance)
+        return Projection(point, sections, states, regressors, basis, linear, errors)
 
     def with_linear(self, point: Array, linear: Array) -> Projection:
         """Errors with given C, D and constants, (q, ny) as those of a projection; no basis."""
         sections, states, regressors = self._regression(point)
-        errors = self.data.outputs - regressors @ linear
-        basis = np.empty((len(errors), 0))
-        covariance = errors.T @ errors / len(errors)
-        return Projection(point, sections, states, regressors, basis, linear, errors, covariance)
+        errors, no_basis = self.data.outputs - regressors @ linear, np.empty((len(states), 0))
+        return Projection(point, sections, states, regressors, no_basis, linear, errors)
 
     def _regression(self, point: Array) -> tuple[Sections, Array, Array]:
         """Sections of a point, the states, and all regressors."""
         sections = sections_of(self.layout, point)
         drives = input_matrix(sections, self.layout)
-        inputs = self.signals.of_drives @ drives[:, : self.driving].T
-        initial, A = drives[:, self.driving :].T, state_matrix(sections, self.layout)
+        inputs = self.signals.of_drives @ drives[:, : self.signals.driving].T
+        initial, A = drives[:, self.signals.driving :].T, state_matrix(sections, self.layout)
         states = driven_states(A, initial[:, None], inputs[:, None], self.data.bounds)[:, 0]
         return sections, states, np.column_stack([states, *self.direct])
 
@@ -333,10 +316,10 @@ class StateSpaceErrors:
         coordinates and all coefficients, output by output.
         """
         q, c = found.regressors.shape[1], found.linear[: self.order, output]
-        by_coordinates = self.derivatives.of_output(found.sections, signals, c)
-        own = self.dimension + output * q + np.arange(q)
+        by_coordinates = self.signals.of_output(found.sections, signals, c)
+        own = self.layout.dimension + output * q + np.arange(q)
         columns = np.column_stack([by_coordinates, found.regressors])
-        return columns, np.concatenate([np.arange(self.dimension), own])
+        return columns, np.concatenate([np.arange(self.layout.dimension), own])
 
     def criterion(self, covariance: Array) -> float:
         """Criterion of the errors' covariance, (ny, ny); its unit is one for each output."""
@@ -371,7 +354,7 @@ class StateSpaceErrors:
         if not np.isfinite(projection.linear).all():
             return False
         drives = input_matrix(projection.sections, self.layout)
-        gain = drives[:, self.data.inputs.shape[1] : self.driving]
+        gain = drives[:, self.data.inputs.shape[1] : self.signals.driving]
         predictor = state_matrix(projection.sections, self.layout)
         A = predictor + gain @ projection.linear[: self.order].T
         return bool(np.abs(np.linalg.eigvals(A)).max() <= self.radius)
@@ -406,9 +389,9 @@ class StateSpaceErrors:
         c = projection.linear[: self.order].T
         weights = self.weights(projection.covariance)
         per_sample = 2.0 / self.data.samples
-        hessian = per_sample * self.derivatives.contracted(
+        hessian = per_sample * self.signals.contracted(
             projection.sections, signals.T @ signals, c.T @ weights @ c
         )
         against = signals.T @ (projection.errors @ (weights @ c))
-        gradient = self.derivatives.summed(projection.sections, -against)
+        gradient = self.signals.summed(projection.sections, -against)
         return per_sample * gradient, hessian

@@ -180,18 +180,10 @@ def plain_estimates(
 ) -> Iterator[StateSpaceEstimate]:
     """Estimates of several orders with K or without; see :func:`.estimates_of_orders`."""
     with one_blas_thread():
-        span = span_of(orders)
-        errors = task.errors(recording, span[-1])
-        for problem, result in swept(errors, span, task.settings, width, log, steps=steps):
+        orders = sorted(orders)
+        errors = task.errors(recording, orders[-1])
+        for problem, result in swept(errors, orders, task.settings, width, log, steps):
             yield described(problem, result)
-
-
-def span_of(orders: Sequence[int]) -> range:
-    """Orders as a range."""
-    steps = {int(step) for step in np.diff(orders)} or {1}
-    if len(steps) > 1 or not steps <= {1, 2}:
-        raise ValueError(f"orders must ascend in steps of one or of two, not {tuple(orders)}")
-    return range(min(orders), max(orders) + 1, steps.pop())
 
 
 def descend_from(

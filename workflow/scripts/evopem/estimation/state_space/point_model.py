@@ -37,7 +37,7 @@ class Matrices(NamedTuple):
 
 def output_and_gain(errors: StateSpaceErrors, matrices: Matrices) -> tuple[NDArray, NDArray]:
     """C and K."""
-    K = matrices.drives[:, errors.data.inputs.shape[1] : errors.driving]
+    K = matrices.drives[:, errors.data.inputs.shape[1] : errors.signals.driving]
     if not errors.innovations:
         K = np.zeros((errors.order, len(matrices.outputs), *K.shape[2:]))
     return matrices.outputs[:, : errors.order], K
@@ -85,7 +85,7 @@ class ScaledModel:
 
     def initial_states(self) -> Array:
         """Initial state of each segment, (segments, n), of a model whose level is the segment's."""
-        return self.matrices.drives[:, self.errors.driving :].T.copy()
+        return self.matrices.drives[:, self.errors.signals.driving :].T.copy()
 
 
 def degrees_of_freedom(errors: StateSpaceErrors) -> float:
@@ -128,7 +128,7 @@ class PointModel(ScaledModel):
         outputs = np.hstack([linear[:n].T @ self._inverse, linear[n:].T])
         if not errors.innovations:
             return Matrices(P, drives, outputs)
-        m, driving, at = data.inputs.shape[1], errors.driving, errors.level_columns
+        m, driving, at = data.inputs.shape[1], errors.signals.driving, errors.level_columns
         C, K = outputs[:, :n], drives[:, m:driving]
         drives[:, :m][:, data.feedthrough] += K @ outputs[:, n : at.start]
         # A constant of the predictor is a level, at which its states rest.

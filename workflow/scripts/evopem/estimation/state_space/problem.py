@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,6 @@ Array = NDArray[np.float64]
 # Steps and tolerance of a descent of a search, and of its last one.
 STEPS, TOLERANCE = 100, 1e-7
 POLISH_STEPS, POLISH_TOLERANCE = 1000, 1e-11
-# Quadratic optima of an order that are descended from in the search over orders.
-DESCENDED = 3
 
 
 class StateSpaceProblem:
@@ -36,24 +35,21 @@ class StateSpaceProblem:
 
     objective: Objective = "quadratic"
     min_multistart = 1
+    descended = 1  # quadratic optima of an order that the search over orders goes on from
 
     def __init__(self, plain: StateSpaceErrors) -> None:
         self.plain = plain
         self.grams = 1  # Gram matrices of one set of normal equations
-        self._starts: Array | None = None
+        self.starts: Array | None = None  # that the first population holds
 
-    def start_from(self, coordinates: list[Array]) -> int:
-        """Let the first population hold these points; returns the evaluations it took."""
-        self._starts, used = self.nearest(coordinates)
-        return used
-
-    def nearest(self, coordinates: list[Array]) -> tuple[Array, int]:
-        """Points next to optima of the quadratic objective, (m, n), and the evaluations."""
-        return np.array(coordinates).reshape(-1, self.plain.dimension), 0
-
-    def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
-        """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
-        return optima[0].point, self.plain.percent(optima[0].value), 0
+    def nearest(
+        self,
+        coordinates: list[Array],
+        width: float = damped_descent.SEARCH_WIDTH,  # noqa: ARG002
+    ) -> Descent:
+        """Optima next to those of the quadratic objective; of absolute errors, of a last width."""
+        points = np.array(coordinates).reshape(-1, self.plain.layout.dimension)
+        return Descent(points, self.values(points), np.ones(len(points), dtype=bool), 0)
 
     def completed(self, coordinates: Array) -> Array:
         """The point of some coordinates."""
@@ -78,11 +74,11 @@ class StateSpaceProblem:
 
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """A population, and the evaluations that it took; the first one holds the estimates."""
-        if self._starts is None:
+        if self.starts is None:
             return self.random(count, generator), count
-        more = max(count // 3, 1, count - len(self._starts))
-        points = np.vstack([self._starts, self.random(more, generator)])
-        self._starts = None
+        more = max(count // 3, 1, count - len(self.starts))
+        points = np.vstack([self.starts, self.random(more, generator)])
+        self.starts = None
         values = self.values(points)
         best = np.argsort(values, kind="stable")[:count]
         return points[best], 2 * len(points)
@@ -137,6 +133,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
     """
 
     objective: Objective = "absolute"
+    descended = 3
 
     def __init__(self, plain: StateSpaceErrors) -> None:
         super().__init__(plain)
@@ -144,13 +141,15 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         self.grams = len(self.sizes)
         self.weighing = plain.weighing
         self._regressors = plain.order + sum(each.shape[1] for each in plain.direct)
-        self.dimension = plain.dimension + self._regressors * len(self.sizes)
+        self.dimension = plain.layout.dimension + self._regressors * len(self.sizes)
         self._latest: tuple[Array, Projection] | None = None
 
     def projection(self, point: Array) -> Projection:
         """States and errors of a point; the errors in the units of the scaled recording."""
         if self._latest is None or not np.array_equal(self._latest[0], point):
-            linear = point[self.plain.dimension :].reshape(len(self.sizes), self._regressors).T
+            linear = (
+                point[self.plain.layout.dimension :].reshape(len(self.sizes), self._regressors).T
+            )
             projection = self.plain.with_linear(self.coordinates(point), linear)
             self._latest = (point.copy(), projection)
         return self._latest[1]
@@ -173,7 +172,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
 
     def moved(self, point: Array, step: Array) -> Array:
         """A point after a step within the radius; C follows the scale of its second states."""
-        layout, count = self.plain.layout, self.plain.dimension
+        layout, count = self.plain.layout, self.plain.layout.dimension
         after = point + step
         after[:count] = self.plain.moved(point[:count], step[:count])
         of_outputs = after[count:].reshape(len(self.sizes), self._regressors)
@@ -186,18 +185,13 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
 
     # What the search asks for.
 
-    def nearest(self, coordinates: list[Array]) -> tuple[Array, int]:
-        """Optima next to those of the quadratic objective, (m, n), and the evaluations."""
+    def nearest(
+        self, coordinates: list[Array], width: float = damped_descent.SEARCH_WIDTH
+    ) -> Descent:
+        """Optima next to those of the quadratic objective, and the evaluations."""
         starts = self._all_completed(coordinates)
-        reached = self._descended(starts, damped_descent.SEARCH_WIDTH)
-        return reached.points, reached.evaluations + len(starts)
-
-    def lowest_of(self, optima: list[Optimum]) -> tuple[Array, float, int]:
-        """The lowest optimum next to those of the quadratic objective, its value, evaluations."""
-        points = self._all_completed([each.point for each in optima[:DESCENDED]])
-        reached = self._descended(points, damped_descent.SWEEP_WIDTH)
-        lowest = int(np.argmin(reached.values))
-        return reached.points[lowest], float(reached.values[lowest]), reached.evaluations
+        found = self._descended(starts, width)
+        return replace(found, evaluations=found.evaluations + len(starts))
 
     def completed(self, coordinates: Array) -> Array:
         """The point of some coordinates, C, D and constants of nearly the least absolute errors."""
@@ -211,7 +205,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
 
     def coordinates(self, point: Array) -> Array:
         """The coordinates of a point."""
-        return point[: self.plain.dimension]
+        return point[: self.plain.layout.dimension]
 
     def random(self, count: int, generator: np.random.Generator) -> Array:
         """Independent points with random poles, whose inputs fit the recording."""
@@ -240,7 +234,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         self, parents: Array, count: int, generator: np.random.Generator
     ) -> tuple[Array, int]:
         """Offspring with each section from one of two parents, and C, D and levels anew."""
-        coordinates = parents[:, : self.plain.dimension]
+        coordinates = parents[:, : self.plain.layout.dimension]
         offspring, used = super().recombine(coordinates, count, generator)
         return self._all_completed(offspring), used + count
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.config.settings import SearchSettings
+from evopem.estimation import damped_descent
 from evopem.estimation.criteria import limited
 from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.pem.batch_bfgs import Descent
@@ -169,11 +170,11 @@ def rungs(
     models: StartingModels,
     generator: np.random.Generator,
     width: int,
-    orders: range,
+    orders: Sequence[int],
     steps: int = STEPS,
     log: Log | None = None,
 ) -> Iterator[Rung]:
-    """Optima of ascending orders, in steps of one or two, from estimates and their neighbours.
+    """Optima of ascending orders from estimates and their neighbours.
 
     At most ``width`` estimates of each are descended from, and the optimum of two states more.
     """
@@ -267,7 +268,8 @@ def searched(
         points += starts  # what was an optimum of this objective is none of the quadratic one
     if budget == 0 and points:
         return problem, _polished(problem, points, spent)
-    spent += problem.start_from(points)
+    nearest = problem.nearest(points)
+    problem.starts, spent = nearest.points, spent + nearest.evaluations
     sizes = SearchSettings(
         mu=8, lambda_=16, nu=6, refine="random", seed=settings.seed, evaluations=max(budget, 1)
     )
@@ -303,9 +305,9 @@ def _optima_from_estimates(
 
 def _polished(problem: StateSpaceProblem, starts: list[Array], spent: int) -> SearchResult:
     """The lowest of some points, descended from to the last digits."""
-    points, used = problem.nearest(starts)
-    best = points[int(np.argmin(problem.values(points)))]
-    return result_of(problem.polish(best[None, :]), spent + used, len(points))
+    reached = problem.nearest(starts)
+    best = reached.points[[np.argmin(reached.values)]]
+    return result_of(problem.polish(best), spent + reached.evaluations, len(starts))
 
 
 def result_of(descent: Descent, spent: int = 0, optima: int = 1) -> SearchResult:
@@ -325,7 +327,7 @@ def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
 
 def swept(
     errors: StateSpaceErrors,
-    orders: range,
+    orders: Sequence[int],
     settings: SearchSettings,
     width: int,
     log: Log | None,
@@ -341,12 +343,23 @@ def swept(
             continue
         order = rung.problem.order
         problem = problem_for(replace(errors, order=order), settings)
-        point, value, used = problem.lowest_of(rung.optima)
-        spent = sum(optimum.evaluations for optimum in rung.optima) + used
+        result = lowest_of(problem, rung.optima)
         if log is not None:
-            log(f"order {order}: {value:.9g} %, {spent} evaluations")
-        diagnostics = SearchDiagnostics.of_descents(value, spent, len(rung.optima))
-        yield problem, SearchResult(point, value, diagnostics)
+            log(
+                f"order {order}: {result.value:.9g} %, {result.diagnostics.evaluations} evaluations"
+            )
+        yield problem, result
+
+
+def lowest_of(problem: StateSpaceProblem, optima: list[Optimum]) -> SearchResult:
+    """The lowest optimum of the objective next to those of the quadratic one, lowest first."""
+    points = [each.point for each in optima[: problem.descended]]
+    reached = problem.nearest(points, damped_descent.SWEEP_WIDTH)
+    lowest = int(np.argmin(reached.values))
+    value = float(reached.values[lowest])
+    spent = sum(optimum.evaluations for optimum in optima) + reached.evaluations
+    diagnostics = SearchDiagnostics.of_descents(value, spent, len(optima))
+    return SearchResult(reached.points[lowest], value, diagnostics)
 
 
 def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
@@ -362,7 +375,7 @@ def without_outliers(problem: StateSpaceProblem) -> StateSpaceErrors:
     optima = descended(errors, list(models.points(errors)), WIDTH)
     if not optima:
         return errors
-    left = problem.projection(problem.lowest_of(optima)[0]).errors
+    left = problem.projection(lowest_of(problem, optima).point).errors
     outputs = errors.data.outputs - (left - limited(left))
     return replace(errors, data=replace(errors.data, outputs=outputs))
 

@@ -186,10 +186,10 @@ def with_drives(layout: Layout, point: Array, drives: slice, B: Array) -> Array:
 
 
 class SectionSignals:
-    """What the drives of a recording give when they pass through sections.
+    """What drives of a recording give when they pass through sections, and derivatives of states.
 
     Drives are the signals ``driving``, (N, signals), then a pulse at the begin of each of
-    ``bounds``.
+    ``bounds``.  A derivative is the sum of two signals that move a state each, times factors.
     """
 
     def __init__(self, layout: Layout, driving: Array, bounds: NDArray[np.int64]) -> None:
@@ -197,6 +197,23 @@ class SectionSignals:
         self.driving, self.of_drives = driving.shape[1], driving
         # The last column, of zeros, drives the responses to initial states.
         self._signals = np.column_stack([driving, np.zeros(len(driving))])
+        self._shape = 2, layout.sections, 2 + 2 * layout.drives
+        count = layout.sections * layout.drives
+        m = np.arange(layout.sections)[:, None]
+        p = m * layout.drives + np.arange(layout.drives)
+        # Of each term and coordinate; those by sigma and delta of a section stand behind responses.
+        by_sigma = 2 * count + m, 2 * count + len(m) + m
+        by_delta = tuple(2 * len(m) + each for each in by_sigma)
+        self._columns = np.array(
+            [
+                np.hstack([by_sigma[0], by_delta[0], p, count + p]),
+                np.hstack([by_sigma[1], by_delta[1], count + p, p]),
+            ]
+        ).ravel()
+        states = np.broadcast_to(np.stack([2 * m, 2 * m + 1]), self._shape)
+        # The single pole moves one state.
+        self._free = layout.free() & (states < layout.order)
+        self._states = np.minimum(states, layout.order - 1).ravel()
 
     def responses(self, sections: Sections) -> Array:
         """Responses p, then r, of each section to each drive, (N, 2 sections drives)."""
@@ -222,53 +239,31 @@ class SectionSignals:
         )
         return signals
 
-
-class StateDerivatives:
-    """Sums and products of derivatives: each two signals that move a state, times factors."""
-
-    def __init__(self, layout: Layout) -> None:
-        self._shape = 2, layout.sections, 2 + 2 * layout.drives
-        self._layout, self.dimension = layout, layout.dimension
-        count = layout.sections * layout.drives
-        m = np.arange(layout.sections)[:, None]
-        p = m * layout.drives + np.arange(layout.drives)
-        # Of each term and coordinate; those by sigma and delta of a section stand behind responses.
-        by_sigma = 2 * count + m, 2 * count + len(m) + m
-        by_delta = tuple(2 * len(m) + each for each in by_sigma)
-        self._signals = np.array(
-            [
-                np.hstack([by_sigma[0], by_delta[0], p, count + p]),
-                np.hstack([by_sigma[1], by_delta[1], count + p, p]),
-            ]
-        ).ravel()
-        states = np.broadcast_to(np.stack([2 * m, 2 * m + 1]), self._shape)
-        # The single pole moves one state.
-        self._free = layout.free() & (states < layout.order)
-        self._states = np.minimum(states, layout.order - 1).ravel()
-
     def _terms(self, sections: Sections) -> tuple[NDArray, NDArray, Array]:
         """Signals, states and factors of the first terms, then of the second ones, (2 n,)."""
         factors = np.ones(self._shape)
         factors[:, :, 1] = 1.0 / sections.scale
-        factors[1, :, 2 : 2 + self._layout.drives] = sections.ratio[:, None]
-        return self._signals, self._states, (factors * self._free).ravel()
+        factors[1, :, 2 : 2 + self.layout.drives] = sections.ratio[:, None]
+        return self._columns, self._states, (factors * self._free).ravel()
 
     def summed(self, sections: Sections, products: Array) -> Array:
         """Vector over coordinates, (n,), of products of signals and states, (signals, order)."""
         signals, states, factors = self._terms(sections)
         terms = factors * products[signals, states]
-        return np.asarray(terms[: self.dimension] + terms[self.dimension :])
+        n = self.layout.dimension
+        return np.asarray(terms[:n] + terms[n:])
 
     def of_output(self, sections: Sections, signals: Array, c: Array) -> Array:
         """Derivatives by the coordinates, (N, n), of an output with the row ``c`` of C."""
         columns, states, factors = self._terms(sections)
         terms = signals[:, columns] * (factors * c[states])
-        return np.asarray(terms[:, : self.dimension] + terms[:, self.dimension :])
+        n = self.layout.dimension
+        return np.asarray(terms[:, :n] + terms[:, n:])
 
     def contracted(self, sections: Sections, gram: Array, by_state: Array) -> Array:
         """Matrix over coordinates, (n, n), of the Gram matrix of signals and one of states."""
         signals, states, factors = self._terms(sections)
         terms = np.outer(factors, factors) * gram[np.ix_(signals, signals)]
         terms *= by_state[np.ix_(states, states)]
-        n = self.dimension
+        n = self.layout.dimension
         return np.asarray(terms[:n, :n] + terms[:n, n:] + terms[n:, :n] + terms[n:, n:])

@@ -150,7 +150,7 @@ def _with_inputs(errors: StateSpaceErrors, point: Array, outputs: Array) -> Arra
     drives = layout.drives
     # A pulse has the energy of one sample, a scaled signal that of all.
     weight = np.full(drives, np.sqrt(errors.data.samples))
-    weight[errors.driving :] = 1.0
+    weight[errors.signals.driving :] = 1.0
     for m, row in enumerate(layout.rows(point)):
         if row[1] < 0.0:
             leading = _leading(alpha[m] + 1j * beta[m], weight)
@@ -188,7 +188,7 @@ def point_of_model(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
 def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
     """The point with the initial states of least squares, C, D and constants as they are."""
     layout, bounds, n = errors.layout, errors.data.bounds, errors.order
-    pulses = slice(errors.driving, layout.drives)
+    pulses = slice(errors.signals.driving, layout.drives)
     at_rest = with_drives(layout, point, pulses, np.zeros((n, errors.data.segments)))
     projection = errors.projection(at_rest)
     dynamics = state_matrix(projection.sections, layout)
