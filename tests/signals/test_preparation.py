@@ -271,7 +271,9 @@ def test_differences_that_leave_nothing_and_rates_that_differ():
     line = replace(record(), outputs=np.arange(400.0))
     with pytest.raises(InputError, match="nothing to identify"):
         prepare(line, preparation({"difference": 1}))
-    with pytest.raises(InputError, match="sampled at 50 Hz"):
+    with pytest.raises(
+        InputError, match="its sampling rate is 50 Hz and that of the estimation recording 100 Hz"
+    ):
         prepare(record(), preparation(), record(rate=50.0))
 
 

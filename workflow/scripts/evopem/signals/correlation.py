@@ -27,17 +27,15 @@ def cross_correlation(
     At lags k from -`lags` to `lags` < N. Of residuals with inputs, positive lags hold what the
     model has left unused of past inputs; negative ones show feedback.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
+    from scipy.signal import correlate
 
     samples = first.size
     x, y = first - first.mean(), second - second.mean()
     energy = float(np.sqrt(np.dot(x, x)) * np.sqrt(np.dot(y, y)))
     if energy == 0.0:
         raise InputError("correlation", "a signal is constant", "give signals that vary")
-    # Zeros beyond the end keep the circular correlation of the transform from wrapping round.
-    length = next_fast_len(samples + lags, real=True)
-    products = irfft(rfft(x, length) * np.conj(rfft(y, length)), length)
-    return np.concatenate((products[length - lags :], products[: lags + 1])) / energy
+    products = correlate(x, y, method="fft")
+    return products[samples - 1 - lags : samples + lags] / energy
 
 
 def repetition_lag(signal: NDArray[np.float64]) -> int:

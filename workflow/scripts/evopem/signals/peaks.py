@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,22 +33,22 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
 
     step = spectrum.frequencies[1]
     level = _without_ends(spectrum)
-    found: dict[int, _Peak] = {}
+    found: dict[int, float] = {}
     for cells in PEAK_WIDTHS:
         width = max(1, round(cells * spectrum.resolution_hz / step))
         if cells > 1 and width > MAX_AVERAGED_SHARE * level.size:
             break
         averaged = level if cells == 1 else uniform_filter1d(level, width, mode="nearest")
         narrower = np.array(list(found), dtype=np.int64)
-        for peak in _prominent(averaged, spectrum, cells):
-            known = (narrower >= peak.start - width) & (narrower <= peak.stop + width)
+        for top, start, stop, prominence in _prominent(averaged, spectrum, cells):
+            known = (narrower >= start - width) & (narrower <= stop + width)
             if cells == 1 or not known.any():
-                found[peak.top] = peak
+                found[top] = prominence
     return [
         SpectralPeak(
             frequency_hz=float(spectrum.frequencies[index]),
             density=float(spectrum.density[index]),
-            prominence_db=float(found[index].prominence_db),
+            prominence_db=float(found[index]),
             lower=float(spectrum.lower[index]),
             upper=float(spectrum.upper[index]),
         )
@@ -67,14 +66,10 @@ def line_spacing(frequencies: Sequence[float]) -> float | None:
     return spacing if float(np.mean(even)) >= 0.8 else None
 
 
-def resonance_count(peaks: Sequence[SpectralPeak]) -> int:
-    """Count the peaks that may be resonances: none where they are lines of a periodic input."""
-    return 0 if line_spacing([peak.frequency_hz for peak in peaks]) else len(peaks)
-
-
 def summarize_spectrum(spectrum: Spectrum) -> SpectrumSummary:
     """Find the peaks of a spectrum and count those that may be resonances."""
     peaks = tuple(spectral_peaks(spectrum))
+    lines = line_spacing([peak.frequency_hz for peak in peaks])
     return SpectrumSummary(
         time_halfbandwidth=spectrum.time_halfbandwidth,
         tapers=spectrum.tapers,
@@ -82,34 +77,26 @@ def summarize_spectrum(spectrum: Spectrum) -> SpectrumSummary:
         segments=spectrum.segments,
         resolution_hz=spectrum.resolution_hz,
         peaks=peaks,
-        resonances=resonance_count(peaks),
+        resonances=0 if lines else len(peaks),
     )
 
 
 def _without_ends(spectrum: Spectrum) -> Floats:
     """The density held constant within W of zero and of the Nyquist frequency."""
-    density = spectrum.density.copy()
-    inner = np.flatnonzero(
-        (spectrum.frequencies >= spectrum.halfbandwidth_hz)
-        & (spectrum.frequencies <= spectrum.frequencies[-1] - spectrum.halfbandwidth_hz)
-    )
-    if inner.size:
-        density[: inner[0]] = density[inner[0]]
-        density[inner[-1] + 1 :] = density[inner[-1]]
-    return density
+    f, half = spectrum.frequencies, spectrum.halfbandwidth_hz
+    inner = np.flatnonzero((f >= half) & (f <= f[-1] - half))
+    if not inner.size:
+        return spectrum.density
+    return spectrum.density[np.clip(np.arange(f.size), inner[0], inner[-1])]
 
 
-class _Peak(NamedTuple):
-    """A prominent local maximum: its index, where it is halfway down (in dB), and its heights."""
+def _prominent(
+    averaged: Floats, spectrum: Spectrum, cells: int
+) -> Iterator[tuple[int, float, float, float]]:
+    """Local maxima whose prominence exceeds the noise's spread.
 
-    top: int
-    start: float
-    stop: float
-    prominence_db: float
-
-
-def _prominent(averaged: Floats, spectrum: Spectrum, cells: int) -> list[_Peak]:
-    """Local maxima whose prominence exceeds the noise's spread."""
+    Of each the index, where it is halfway down (in dB) on both sides, and the prominence in dB.
+    """
     from scipy.signal import find_peaks
     from scipy.stats import chi2
 
@@ -123,7 +110,6 @@ def _prominent(averaged: Floats, spectrum: Spectrum, cells: int) -> list[_Peak]:
     high = chi2.isf(tail, freedom[tops]) / freedom[tops]
     low = chi2.ppf(tail, freedom[valleys]) / freedom[valleys]
     heights = found["prominences"]
-    return [
-        _Peak(int(tops[k]), found["left_ips"][k], found["right_ips"][k], heights[k])
-        for k in np.flatnonzero(heights > 10.0 * np.log10(high / low))
-    ]
+    kept = heights > 10.0 * np.log10(high / low)
+    sides = found["left_ips"][kept], found["right_ips"][kept]
+    return zip(tops[kept].tolist(), *sides, heights[kept], strict=True)

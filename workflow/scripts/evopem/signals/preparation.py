@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -35,14 +36,6 @@ class _Stretch(NamedTuple):
     start: float  # time (s) of its first sample in its recording
 
 
-class _Ranges(NamedTuple):
-    """The samples for estimation and for validation, and where the latter come from."""
-
-    estimation: list[Range]
-    validation: list[Range]
-    source: Source
-
-
 def prepare(
     recording: Recording,
     settings: PreparationSettings,
@@ -67,43 +60,38 @@ def prepare(
         stretches += _stretches(validation_recording, settings, own, key)
     transforms = settings.transforms
     counts = (transforms.difference, transforms.difference_input)
-    ranges = _divided(stretches, own, settings.split, max(counts), f"{key}split")
+    *parts, source = _divided(stretches, own, settings.split, max(counts), f"{key}split")
     stretches, parameter, shift = _transformed(
-        stretches, transforms.box_cox, ranges.estimation, f"{key}transforms.box_cox"
+        stretches, transforms.box_cox, parts[0], f"{key}transforms.box_cox"
     )
     alone = own == 1 and stretches[-1].number <= 1
+    like = stretches[0].recording
     levels: dict[int, tuple[tuple[float, ...], tuple[float, ...]]] = {}
 
-    def part(name: str, samples: Sequence[Range]) -> tuple[Recording, tuple[StretchOrigin, ...]]:
+    def part(name: str, ranges: Sequence[Range]) -> tuple[Recording, tuple[StretchOrigin, ...]]:
         segments: list[Segment] = []
         origins: list[StretchOrigin] = []
-        for number in dict.fromkeys(stretches[each[0]].number for each in samples):
-            ours = [each for each in samples if stretches[each[0]].number == number]
-            found = [_section(stretches[each[0]], *each[1:], counts) for each in ours]
-            together = recording_like.with_segments([segment for segment, _ in found])
+        for number, ours in groupby(ranges, lambda each: stretches[each[0]].number):
+            found = [_section(stretches[at], first, stop, counts) for at, first, stop in ours]
+            together = like.with_segments([segment for segment, _ in found])
             # The means and levels of the first samples of a recording that are asked for.
             known = 0 if alone else number
             if known not in levels:
-                means = together.inputs.mean(axis=0)
-                levels[known] = tuple(means.tolist()), output_levels(together)
+                means = tuple(together.inputs.mean(axis=0).tolist())
+                levels[known] = means, output_levels(together)
+            means, level = levels[known]
             called = recorded[number] if recorded else f"recording {number + 1}"
             called = f"{key}{name} (the samples of {called} as prepared)"
             check_recording(together, called, alone and name == "validation")
-            for segment, origin in found:
-                inputs, outputs = (
-                    segment.inputs - levels[known][0],
-                    segment.outputs - levels[known][1],
-                )
-                segments.append(replace(segment, inputs=inputs, outputs=outputs))
-                origins.append(
-                    replace(origin, input_means=levels[known][0], output_means=levels[known][1])
-                )
-        return recording_like.with_segments(segments), tuple(origins)
+            for each, origin in found:
+                inputs, outputs = each.inputs - means, each.outputs - level
+                segments.append(replace(each, inputs=inputs, outputs=outputs))
+                origins.append(replace(origin, input_means=means, output_means=level))
+        return like.with_segments(segments), tuple(origins)
 
-    recording_like = stretches[0].recording
-    estimation, estimation_origins = part("estimation", ranges.estimation)
-    validation, validation_origins = part("validation", ranges.validation)
-    rates = estimation.sampling_rate, recording.sampling_rate
+    estimation, estimation_origins = part("estimation", parts[0])
+    validation, validation_origins = part("validation", parts[1])
+    rates = like.sampling_rate, recording.sampling_rate
     return PreparedData(
         estimation,
         validation,
@@ -112,7 +100,7 @@ def prepare(
             resampled_from=rates[1] if rates[0] != rates[1] else None,
             estimation=estimation_origins,
             validation=validation_origins,
-            validation_source=ranges.source,
+            validation_source=source,
             box_cox=parameter,
             shift=shift,
             difference=counts[0],
@@ -153,8 +141,8 @@ def _section(
 
 def _divided(
     stretches: Sequence[_Stretch], own: int, split: SplitSettings, lost: int, key: str
-) -> _Ranges:
-    """The samples of recordings for estimation and for validation.
+) -> tuple[list[Range], list[Range], Source]:
+    """The samples for estimation and for validation, and where the latter come from.
 
     Those of files for validation stand last, after ``own``; ``lost`` first samples of each stretch
     go to its differences.
@@ -174,39 +162,30 @@ def _divided(
             if high - low >= (1 if len(places[number]) == 1 else MINIMUM_SAMPLES):
                 found.append((place, lost + low, lost + high))
         if not found:
-            raise InputError(
-                key, "a gap leaves too few samples", "divide the recording at another sample"
-            )
+            remedy = "divide the recording at another sample"
+            raise InputError(key, "a gap leaves too few samples", remedy)
         return found
 
-    def whole(numbers: range) -> list[Range]:
-        first = [_discarded(available[n], split, key) for n in numbers]
-        found = [ranges(n, f, available[n]) for n, f in zip(numbers, first, strict=True)]
-        return [each for of_one in found for each in of_one]
-
-    def cut(numbers: range) -> tuple[list[Range], list[Range]]:
-        estimation, validation = [], []
-        for number in numbers:
-            first, stop = _estimation_range(available[number], split, True, key)
+    kept = own  # recordings that are not held out as a whole
+    source: Source = "file" if own < count else "cut" if len(stretches) == own else "gap"
+    if own == count > 1 and split.by == "recordings":
+        totals = [sum(stretches[place].recording.samples for place in each) for each in places]
+        kept, source = own - _held_out_recordings(totals, 1.0 - split.estimation), "recordings"
+    estimation: list[Range] = []
+    validation: list[Range] = []
+    for number, samples in enumerate(available):
+        if number >= kept:
+            validation += ranges(number, _discarded(samples, split, key), samples)
+        elif kept < count > 2 or kept < own:
+            estimation += ranges(number, _discarded(samples, split, key), samples)
+        else:
+            first, stop = _estimation_range(samples, split, kept == count, key)
             if count == 1 and split.estimation == SplitSettings().estimation:
                 inputs = np.concatenate([each.recording.inputs[lost:] for each in stretches])
                 stop = _before_last_change(inputs, first, stop) if inputs.shape[1] else stop
             estimation += ranges(number, first, stop)
-            validation += ranges(number, stop, available[number])
-        return estimation, validation
-
-    if own < count:
-        held_out = whole(range(own, count))
-        if own > 1 or count > 2:
-            return _Ranges(whole(range(own)), held_out, "file")
-        return _Ranges(
-            ranges(0, *_estimation_range(available[0], split, False, key)), held_out, "file"
-        )
-    if own > 1 and split.by == "recordings":
-        totals = [sum(stretches[place].recording.samples for place in each) for each in places]
-        kept = own - _held_out_recordings(totals, 1.0 - split.estimation)
-        return _Ranges(whole(range(kept)), whole(range(kept, own)), "recordings")
-    return _Ranges(*cut(range(own)), "cut" if len(stretches) == own else "gap")
+            validation += ranges(number, stop, samples) if kept == count else []
+    return estimation, validation, source
 
 
 def _estimation_range(
@@ -275,9 +254,9 @@ def _transformed(
     """
     if setting == "none":
         return stretches, None, 0.0
-    outputs = stretches[0].recording.outputs.shape[1]
-    if outputs > 1:
-        problem = f"the Box-Cox transform bends the scale of one output, and there are {outputs}"
+    count = stretches[0].recording.outputs.shape[1]
+    if count > 1:
+        problem = f"the Box-Cox transform bends the scale of one output, and there are {count}"
         raise InputError(source, problem, "use box_cox: none")
     signals = [each.recording.output for each in stretches]
     shift = positive_shift(*signals)
@@ -286,12 +265,8 @@ def _transformed(
         parameter = likeliest_box_cox(np.concatenate(known), shift, source)
     else:
         parameter = float(setting)
-    bent = [
-        each._replace(
-            recording=replace(
-                each.recording, outputs=box_cox(each.recording.output, parameter, shift, source)
-            )
-        )
-        for each in stretches
-    ]
+    bent = []
+    for each, signal in zip(stretches, signals, strict=True):
+        outputs = box_cox(signal, parameter, shift, source)
+        bent.append(each._replace(recording=replace(each.recording, outputs=outputs)))
     return bent, parameter, shift

@@ -9,18 +9,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.files.archive import load_arrays, save_arrays
 from evopem.files.json_form import load, save
-from evopem.signals.recording import (
-    Recording,
-    recording_arrays,
-    recording_from_arrays,
-    recording_names,
-)
+from evopem.signals.recording import Recording, load_recordings, save_recordings
 from evopem.signals.transforms import invert_box_cox, invert_difference
 
 Array = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
+_PARTS = "estimation_", "validation_"
 Source = Literal["cut", "gap", "file", "recordings"]
 
 
@@ -117,39 +112,32 @@ def measured_outputs(transforms: Transforms, origin: StretchOrigin, outputs: Arr
     measured = invert_difference(outputs + origin.output_means, origin.output_initial)
     if transforms.box_cox is not None:
         measured = invert_box_cox(measured, transforms.box_cox, transforms.shift)
-    return measured + _trend(transforms, transforms.output_trends, origin, len(measured))
+    return _with_trend(measured, transforms, transforms.output_trends, origin)
 
 
 def measured_inputs(transforms: Transforms, origin: StretchOrigin, inputs: Array) -> Array:
     """Take prepared inputs back to the measured unit, (n + difference_input, m)."""
     measured = invert_difference(inputs + origin.input_means, origin.input_initial)
-    return measured + _trend(transforms, transforms.input_trends, origin, len(measured))
+    return _with_trend(measured, transforms, transforms.input_trends, origin)
 
 
-def _trend(
-    transforms: Transforms, slopes: tuple[float, ...], origin: StretchOrigin, samples: int
-) -> Array | float:
+def _with_trend(
+    signals: Array, transforms: Transforms, slopes: tuple[float, ...], origin: StretchOrigin
+) -> Array:
     if not any(slopes):
-        return 0.0
-    return np.outer(origin.start + np.arange(samples) / transforms.sampling_rate, slopes)
+        return signals
+    times = origin.start + np.arange(len(signals)) / transforms.sampling_rate
+    return signals + np.outer(times, slopes)
 
 
 def save_prepared(prepared: PreparedData, arrays: str | Path, transforms: str | Path) -> None:
     """Write the samples to one ``.npz`` and the transforms to a JSON file."""
-    save_arrays(
-        arrays,
-        recording_arrays(prepared.estimation, "estimation_")
-        | recording_arrays(prepared.validation, "validation_"),
-    )
+    parts = prepared.estimation, prepared.validation
+    save_recordings(dict(zip(_PARTS, parts, strict=True)), arrays)
     save(prepared.transforms, transforms)
 
 
 def load_prepared(arrays: str | Path, transforms: str | Path) -> PreparedData:
     """Read what `save_prepared` wrote; `InputError` when a file is missing or damaged."""
-    names = recording_names("estimation_") + recording_names("validation_")
-    stored = load_arrays(arrays, names)
-    return PreparedData(
-        estimation=recording_from_arrays(stored, "estimation_"),
-        validation=recording_from_arrays(stored, "validation_"),
-        transforms=load(Transforms, transforms),
-    )
+    estimation, validation = load_recordings(_PARTS, arrays)
+    return PreparedData(estimation, validation, load(Transforms, transforms))

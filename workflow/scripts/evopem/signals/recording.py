@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
@@ -187,10 +187,9 @@ class Recording(_Channels):
     @property
     def signals(self) -> dict[str, Array]:
         """Every channel, (N,), by what an error calls it."""
-        named = zip(self.input_names, self.inputs.T, strict=True)
-        signals = {f'input "{name}"': values for name, values in named}
-        named = zip(self.output_names, self.outputs.T, strict=True)
-        return signals | {f'output "{name}"': values for name, values in named}
+        names = [f'input "{name}"' for name in self.input_names]
+        names += [f'output "{name}"' for name in self.output_names]
+        return dict(zip(names, (*self.inputs.T, *self.outputs.T), strict=True))
 
 
 def recording_of(
@@ -244,32 +243,36 @@ def concatenated(recordings: Sequence[Recording]) -> Recording:
 
 def save_recording(recording: Recording, path: str | Path) -> None:
     """Write a recording to an ``.npz`` file, atomically; equal recordings give equal bytes."""
-    save_arrays(path, recording_arrays(recording))
+    save_recordings({"": recording}, path)
 
 
 def load_recording(path: str | Path) -> Recording:
     """Read a recording that `save_recording` wrote."""
-    return recording_from_arrays(load_arrays(path, recording_names()))
+    (recording,) = load_recordings([""], path)
+    return recording
 
 
 _FIELDS = tuple(each.name for each in fields(Recording))
 
 
-def recording_arrays(recording: Recording, prefix: str = "") -> dict[str, NDArray]:
-    """The fields of a recording as arrays, each under its name after `prefix`."""
-    values = {name: getattr(recording, name) for name in _FIELDS}
-    return {
-        prefix + name: np.array(value, str if name.endswith(("_names", "_units")) else None)
-        for name, value in values.items()
+def save_recordings(recordings: Mapping[str, Recording], path: str | Path) -> None:
+    """Write recordings to one ``.npz`` file, the names of their arrays after a prefix each."""
+    arrays = {
+        prefix + name: np.array(
+            getattr(recording, name), str if name.endswith(("_names", "_units")) else None
+        )
+        for prefix, recording in recordings.items()
+        for name in _FIELDS
     }
+    save_arrays(path, arrays)
 
 
-def recording_names(prefix: str = "") -> tuple[str, ...]:
-    """The names of the arrays of `recording_arrays` with this prefix."""
-    return tuple(prefix + name for name in _FIELDS)
-
-
-def recording_from_arrays(arrays: dict[str, NDArray], prefix: str = "") -> Recording:
-    """The recording whose fields `recording_arrays` gave as arrays."""
-    inputs, outputs, rate, *others = (arrays[prefix + name] for name in _FIELDS)
-    return Recording(inputs, outputs, float(rate), *(tuple(each.tolist()) for each in others))
+def load_recordings(prefixes: Sequence[str], path: str | Path) -> list[Recording]:
+    """Read the recordings that `save_recordings` wrote under these prefixes."""
+    arrays = load_arrays(path, tuple(prefix + name for prefix in prefixes for name in _FIELDS))
+    found = []
+    for prefix in prefixes:
+        inputs, outputs, rate, *others = (arrays[prefix + name] for name in _FIELDS)
+        listed = (tuple(each.tolist()) for each in others)
+        found.append(Recording(inputs, outputs, float(rate), *listed))
+    return found

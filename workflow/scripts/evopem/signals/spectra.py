@@ -8,7 +8,8 @@ Piersol (2010), "Random Data", section 7.4 and chapter 9; Carter (1987).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +62,7 @@ def multitaper_spectrum(
     from scipy.stats import chi2
 
     found = _spectra([signal[:, None]], sampling_rate, time_halfbandwidth, nfft)
-    layout, freedom = found.layout, found.freedom
+    freedom = found.freedom
     # Both sides of the spectrum; zero and Nyquist stand alone.
     density = 2.0 * found.matrices[:, 0, 0].real
     density[0] /= 2.0
@@ -70,16 +71,16 @@ def multitaper_spectrum(
     density *= float(found.variances[0]) / (density.sum() * sampling_rate / nfft)
     tail = (1.0 - CONFIDENCE) / 2.0
     return Spectrum(
-        frequencies=layout.frequencies,
+        frequencies=found.frequencies,
         density=density,
         lower=density * freedom / chi2.ppf(1.0 - tail, freedom),
         upper=density * freedom / chi2.ppf(tail, freedom),
         degrees_of_freedom=freedom,
         time_halfbandwidth=float(time_halfbandwidth),
-        tapers=layout.tapers,
+        tapers=found.tapers,
         nfft=nfft,
-        segments=layout.segments,
-        halfbandwidth_hz=layout.halfbandwidth_hz,
+        segments=found.segments,
+        halfbandwidth_hz=found.halfbandwidth_hz,
     )
 
 
@@ -133,7 +134,7 @@ def frequency_response(
     parts = [each for each in recording.segments if each.samples > 2.0 * time_halfbandwidth]
     signals = [np.column_stack([each.inputs, each.outputs]) for each in parts or recording.segments]
     found = _spectra(signals, recording.sampling_rate, time_halfbandwidth, nfft)
-    if found.layout.tapers * found.layout.segments < 2:
+    if found.tapers * found.segments < 2:
         problem = f"{time_halfbandwidth:g} gives a single taper, and a coherence needs two"
         raise InputError("spectrum: time_halfbandwidth", problem, "choose at least 1.5")
     spectra, freedom = found.matrices, found.freedom
@@ -149,7 +150,7 @@ def frequency_response(
     left = s_yy * (1.0 - coherence) * (quantile**2 / residual_freedom)[:, None]
     radius = np.sqrt(left[:, :, None] * np.einsum("fii->fi", inverse).real[:, None, :])
     return FrequencyResponse(
-        frequencies=found.layout.frequencies,
+        frequencies=found.frequencies,
         response=response,
         gain_lower=np.maximum(np.abs(response) - radius, 0.0),
         gain_upper=np.abs(response) + radius,
@@ -158,65 +159,16 @@ def frequency_response(
     )
 
 
-@dataclass(frozen=True)
-class _Tapering:
-    """Segments, tapers and transforms of a signal."""
-
-    sequences: Floats  # (K, L): the tapers, each of unit energy
-    concentrations: Floats  # (K,): share of a taper's energy within its band
-    segments: int
-    nfft: int
-    frequencies: Floats
-    halfbandwidth_hz: float
-
-    @property
-    def tapers(self) -> int:
-        """Number of tapers K."""
-        return int(self.concentrations.size)
-
-    @classmethod
-    def of(
-        cls, samples: int, sampling_rate: float, time_halfbandwidth: float, nfft: int
-    ) -> _Tapering:
-        """Tapers of 2NW - 1 sequences for a signal, and the segments it is divided into."""
-        from scipy.signal.windows import dpss
-
-        tapers = int(2 * time_halfbandwidth - 1)
-        if tapers < 1:
-            problem = f"{time_halfbandwidth:g} leaves no taper"
-            remedy = "choose at least 1; 4 is usual"
-            raise InputError("spectrum: time_halfbandwidth", problem, remedy)
-        segments = -(-samples // nfft)
-        length = samples // max(segments, 1)
-        if length <= 2 * time_halfbandwidth:
-            raise InputError(
-                "spectrum",
-                f"segments of {length} samples are too short for a time-halfbandwidth of"
-                f" {time_halfbandwidth:g}",
-                "choose a larger nfft or a smaller time_halfbandwidth, or give more samples",
-            )
-        sequences, concentrations = dpss(
-            length, time_halfbandwidth, Kmax=tapers, return_ratios=True
-        )
-        return cls(
-            sequences=sequences,
-            # Rounding may give a share of 1 or more, but some leakage always remains.
-            concentrations=np.minimum(concentrations, 1.0 - np.finfo(np.float64).eps),
-            segments=segments,
-            nfft=nfft,
-            frequencies=np.asarray(np.fft.rfftfreq(nfft, 1.0 / sampling_rate), np.float64),
-            halfbandwidth_hz=time_halfbandwidth * sampling_rate / length,
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _Spectra:
+class _Spectra(NamedTuple):
     """Spectral matrices of c channels at F frequencies."""
 
     matrices: NDArray[np.complex128]  # (F, c, c), two-sided
     variances: Floats  # (c,)
     freedom: Floats  # (F,) degrees of freedom, Percival & Walden (1993, eq. 370b)
-    layout: _Tapering
+    frequencies: Floats  # (F,)
+    tapers: int
+    segments: int
+    halfbandwidth_hz: float  # of the longest segments
 
 
 def _spectra(
@@ -230,49 +182,73 @@ def _spectra(
     variances = np.concatenate(signals).var(axis=0)
     if not variances.all():
         raise InputError("spectrum", "a signal is constant", "choose channels that vary")
-    layouts = [_Tapering.of(len(each), rate, time_halfbandwidth, nfft) for each in signals]
-    longest = max(layouts, key=lambda each: each.sequences.shape[1])
-    layout = replace(longest, segments=sum(each.segments for each in layouts))
     channels = len(variances)
-    products = np.zeros((layout.tapers, layout.frequencies.size, channels, channels), complex)
-    for each, own in zip(signals, layouts, strict=True):
-        length = own.sequences.shape[1]
-        for segment in each[: own.segments * length].reshape(own.segments, length, channels):
+    frequencies = np.asarray(np.fft.rfftfreq(nfft, 1.0 / rate), np.float64)
+    products: NDArray[Any] = np.zeros(())
+    longest, segments = 0, 0
+    for each in signals:
+        count = max(-(-len(each) // nfft), 1)
+        length = len(each) // count
+        sequences, ratios = _tapers(length, time_halfbandwidth)
+        if length > longest:
+            longest, concentrations = length, ratios
+        segments += count
+        for segment in each[: count * length].reshape(count, length, channels):
             # Eigencoefficients: transforms of the tapered segment, (K, F, c).
-            found = np.fft.rfft(own.sequences[:, :, None] * segment, nfft, axis=1)
-            products += found[..., :, None] * found[..., None, :].conj()
-    products /= layout.segments * rate
+            found = np.fft.rfft(sequences[:, :, None] * segment, nfft, axis=1)
+            products = products + found[..., :, None] * found[..., None, :].conj()
+    products /= segments * rate
     of_channels = [
-        _adaptive_weights(products[:, :, k, k].real, layout, variances[k] / rate)
+        _adaptive_weights(products[:, :, k, k].real, concentrations, variances[k] / rate)
         for k in range(channels)
     ]
     weights = np.exp(np.mean(np.log(of_channels), axis=0)) if channels > 1 else of_channels[0]
-    freedom = 2.0 * layout.segments * weights.sum(axis=0) ** 2 / (weights**2).sum(axis=0)
+    freedom = 2.0 * segments * weights.sum(axis=0) ** 2 / (weights**2).sum(axis=0)
     # Real coefficients have half the freedom of complex ones.
     freedom[0] /= 2.0
     if nfft % 2 == 0:
         freedom[-1] /= 2.0
     averaged = _weighted_average(weights[..., None, None], products)
-    return _Spectra(averaged, variances, freedom, layout)
+    halfbandwidth = time_halfbandwidth * rate / longest
+    tapers = len(concentrations)
+    return _Spectra(averaged, variances, freedom, frequencies, tapers, segments, halfbandwidth)
 
 
-def _adaptive_weights(eigenspectra: Floats, layout: _Tapering, flat_density: float) -> Floats:
+def _tapers(length: int, time_halfbandwidth: float) -> tuple[Floats, Floats]:
+    """2NW - 1 sequences of unit energy, (K, length), and the share of each within its band."""
+    from scipy.signal.windows import dpss
+
+    tapers = int(2 * time_halfbandwidth - 1)
+    if tapers < 1:
+        problem = f"{time_halfbandwidth:g} leaves no taper"
+        remedy = "choose at least 1; 4 is usual"
+        raise InputError("spectrum: time_halfbandwidth", problem, remedy)
+    if length <= 2 * time_halfbandwidth:
+        raise InputError(
+            "spectrum",
+            f"segments of {length} samples are too short for a time-halfbandwidth of"
+            f" {time_halfbandwidth:g}",
+            "choose a larger nfft or a smaller time_halfbandwidth, or give more samples",
+        )
+    sequences, ratios = dpss(length, time_halfbandwidth, Kmax=tapers, return_ratios=True)
+    # Rounding may give a share of 1 or more, but some leakage always remains.
+    return sequences, np.minimum(ratios, 1.0 - np.finfo(np.float64).eps)
+
+
+def _adaptive_weights(eigenspectra: Floats, concentrations: Floats, flat_density: float) -> Floats:
     """Thomson's weights b_k² λ_k, shape (K, F), Percival & Walden (1993, eq. 368a).
 
     A taper counts less wherever its leakage, at most (1 - λ_k) times the variance, outweighs the
     density. The factor S², common to the tapers of one frequency, cancels and is left out.
     """
-    if layout.tapers == 1:
+    if len(concentrations) == 1:
         return np.ones_like(eigenspectra)
     # In units of about the flat density: a square of the density itself may leave the range of
     # numbers. A power of two changes no other bit.
     _, exponent = np.frexp(flat_density)
-    eigenspectra, flat_density = (
-        np.ldexp(eigenspectra, -exponent),
-        np.ldexp(flat_density, -exponent),
-    )
-    kept = layout.concentrations[:, np.newaxis]
-    leaked = (1.0 - kept) * flat_density
+    eigenspectra = np.ldexp(eigenspectra, -exponent)
+    kept = concentrations[:, np.newaxis]
+    leaked = (1.0 - kept) * np.ldexp(flat_density, -exponent)
     density = eigenspectra[:2].mean(axis=0)
     for _ in range(MAX_WEIGHT_ITERATIONS):
         weights = kept / (kept * density + leaked) ** 2

@@ -153,13 +153,8 @@ def resample_signal(signal: NDArray[np.float64], ratio: Fraction) -> NDArray[np.
     """
     from scipy.signal import resample_poly
 
-    if signal.ndim == 2:
-        resampled = [resample_signal(np.ascontiguousarray(each), ratio) for each in signal.T]
-        samples = -(-len(signal) * ratio.numerator // ratio.denominator)
-        return np.column_stack([np.empty((samples, 0)), *resampled])
-    coefficients = anti_alias_filter(ratio)
     return resample_poly(
-        signal, ratio.numerator, ratio.denominator, window=coefficients, padtype="antireflect"
+        signal, *ratio.as_integer_ratio(), window=anti_alias_filter(ratio), padtype="antireflect"
     )
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.models.states import states_of
 from evopem.signals.recording import Recording
 from evopem.synthesis.armax import Truth, true_mode
 
@@ -44,7 +45,7 @@ def flexible_arm(seed: int, samples: int, sampling_rate: float = 100.0) -> tuple
     >>> [mode.frequency_hz for mode in truth.modes]
     [2.0, 5.36, 16.65, 37.0]
     """
-    from scipy.linalg import expm
+    from scipy.signal import cont2discrete
     from scipy.special import inv_boxcox
 
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
@@ -54,14 +55,11 @@ def flexible_arm(seed: int, samples: int, sampling_rate: float = 100.0) -> tuple
     disturbance = DISTURBANCE * generator.standard_normal(total)
 
     a, b, c = arm_dynamics()
-    states = len(a)
     # Zero-order hold of both inputs over a sampling interval, exactly.
-    block = np.zeros((states + 2, states + 2))
-    block[:states, :states], block[:states, states:] = a, b
-    step = expm(block / sampling_rate)
-    acceleration = _response(
-        step[:states, :states], step[:states, states:], c, np.column_stack([command, disturbance])
-    )
+    continuous = a, b, c[None, :], np.zeros((1, 2))
+    transition, drive, *_ = cont2discrete(continuous, 1.0 / sampling_rate)
+    driven = np.column_stack([command, disturbance]) @ drive.T
+    acceleration = states_of(transition, driven, None) @ c
     record = slice(warm_up, warm_up + samples)
     delayed = acceleration[warm_up - TRANSPORT_SAMPLES : warm_up - TRANSPORT_SAMPLES + samples]
     spread = float(np.std(delayed))
@@ -117,19 +115,3 @@ def arm_dynamics() -> tuple[Array, Array, Array]:
         a[row + 1, 1] = -1.0
         c += share * a[row + 1]
     return a, b, c
-
-
-def _response(transition: Array, drive: Array, c: Array, inputs: Array) -> Array:
-    """Output of ``x+ = transition x + drive u``, ``y = c x`` from rest, through its modes.
-
-    The recursion runs as scalar filters in the eigenvector basis, at compiled speed.
-    """
-    from scipy.signal import lfilter
-
-    eigenvalues, vectors = np.linalg.eig(transition)
-    forced = inputs @ np.linalg.solve(vectors, drive.astype(complex)).T
-    weights = c @ vectors
-    output = np.zeros(len(inputs), dtype=complex)
-    for k, z in enumerate(eigenvalues):
-        output += weights[k] * lfilter([0.0, 1.0], [1.0, -z], forced[:, k])
-    return output.real
