@@ -35,9 +35,9 @@ def german(header: str = "") -> str:
     return header + rows(T, U, Y, separator=";", decimal=",", end="\r\n")
 
 
-def with_line(text: str, number: int, line: str) -> str:
+def with_line(text: str, number: int, line: str, repeated: int = 1) -> str:
     lines = text.split("\n")
-    lines[number - 1] = line
+    lines[number - 1 : number - 1 + repeated] = [line] * repeated
     return "\n".join(lines)
 
 
@@ -272,8 +272,8 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
     "excel_minutes_as_time": (
         "time,u,y\n" + rows(texts("12:{:04.1f}", T), U, Y), STAMPED, "line 2, column 1"),
     "excel_formula": (with_line(rows(U, Y), 30, '="1.5",1.2'), PLAIN, "line 30, column 1"),
-    "excel_empty_row_between": (
-        with_line("u,y\n" + rows(U, Y), 30, ","), NAMED, 'input "u", sample 29: the value is'),
+    "excel_empty_rows_between": (
+        with_line("u,y\n" + rows(U, Y), 30, ",", 4), NAMED, 'input "u", sample 29: the value is'),
     "excel_empty_row_below_the_headings": ("u,y\n,\n" + rows(U, Y), NAMED, "line 2: the row"),
     "excel_truth": (rows(["TRUE", "FALSE"] * (N // 2), Y), PLAIN, "line 1, column 1"),
     # LabVIEW
@@ -283,7 +283,7 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
         "line 93: the row has 4 fields where the others have 3",
     ),
     "labview_lvm_no_x": (LVM_NO_X, NAMED, "set header_lines"),
-    "labview_nan": (with_line(LVM, 40, "0.05\tNaN\t1.0"), NAMED, 'input "u", sample 17: '),
+    "labview_nan": (with_line(LVM, 40, "0.05\tNaN\t1.0", 4), NAMED, 'input "u", sample 17: '),
     # MATLAB
     "matlab_timetable": (
         "Time,u,y\n" + rows(texts("{:g} sec", T), U, Y),
@@ -296,7 +296,7 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
         pd.DataFrame(np.column_stack([U, Y])).to_csv(index=False), PLAIN, 'line 1: the row "0,1"'),
     "pandas_index_as_input": (FRAME.to_csv(), PLAIN, "holds the row numbers 0 to 59"),
     "pandas_missing": (
-        FRAME.assign(y=FRAME.y.where(FRAME.index != 7)).to_csv(index=False),
+        FRAME.assign(y=FRAME.y.where((FRAME.index < 7) | (FRAME.index > 10))).to_csv(index=False),
         NAMED,
         'output "y", sample 8: the value is missing',
     ),
@@ -372,8 +372,8 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
     "fortran_exponent": (with_line(rows(U, Y), 9, "1.234-105,1"), PLAIN, "line 9, column 1"),
     "unicode_minus": (with_line(rows(U, Y), 9, "−1.5,1"), PLAIN, "line 9, column 1"),
     "hexadecimal": (with_line(rows(U, Y), 9, "0x1F,1"), PLAIN, "line 9, column 1"),
-    "scpi_overload": (with_line(rows(U, Y), 9, "9.9E+37,1"), PLAIN, "sample 9: the value is 9.9e"),
-    "scpi_nan": (with_line(rows(U, Y), 9, "0.5,9.91E37"), PLAIN, "sample 9: the value is 9.91e+"),
+    "scpi_overload": (with_line(rows(U, Y), 9, "9.9E+37,1", 4), PLAIN, "sample 9: the value is 9.9"),
+    "scpi_nan": (with_line(rows(U, Y), 9, "0.5,9.91E37", 4), PLAIN, "sample 9: the value is 9.91"),
     "swiss_thousands": (with_line(rows(U, Y), 9, "1'234.5,1"), PLAIN, "line 9, column 1"),
     "date_among_numbers": (with_line(rows(U, Y), 9, "2024-01-01,1"), PLAIN, "line 9, column 1"),
     "quote_not_closed": (with_line(rows(U, Y), 9, '"1.5,1'), PLAIN, "line 9"),

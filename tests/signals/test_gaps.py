@@ -11,7 +11,6 @@ from evopem.signals.output_level import output_levels
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import measured_outputs
 from evopem.signals.reading import read_measured
-from evopem.signals.recording_checks import SHORTEST_STRETCH
 
 N, RATE = 4000, 50.0
 LOST = [0, 700, 701, 1480, 2810, 2830]
@@ -26,11 +25,11 @@ def signals():
     return u, lfilter(B, A, u) + lfilter([1.0], A, 0.05 * e) + 40.0
 
 
-def written(path, lost=LOST, fields=("nan", "", "inf", "9.91E37")):
+def written(path, lost=LOST, columns=(0, 1), fields=("nan", "", "inf", "9.91E37")):
     u, y = signals()
     rows = [[repr(float(each)) for each in row] for row in zip(u, y, strict=True)]
     for number, sample in enumerate(lost):
-        rows[sample][number % 2] = fields[number % len(fields)]
+        rows[sample][columns[number % len(columns)]] = fields[number % len(fields)]
     path.write_text("u,y\n" + "".join(f"{','.join(row)}\n" for row in rows))
     return path
 
@@ -50,10 +49,38 @@ def test_stretches_between_missing_samples(tmp_path):
     )
 
 
-@pytest.mark.parametrize("lost", [range(0, N, SHORTEST_STRETCH), range(450)])
+@pytest.mark.parametrize("lost", [range(0, N, 8), range(450)])
 def test_too_many_missing_samples_are_refused(tmp_path, lost):
     with pytest.raises(InputError, match=r"% of the recording are lost, and up to 10 % may be"):
         read_measured(written(tmp_path / "r.csv", lost), CHANNELS)
+
+
+@pytest.mark.parametrize("together", [1, 3])
+def test_scattered_missing_samples_are_filled(tmp_path, together):
+    """2 % of the samples of the output, so close that hardly a stretch is long enough."""
+    _, y = signals()
+    starts = np.arange(10, N - 10, 50 * together)
+    starts += np.random.default_rng(2).integers(0, 9, starts.size)
+    lost = [first + k for first in starts for k in range(together)]
+    path = written(tmp_path / "r.csv", lost, columns=(1,))
+    recording, origin = read_measured(path, CHANNELS)
+    if together == 3:  # stretches of some 150 samples are long enough
+        assert (origin.segments, origin.filled) == (len(starts) + 1 - (starts[0] < 50), 0)
+        return
+    assert (recording.samples, origin.segments, origin.left_out) == (N, 1, 0)
+    assert origin.filled == len(lost)
+    filled = np.isin(np.arange(N), lost)
+    np.testing.assert_array_equal(recording.output[~filled], y[~filled])
+    error = recording.output[filled] - y[filled]
+    assert 0.0 < error.std() < 0.3 * y.std()
+
+
+def test_a_long_gap_beside_scattered_missing_samples_stays_one(tmp_path):
+    lost = [*range(10, 3000, 40), *range(3200, 3204)]
+    path = written(tmp_path / "r.csv", lost, columns=(0,))
+    recording, origin = read_measured(path, CHANNELS)
+    assert recording.segment_firsts == (0, 3204)
+    assert (origin.filled, origin.left_out) == (75, 4)
 
 
 @pytest.mark.parametrize("resample", [None, RATE / 2])

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from evopem.blas_threads import one_blas_thread
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, read_channels
+from evopem.signals.missing_samples import MOST_MISSING
 from evopem.signals.readers.channels import Channel, Reference
-from evopem.signals.recording_checks import MOST_MISSING
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import has_even_steps, timing
 

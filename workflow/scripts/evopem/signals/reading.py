@@ -16,9 +16,10 @@ from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file
 from evopem.signals.inspection import time_told
 from evopem.signals.measured_files import channel_names, format_of, local_path, read_channels
+from evopem.signals.missing_samples import without_missing
 from evopem.signals.readers.channels import Channel, Reference, listing
 from evopem.signals.recording import Recording
-from evopem.signals.recording_checks import check_recording, without_missing
+from evopem.signals.recording_checks import check_recording
 from evopem.signals.recording_info import FileOrigin
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import Timing, is_time, timing
@@ -85,7 +86,7 @@ def read_measured(
         _units(channels.input_unit, read[:count], names[:count], source, "input"),
         _units(channels.output_unit, read[count:], names[count:], source, "output"),
     )
-    recording = without_missing(whole, source)
+    recording, filled = without_missing(whole, source)
     check_recording(recording, source, measured=True)
     for place, signal in recording.longest.signals.items():
         if is_time(signal, timed.rate):
@@ -95,7 +96,7 @@ def read_measured(
     return recording, FileOrigin(
         *(str(Path(name)), sha256_of_file(local), local.stat().st_size, format_of(path), *asked),
         *(recording.samples, len(recording.segments), whole.samples - recording.samples),
-        *(told, timed.unevenness),
+        *(filled, told, timed.unevenness),
     )
 
 

@@ -27,13 +27,6 @@ LARGEST_STUCK_SHARE = 0.9
 """A measured output with more than this share of its samples at one value, or at its two limits,
 is refused. A smaller share is stated in the report."""
 
-OVERFLOW_CODES = (9.9e37, 9.91e37, float(np.finfo(np.float32).max), 9.969209968386869e36)
-"""Numbers for overflow and "not a number" in SCPI (1999, 7.2.1), the largest number of single
-precision, and the value that netCDF fills in: no samples."""
-
-SHORTEST_STRETCH, MOST_MISSING = 50, 0.1
-"""Samples between missing ones that are used at least; the largest share of those that are not."""
-
 RATE_TOLERANCE = 1e-4
 """Rates from the time stamps of equal clocks differ by no more than this share."""
 
@@ -91,39 +84,6 @@ def _stuck(values: Array) -> str:
             share = f"{100 * equal / values.size:.1f} % of its samples {where}"
             return f"{share}, so the channel was saturated, cut off or hardly ever changed"
     return ""
-
-
-def without_missing(recording: Recording, source: str) -> Recording:
-    """The stretches of a measured recording between samples that are missing in some channel.
-
-    Those are not finite, or numbers that instruments write for an overflow. A stretch of fewer than
-    `SHORTEST_STRETCH` samples is left out; of all samples up to the share `MOST_MISSING` may be.
-    """
-    good = {
-        place: np.isfinite(signal) & ~np.isin(np.abs(signal), OVERFLOW_CODES)
-        for place, signal in recording.signals.items()
-    }
-    kept = np.all(list(good.values()), axis=0)
-    if kept.all():
-        return recording
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], kept, [False])).astype(int)))
-    ranges = [pair for pair in edges.reshape(-1, 2).tolist() if np.ptp(pair) >= SHORTEST_STRETCH]
-    left = recording.samples - sum(stop - first for first, stop in ranges)
-    if left > MOST_MISSING * recording.samples:
-        first = int(np.argmin(kept))
-        place = next(each for each, of_channel in good.items() if not of_channel[first])
-        value = recording.signals[place][first]
-        what = "missing" if np.isnan(value) else f"{value:g}, which is none"
-        problem = (
-            f"the value is {what}; without the {np.count_nonzero(~kept)} such samples and what is"
-            f" left of fewer than {SHORTEST_STRETCH} in sequence"
-            f" {100.0 * left / recording.samples:.0f} % of the recording are lost, and up to"
-            f" {100.0 * MOST_MISSING:g} % may be"
-        )
-        remedy = "repair the recording or cut that part away"
-        raise InputError(source, problem, remedy, f"{place}, sample {first + 1}")
-    (whole,) = recording.segments
-    return recording.with_segments([whole.between(*each) for each in ranges])
 
 
 def saturated_share(signal: NDArray[np.float64]) -> float:

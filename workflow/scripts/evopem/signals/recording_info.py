@@ -37,6 +37,7 @@ class FileOrigin:
     samples: int  # that are used
     segments: int = 1  # stretches of consecutive samples
     left_out: int = 0  # samples that are missing, and those of short stretches between such
+    filled: int = 0  # values of samples that were missing and are interpolated
     time_told: Reference | None = None  # the channel of time stamps that was told from the file
     # of the stamps, where the signals were brought to an even grid, or the clock is coarse
     unevenness: Unevenness | None = None

@@ -1,0 +1,96 @@
+"""Missing samples: the stretches between them, and the filling of those that are too scattered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evopem.errors import InputError
+from evopem.signals.recording import Recording
+
+Array = NDArray[np.float64]
+
+OVERFLOW_CODES = (9.9e37, 9.91e37, float(np.finfo(np.float32).max), 9.969209968386869e36)
+"""Numbers for overflow and "not a number" in SCPI (1999, 7.2.1), the largest number of single
+precision, and the value that netCDF fills in: no samples."""
+
+SHORTEST_STRETCH, MOST_MISSING = 50, 0.1
+"""Samples between missing ones that are used at least; the largest share of those that are not."""
+
+LONGEST_FILLED, MOST_FILLED = 3, 0.05
+"""Missing samples in sequence that are filled at most, and their largest share of a channel."""
+
+
+def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
+    """The stretches of a measured recording between samples that are missing in some channel.
+
+    Those are not finite, or numbers that instruments write for an overflow. A stretch of fewer than
+    `SHORTEST_STRETCH` samples is left out; of all samples up to the share `MOST_MISSING` may be.
+    Where more would be, single missing samples are filled first; the second value is their number.
+    """
+    signals = np.column_stack([recording.inputs, recording.outputs])
+    missing = ~np.isfinite(signals) | np.isin(np.abs(signals), OVERFLOW_CODES)
+    if not missing.any():
+        return recording, 0
+    (whole,) = recording.segments
+    ranges, filled = _stretches(missing), 0
+    if _lost(ranges, len(missing)) > MOST_MISSING:
+        short = np.column_stack([_short_gaps(each) for each in missing.T])
+        if short.mean(axis=0).max() <= MOST_FILLED:
+            ranges, filled = _stretches(missing & ~short), int(short.sum())
+            signals = _filled(signals, missing, short)
+            inputs, outputs = np.split(signals, [recording.inputs.shape[1]], axis=1)
+            whole = replace(whole, inputs=inputs, outputs=outputs)
+    lost = _lost(ranges, len(missing))
+    if lost > MOST_MISSING:
+        first, channel = np.argwhere(missing)[0]
+        place, values = list(recording.signals.items())[channel]
+        what = "missing" if np.isnan(values[first]) else f"{values[first]:g}, which is none"
+        problem = (
+            f"the value is {what}; without the {np.count_nonzero(missing.any(axis=1))} such samples"
+            f" and what is left of fewer than {SHORTEST_STRETCH} in sequence"
+            f" {100.0 * lost:.0f} % of the recording are lost, and up to"
+            f" {100.0 * MOST_MISSING:g} % may be"
+        )
+        remedy = "repair the recording or cut that part away"
+        raise InputError(source, problem, remedy, f"{place}, sample {first + 1}")
+    return recording.with_segments([whole.between(*each) for each in ranges]), filled
+
+
+def _runs(samples: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First sample of each run of true ones, and the one after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], samples, [False])).astype(int)))
+    return [(first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
+
+
+def _stretches(missing: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The stretches in which no channel has missing samples, (N, channels), for long enough."""
+    runs = _runs(np.logical_not(missing.any(axis=1)))
+    return [(first, stop) for first, stop in runs if stop - first >= SHORTEST_STRETCH]
+
+
+def _lost(ranges: list[tuple[int, int]], samples: int) -> float:
+    return 1.0 - sum(stop - first for first, stop in ranges) / samples
+
+
+def _short_gaps(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The missing samples of a channel, (N,), in gaps that may be filled."""
+    short = np.zeros_like(missing)
+    for first, stop in _runs(missing):
+        # Beyond an end there is nothing to interpolate to.
+        if stop - first <= LONGEST_FILLED and first > 0 and stop < missing.size:
+            short[first:stop] = True
+    return short
+
+
+def _filled(signals: Array, missing: NDArray[np.bool_], short: NDArray[np.bool_]) -> Array:
+    """Signals, (N, channels), with cubic splines through the others in place of short gaps."""
+    from scipy.interpolate import CubicSpline
+
+    filled = signals.copy()
+    for values, lost, gaps in zip(filled.T, missing.T, short.T, strict=True):
+        if gaps.any():
+            values[gaps] = CubicSpline(np.flatnonzero(~lost), values[~lost])(np.flatnonzero(gaps))
+    return filled
