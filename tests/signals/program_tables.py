@@ -372,7 +372,7 @@ REFUSED: dict[str, tuple[str | bytes, dict[str, Any], str]] = {
     "fortran_exponent": (with_line(rows(U, Y), 9, "1.234-105,1"), PLAIN, "line 9, column 1"),
     "unicode_minus": (with_line(rows(U, Y), 9, "−1.5,1"), PLAIN, "line 9, column 1"),
     "hexadecimal": (with_line(rows(U, Y), 9, "0x1F,1"), PLAIN, "line 9, column 1"),
-    "scpi_overload": (with_line(rows(U, Y), 9, "9.9E+37,1", 4), PLAIN, "sample 9: the value is 9.9"),
+    "scpi_overload": (with_line(rows(U, Y), 9, "9.9E+37,1", 4), PLAIN, "sample 9: the value is 9."),
     "scpi_nan": (with_line(rows(U, Y), 9, "0.5,9.91E37", 4), PLAIN, "sample 9: the value is 9.91"),
     "swiss_thousands": (with_line(rows(U, Y), 9, "1'234.5,1"), PLAIN, "line 9, column 1"),
     "date_among_numbers": (with_line(rows(U, Y), 9, "2024-01-01,1"), PLAIN, "line 9, column 1"),
