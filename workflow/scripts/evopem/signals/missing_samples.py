@@ -16,8 +16,9 @@ OVERFLOW_CODES = (9.9e37, 9.91e37, float(np.finfo(np.float32).max), 9.9692099683
 """Numbers for overflow and "not a number" in SCPI (1999, 7.2.1), the largest number of single
 precision, and the value that netCDF fills in: no samples."""
 
-SHORTEST_STRETCH, MOST_MISSING = 50, 0.1
-"""Samples between missing ones that are used at least; the largest share of those that are not."""
+LONG_STRETCH, SHORTEST_STRETCH, MOST_MISSING = 100, 50, 0.1
+"""Samples between missing ones in which the initial state of a long model settles; what is used at
+least where these are too few; the largest share of samples that are not used."""
 
 LONGEST_FILLED, MOST_FILLED = 3, 0.05
 """Missing samples in sequence that are filled at most, and their largest share of a channel."""
@@ -26,25 +27,27 @@ LONGEST_FILLED, MOST_FILLED = 3, 0.05
 def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
     """The stretches of a measured recording between samples that are missing in some channel.
 
-    Those are not finite, or numbers that instruments write for an overflow. A stretch of fewer than
-    `SHORTEST_STRETCH` samples is left out; of all samples up to the share `MOST_MISSING` may be.
-    Where more would be, single missing samples are filled first; the second value is their number.
+    Those are not finite, or numbers that instruments write for an overflow. Of all samples up to
+    the share `MOST_MISSING` may be missing or in stretches of fewer than `LONG_STRETCH`. Where more
+    are, single missing samples are filled; else stretches of `SHORTEST_STRETCH` samples are used.
+    The second value is the number of values that are filled.
     """
     signals = np.column_stack([recording.inputs, recording.outputs])
     missing = ~np.isfinite(signals) | np.isin(np.abs(signals), OVERFLOW_CODES)
     if not missing.any():
         return recording, 0
-    (whole,) = recording.segments
-    ranges, filled = _stretches(missing), 0
-    if _lost(ranges, len(missing)) > MOST_MISSING:
-        short = np.column_stack([_short_gaps(each) for each in missing.T])
-        if short.mean(axis=0).max() <= MOST_FILLED:
-            ranges, filled = _stretches(missing & ~short), int(short.sum())
-            signals = _filled(signals, missing, short)
-            inputs, outputs = np.split(signals, [recording.inputs.shape[1]], axis=1)
-            whole = replace(whole, inputs=inputs, outputs=outputs)
-    lost = _lost(ranges, len(missing))
-    if lost > MOST_MISSING:
+    short = np.column_stack([_short_gaps(each) for each in missing.T])
+    fills = bool(short.any() and short.mean(axis=0).max() <= MOST_FILLED)
+    ways = [(missing, LONG_STRETCH)]
+    ways += [(missing & ~short, SHORTEST_STRETCH)] * fills
+    ways += [(missing, SHORTEST_STRETCH)]
+    for left, least in ways:
+        runs = _runs(np.logical_not(left.any(axis=1)))
+        ranges = [(first, stop) for first, stop in runs if stop - first >= least]
+        lost = 1.0 - sum(stop - first for first, stop in ranges) / len(missing)
+        if lost <= MOST_MISSING:
+            break
+    else:
         first, channel = np.argwhere(missing)[0]
         place, values = list(recording.signals.items())[channel]
         what = "missing" if np.isnan(values[first]) else f"{values[first]:g}, which is none"
@@ -56,6 +59,13 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
         )
         remedy = "repair the recording or cut that part away"
         raise InputError(source, problem, remedy, f"{place}, sample {first + 1}")
+    (whole,) = recording.segments
+    filled = 0
+    if left is not missing:
+        filled = int(short.sum())
+        signals = _filled(signals, missing, short)
+        inputs, outputs = np.split(signals, [recording.inputs.shape[1]], axis=1)
+        whole = replace(whole, inputs=inputs, outputs=outputs)
     return recording.with_segments([whole.between(*each) for each in ranges]), filled
 
 
@@ -63,16 +73,6 @@ def _runs(samples: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First sample of each run of true ones, and the one after its last."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], samples, [False])).astype(int)))
     return [(first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
-
-
-def _stretches(missing: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """The stretches in which no channel has missing samples, (N, channels), for long enough."""
-    runs = _runs(np.logical_not(missing.any(axis=1)))
-    return [(first, stop) for first, stop in runs if stop - first >= SHORTEST_STRETCH]
-
-
-def _lost(ranges: list[tuple[int, int]], samples: int) -> float:
-    return 1.0 - sum(stop - first for first, stop in ranges) / samples
 
 
 def _short_gaps(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:

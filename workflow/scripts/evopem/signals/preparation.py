@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.errors import InputError
+from evopem.signals.missing_samples import LONG_STRETCH
 from evopem.signals.output_level import output_levels
 from evopem.signals.prepared_data import PreparedData, Source, StretchOrigin, Transforms
 from evopem.signals.recording import MINIMUM_SAMPLES, Recording, Segment
@@ -158,13 +159,14 @@ def _divided(
         for place in places[number]:
             low, high = max(first - begin, 0), min(stop - begin, lengths[place])
             begin += lengths[place]
-            # What a gap cuts off may be too short for anything.
-            if high - low >= (1 if len(places[number]) == 1 else MINIMUM_SAMPLES):
-                found.append((place, lost + low, lost + high))
-        if not found:
+            found.append((place, lost + low, lost + max(low, high)))
+        longest = max(high - low for _, low, high in found)
+        if longest == 0 or (longest < MINIMUM_SAMPLES and len(found) > 1):
             remedy = "divide the recording at another sample"
             raise InputError(key, "a gap leaves too few samples", remedy)
-        return found
+        # What is cut off beside a gap may be too short for an initial state to settle.
+        least = min(LONG_STRETCH, longest)
+        return [each for each in found if each[2] - each[1] >= least]
 
     kept = own  # recordings that are not held out as a whole
     source: Source = "file" if own < count else "cut" if len(stretches) == own else "gap"
