@@ -315,22 +315,6 @@ def test_many_lags_of_coloured_errors_are_summed_by_filters(monkeypatch):
     np.testing.assert_allclose(by_filters, listed, rtol=1e-6)
 
 
-def test_descents_of_long_records_race_to_the_same_optimum(monkeypatch):
-    truth = system(modes=2, ny=2, nu=1, structure="ss_oe")
-    u, y, _ = recorded(truth, 300, 0.1, 3)
-    full = list(estimates_of_orders(record_of(u, y), (2, 4), structure="ss_oe"))
-    monkeypatch.setattr("evopem.estimation.state_space.search.COSTLY", 0)
-    monkeypatch.setattr("evopem.estimation.state_space.search.LAP", 5)
-    raced = list(estimates_of_orders(record_of(u, y), (2, 4), structure="ss_oe"))
-    spent = [
-        sum(each.search.diagnostics.evaluations for each in estimates)
-        for estimates in (raced, full)
-    ]
-    assert spent[0] < spent[1]
-    bic = [[each.bic for each in estimates] for estimates in (raced, full)]
-    np.testing.assert_allclose(*bic, rtol=1e-6)
-
-
 def test_decayed_responses_leave_no_subnormal_numbers():
     layout = Layout(2, 1)
     signals = SectionSignals(layout, np.empty((3000, 0)), np.array([0, 3000]))

@@ -287,7 +287,7 @@ class EntryProblem:
         after = self.moved(point, -1e-6 * np.sign(gradient))
         shares = np.zeros(self.dimension, dtype=bool)
         for block, own in zip(self.blocks, self.own, strict=True):
-            shares[own] = block.restricted
+            shares[own] = block.allowed is not None
         shares[self._free.stop :] = True
         return shares & (after == point)
 

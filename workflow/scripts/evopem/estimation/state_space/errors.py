@@ -25,7 +25,7 @@ from evopem.estimation.damped_descent import Weighing
 from evopem.estimation.state_space.kernels import driven_states
 from evopem.estimation.state_space.sections import (
     Layout,
-    Sections,
+    SectionArrays,
     SectionSignals,
     input_matrix,
     inside,
@@ -186,7 +186,7 @@ class Projection:
     """Errors of a point with the best output matrices."""
 
     point: Array
-    sections: Sections
+    sections: SectionArrays
     states: Array  # (N, n)
     regressors: Array  # (N, q): states, inputs with feedthrough, constants of levels, and drift
     basis: Array  # (N, rank): orthonormal, of the regressors
@@ -298,7 +298,7 @@ class StateSpaceErrors:
         errors, no_basis = self.data.outputs - regressors @ linear, np.empty((len(states), 0))
         return Projection(point, sections, states, regressors, no_basis, linear, errors)
 
-    def _regression(self, point: Array) -> tuple[Sections, Array, Array]:
+    def _regression(self, point: Array) -> tuple[SectionArrays, Array, Array]:
         """Sections of a point, the states, and all regressors."""
         sections = sections_of(self.layout, point)
         drives = input_matrix(sections, self.layout)

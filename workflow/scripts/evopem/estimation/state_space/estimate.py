@@ -90,7 +90,7 @@ def estimate_state_space(
     a setting outside its range.
     """
     options = {"level": level, "weighting": weighting, "settings": settings or QUADRATIC}
-    task = StateSpaceTask.of(recording, structure, delays, forgets, **options)
+    task = StateSpaceTask.of(recording, structure, delays, forgets=forgets, **options)
     horizon = _horizon(focus, structure, constraints)
     if structure == "ss_bj":
         free = _beside(recording, order, task, horizon, starts, log)
@@ -180,7 +180,7 @@ def estimates_of_orders(
         slowly, and nothing depends on their last digits.
     """
     options = {"level": level, "weighting": weighting, "settings": settings or QUADRATIC}
-    task = StateSpaceTask.of(recording, structure, delays, forgets, **options)
+    task = StateSpaceTask.of(recording, structure, delays, forgets=forgets, **options)
     if structure != "ss_bj":
         yield from plain_estimates(recording, orders, task, width, steps, log)
         return

@@ -64,7 +64,6 @@ class StateSpaceTask:
         recording: Recording,
         structure: StateSpaceStructure,
         delays: int | Sequence[int],
-        forgets: bool,
         **options: Any,
     ) -> StateSpaceTask:
         """The task of a structure.
@@ -80,7 +79,6 @@ class StateSpaceTask:
             drift_period=recording.longest.samples / DRIFT_PERIODS
             if structure == "ss_oe_drift"
             else None,
-            forgets=forgets and structure == "ss",
             **options,
         )
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints, FixedPole
 from evopem.estimation.pem.constrained_model import gain_of, pole_region
 from evopem.estimation.pem.constrained_parameters import Gain
-from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE
-from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, PoleRegion
+from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE, Sections
+from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.state_space.errors import EDGE, ScaledRecording, StateSpaceErrors
 from evopem.estimation.state_space.sections import drawn_in
 
@@ -29,60 +29,35 @@ class Block:
 
     known: tuple[complex, ...]  # poles that are given: none, one real one, or all
     states: int
-    region: PoleRegion | None  # of the other poles; None where they are free within the radius
+    allowed: Sections | None  # polynomial of the poles; None where they are free within the radius
     radius: float
 
     @property
     def codes(self) -> list[int]:
         """Kinds of the coordinates."""
-        left = self.states - len(self.known)
-        if self.region is None and not self.known:
-            return [FREE] * self.states
-        return [KIND, SHARE, SHARE] if left == 2 else [SHARE] * left
-
-    @property
-    def restricted(self) -> bool:
-        """Whether poles are known, or have a region."""
-        return self.codes[:1] != [FREE]
+        return [FREE] * self.states if self.allowed is None else self.allowed.codes
 
     def values(self, own: Array) -> tuple[Array, Array]:
         """``[sigma, delta]``, and their derivatives by the coordinates."""
-        if not self.codes:
-            one, two = self.known[0], self.known[-1]
-            return _section(one, two), np.zeros((2, 0))
-        if not self.restricted:
+        if self.allowed is None:
             return np.append(own, 0.0)[:2], np.eye(2)[:, : self.states]
-        if self.codes[0] == KIND:
-            assert self.region is not None
-            (c1, c2), by_shares = self.region.section(int(own[0]), own[1:])
-            by_section = np.array([[-0.5, 0.0], [0.5 * c1, -1.0]])
-            derivatives = np.column_stack([np.zeros(2), by_section @ by_shares])
-            return np.array([-0.5 * c1, 0.25 * c1**2 - c2]), derivatives
-        low, high = self._real
-        pole = low + (high - low) * own[0]
-        if not self.known:
-            return np.array([pole, 0.0]), np.array([[high - low], [0.0]])
-        half = 0.5 * (pole - self.known[0].real)
-        return _section(pole, self.known[0]), (high - low) * np.array([[0.5], [half]])
+        found, moves = self.allowed.part(own)
+        if self.states == 1:
+            return np.append(-found, 0.0), np.vstack([-moves, 0.0 * moves])
+        section = np.array([-0.5 * found[0], 0.25 * found[0] ** 2 - found[1]])
+        return section, np.array([[-0.5, 0.0], [0.5 * found[0], -1.0]]) @ moves
 
     def coordinates(self, section: Array) -> Array:
         """Those nearest to ``[sigma, delta]``."""
-        poles = poles_of(section)
-        if not self.codes:
-            return np.empty(0)
-        if not self.restricted:
+        if self.allowed is None:
             return self.repaired(section[: self.states])
-        if self.codes[0] == KIND:
-            assert self.region is not None
-            kind, shares = self.region.shares_of(poles)
-            return np.concatenate([[float(kind)], shares])
-        low, high = self._real
-        pole = poles[np.argmax(np.abs(poles - self.known[0]))] if self.known else poles[0]
-        return np.array([np.clip((pole.real - low) / (high - low), 0.0, 1.0)])
+        poles = poles_of(section)[: self.states]
+        coefficients = np.asarray(np.poly(poles).real[1:], dtype=float)
+        return self.allowed.coordinates(coefficients)
 
     def repaired(self, own: Array) -> Array:
         """Coordinates within their bounds."""
-        if self.restricted:
+        if self.allowed is not None:
             return np.where(np.array(self.codes) == SHARE, np.clip(own, 0.0, 1.0), own)
         section = np.append(own, 0.0)
         drawn = drawn_in(section[0], section[1], self.radius * (1.0 - EDGE))
@@ -90,32 +65,21 @@ class Block:
 
     def active(self, own: Array) -> tuple[list[str], list[int]]:
         """Active constraints, and the coordinates that they fix."""
-        if self.region is None or not self.codes:
+        if self.allowed is None or not self.codes:
             return [], []
         if self.codes[0] == KIND:
-            names, fixed = self.region.active(int(own[0]), own[1:])
+            names, fixed = self.allowed.region.active(int(own[0]), own[1:])
             return names, [0, *(1 + k for k in fixed)]
-        name = self.region.active_real(float(own[0]))
+        name = self.allowed.region.active_real(float(own[0]))
         return ([], []) if name is None else ([name], [0])
 
     def random(self, generator: np.random.Generator) -> Array:
         """Coordinates of random allowed poles."""
-        own = generator.random(len(self.codes))
-        if self.codes and not self.restricted:
-            r, angle = self.radius * generator.random() ** 0.5, np.pi * generator.random()
-            pole = r * np.exp(1j * angle)
-            return _section(pole, pole.conjugate()) if self.states == 2 else np.array([r])
-        if self.region is not None and self.codes[:1] == [KIND]:
-            own[0] = generator.integers(self.region.kinds)
-            # Poles of interest lie near the edge of their region.
-            own[2] = 1.0 - generator.random() ** 2
-        return own
-
-    @property
-    def _real(self) -> tuple[float, float]:
-        if self.region is None:
-            return -self.radius, self.radius
-        return self.region.real or (0.0, 0.0)
+        if self.allowed is not None:
+            return self.allowed.random(generator)
+        r, angle = self.radius * generator.random() ** 0.5, np.pi * generator.random()
+        pole = r * np.exp(1j * angle)
+        return np.array([pole.real, -(pole.imag**2)] if self.states == 2 else [r])
 
 
 def blocks_of(errors: StateSpaceErrors, constraints: Constraints | None) -> tuple[Block, ...]:
@@ -127,9 +91,14 @@ def blocks_of(errors: StateSpaceErrors, constraints: Constraints | None) -> tupl
         radius = UNBOUNDED_RADIUS
     if constraints.max_pole_radius is not None and constraints.max_pole_radius < radius:
         radius, name = constraints.max_pole_radius, "max_pole_radius"
-    region = None
-    if constraints.of_free_poles:
-        region = pole_region(constraints, sampling_rate, radius, name)
+    region = pole_region(constraints, sampling_rate, radius, name)
+
+    def block(known: tuple[complex, ...], states: int) -> Block:
+        factor = np.atleast_1d(np.poly(known)).real
+        allowed = Sections(factor, states - len(known), region)
+        restricted = known or constraints.of_free_poles
+        return Block(known, states, allowed if restricted else None, radius)
+
     given = [_given(pole, sampling_rate) for pole in constraints.fixed_poles]
     pairs: list[tuple[complex, ...]] = [poles for poles in given if len(poles) == 2]
     real = [poles[0] for poles in given if len(poles) == 1]
@@ -137,10 +106,7 @@ def blocks_of(errors: StateSpaceErrors, constraints: Constraints | None) -> tupl
     real = real[: len(real) // 2 * 2] if order % 2 else real
     pairs += [tuple(real[k : k + 2]) for k in range(0, len(real), 2)]
     pairs += [()] * (order // 2 - len(pairs))
-    return (
-        *(Block(poles, 2, region, radius) for poles in pairs),
-        *(Block(poles, 1, region, radius) for poles in single),
-    )
+    return *(block(poles, 2) for poles in pairs), *(block(poles, 1) for poles in single)
 
 
 def poles_of(section: Array) -> Complex:
@@ -166,8 +132,3 @@ def _given(pole: FixedPole, sampling_rate: float) -> tuple[complex, ...]:
     damping, turn = pole.damping_ratio or 0.0, 2.0 * np.pi * (pole.frequency_hz or 0.0)
     upper = np.exp(complex(-damping, np.sqrt(1.0 - damping**2)) * turn / sampling_rate)
     return complex(upper), complex(upper.conjugate())
-
-
-def _section(one: complex, two: complex) -> Array:
-    """``[sigma, delta]`` of two poles."""
-    return np.array([(0.5 * (one + two)).real, (0.25 * (one - two) ** 2).real])

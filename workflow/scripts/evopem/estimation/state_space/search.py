@@ -40,9 +40,6 @@ Log = Callable[[str], None]
 PAIRS, DESCENDED = 32, 3
 # Random starts of an order that nothing else leads to.
 RANDOM_STARTS = 20
-# Multiplications of one set of normal equations from which on descents race each other, and steps
-# of a lap of such a race.
-COSTLY, LAP = 2e7, 10
 # Gain of twice the log likelihood that no choice depends on.
 NEGLIGIBLE = 0.1
 
@@ -73,33 +70,10 @@ def lowest(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Ar
 def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Optimum]:
     """Optima from starts, the lowest first, which alone is descended to the last digits.
 
-    The others end where no choice depends on what is left, or where each step is costly, behind.
+    The others end where no choice depends on what is left.
     """
-    tolerance = rough_tolerance(errors)
-    optima = []
-    if errors.cost > COSTLY:
-        optima = _in_laps(errors, starts, steps, tolerance)
-    optima = optima or descended(errors, starts, len(starts), steps, tolerance)
+    optima = descended(errors, starts, len(starts), steps, rough_tolerance(errors))
     return [continued(errors, optima[0], steps, TOLERANCE), *optima[1:]] if optima else []
-
-
-def _in_laps(
-    errors: StateSpaceErrors, starts: list[Array], steps: int, tolerance: float
-) -> list[Optimum]:
-    """Optima of descents of which only the better half goes on after each lap."""
-    running = descended(errors, starts, len(starts), min(LAP, steps), tolerance)
-    behind: list[Optimum] = []
-    for _ in range(LAP, steps, LAP):
-        if len(running) < 2:
-            break
-        half = -(-len(running) // 2)
-        behind = running[half:] + behind
-        further = [
-            each if each.converged else continued(errors, each, LAP, tolerance)
-            for each in running[:half]
-        ]
-        running = sorted(further, key=lambda optimum: optimum.value)
-    return running + behind
 
 
 def rough_tolerance(errors: StateSpaceErrors) -> float:

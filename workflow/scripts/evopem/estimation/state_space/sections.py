@@ -71,7 +71,7 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False)
-class Sections:
+class SectionArrays:
     """The sections of a point as arrays, (sections,)."""
 
     sigma: Array
@@ -92,7 +92,7 @@ def scale_of(delta: Array) -> Array:
     return np.sqrt(np.maximum(np.abs(delta), SMALLEST_DELTA))
 
 
-def sections_of(layout: Layout, point: Array, scale: Array | None = None) -> Sections:
+def sections_of(layout: Layout, point: Array, scale: Array | None = None) -> SectionArrays:
     """Read the sections of a point; their s may be given."""
     rows = layout.rows(point)
     sigma, delta = rows[:, 0], rows[:, 1]
@@ -100,7 +100,7 @@ def sections_of(layout: Layout, point: Array, scale: Array | None = None) -> Sec
     coupling = scale.copy()
     coupling[layout.pairs :] = 0.0
     b1, b2 = np.split(rows[:, 2:], 2, axis=1)
-    return Sections(sigma, scale, coupling, delta / scale, b1, b2)
+    return SectionArrays(sigma, scale, coupling, delta / scale, b1, b2)
 
 
 def rescaled(layout: Layout, before: Array, after: Array) -> Array:
@@ -160,7 +160,7 @@ def inside(layout: Layout, point: Array, radius: float) -> Array:
     return after
 
 
-def state_matrix(sections: Sections, layout: Layout) -> Array:
+def state_matrix(sections: SectionArrays, layout: Layout) -> Array:
     """Block-diagonal state matrix of a point, (n, n), or its derivatives with a last axis."""
     first = np.arange(0, 2 * layout.sections, 2)
     A = np.zeros((2 * len(first), 2 * len(first), *sections.sigma.shape[1:]), sections.sigma.dtype)
@@ -169,7 +169,7 @@ def state_matrix(sections: Sections, layout: Layout) -> Array:
     return A[: layout.order, : layout.order]
 
 
-def input_matrix(sections: Sections, layout: Layout) -> Array:
+def input_matrix(sections: SectionArrays, layout: Layout) -> Array:
     """Columns by which the drives enter the states, (n, drives); derivatives as above."""
     B = np.stack([sections.b1, sections.b2], axis=1).reshape(-1, *sections.b1.shape[1:])
     return B[: layout.order]
@@ -215,16 +215,16 @@ class SectionSignals:
         self._free = layout.free() & (states < layout.order)
         self._states = np.minimum(states, layout.order - 1).ravel()
 
-    def responses(self, sections: Sections) -> Array:
+    def responses(self, sections: SectionArrays) -> Array:
         """Responses p, then r, of each section to each drive, (N, 2 sections drives)."""
         return self._derivatives(sections, np.empty((len(self._signals), 0)), np.empty(0))
 
-    def derivatives(self, sections: Sections, states: Array) -> Array:
+    def derivatives(self, sections: SectionArrays, states: Array) -> Array:
         """Signals that derivatives of states, (N, n), by the coordinates consist of."""
         second = np.zeros((len(states), int(self.layout.single)))
         return self._derivatives(sections, np.hstack([states, second]), sections.ratio)
 
-    def _derivatives(self, sections: Sections, states: Array, ratio: Array) -> Array:
+    def _derivatives(self, sections: SectionArrays, states: Array, ratio: Array) -> Array:
         """The responses, and signals of the sections whose states are given."""
         layout, segments = self.layout, len(self.bounds) - 1
         drives = layout.drives
@@ -239,28 +239,28 @@ class SectionSignals:
         )
         return signals
 
-    def _terms(self, sections: Sections) -> tuple[NDArray, NDArray, Array]:
+    def _terms(self, sections: SectionArrays) -> tuple[NDArray, NDArray, Array]:
         """Signals, states and factors of the first terms, then of the second ones, (2 n,)."""
         factors = np.ones(self._shape)
         factors[:, :, 1] = 1.0 / sections.scale
         factors[1, :, 2 : 2 + self.layout.drives] = sections.ratio[:, None]
         return self._columns, self._states, (factors * self._free).ravel()
 
-    def summed(self, sections: Sections, products: Array) -> Array:
+    def summed(self, sections: SectionArrays, products: Array) -> Array:
         """Vector over coordinates, (n,), of products of signals and states, (signals, order)."""
         signals, states, factors = self._terms(sections)
         terms = factors * products[signals, states]
         n = self.layout.dimension
         return np.asarray(terms[:n] + terms[n:])
 
-    def of_output(self, sections: Sections, signals: Array, c: Array) -> Array:
+    def of_output(self, sections: SectionArrays, signals: Array, c: Array) -> Array:
         """Derivatives by the coordinates, (N, n), of an output with the row ``c`` of C."""
         columns, states, factors = self._terms(sections)
         terms = signals[:, columns] * (factors * c[states])
         n = self.layout.dimension
         return np.asarray(terms[:, :n] + terms[:, n:])
 
-    def contracted(self, sections: Sections, gram: Array, by_state: Array) -> Array:
+    def contracted(self, sections: SectionArrays, gram: Array, by_state: Array) -> Array:
         """Matrix over coordinates, (n, n), of the Gram matrix of signals and one of states."""
         signals, states, factors = self._terms(sections)
         terms = np.outer(factors, factors) * gram[np.ix_(signals, signals)]
