@@ -1,0 +1,204 @@
+"""Single wrong samples of an output, found and replaced by what their neighbours tell.
+
+A sample that is wrong alone disturbs the prediction of the samples after it too, by the
+coefficients of A, and leaves what the system does unchanged; a disturbance that passes through the
+system does not look like that (additive and innovational outliers: Chang, Tiao & Chen 1988; Chen &
+Liu 1993).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from evopem.signals.recording import Segment
+
+Array = NDArray[np.float64]
+
+# Lags of the ARX model, and samples for each of its coefficients.
+MOST_LAGS, SAMPLES_PER_COEFFICIENT = 16, 20
+# Standard errors by which a sample is off, and twice the logarithm of the likelihood ratio to a
+# disturbance through the system: very strong evidence (Kass & Raftery 1995).
+LEAST_DEVIATION, LEAST_EVIDENCE = 5.0, 10.0
+# As long as others disturb the model, it tells the two apart less well.
+AS_LIKELY = 0.9
+# Rounds of estimates and replacements; those of one round are not much smaller than its largest.
+MOST_ROUNDS, OF_LARGEST = 25, 0.3
+# Rounds of Tukey's bisquare weights before the first replacements, with his constant for 95 %
+# efficiency; the standard deviation of a normal variable over its median absolute deviation.
+WEIGHTINGS, BISQUARE, NORMAL_MAD = 5, 4.685, 1.4826
+# Level at which the residuals around a replaced sample are those of all others, the largest share
+# of the power of changes where they are not, and the largest share of samples that are replaced.
+UNEXPLAINED_LEVEL, MOST_UNEXPLAINED, MOST_REPLACED = 1e-3, 0.25, 0.05
+# Samples that one model is estimated from.
+LONGEST_PIECE = 50_000
+
+
+class Cleaned(NamedTuple):
+    """Outputs with replaced samples, and which these are."""
+
+    outputs: list[Array]  # (N, l) of each segment
+    replaced: list[NDArray[np.bool_]]  # (N, l) of each segment
+
+    @property
+    def count(self) -> int:
+        """Number of replaced samples."""
+        return int(sum(each.sum() for each in self.replaced))
+
+
+def without_outliers(segments: Sequence[Segment]) -> Cleaned:
+    """Replace single wrong samples of each output by their interpolation.
+
+    Nothing is replaced where what is left around such samples is not like elsewhere: it is then
+    the system, its unmeasured input or a step that is unusual, and not the measurement of a sample.
+    Samples that are not finite divide a segment.
+    """
+    outputs = [each.outputs.copy() for each in segments]
+    replaced = [np.zeros(each.outputs.shape, bool) for each in segments]
+    for group in _pieces(segments):
+        for channel in range(outputs[0].shape[1]):
+            parts = [(segments[k].inputs[a:b], outputs[k][a:b, channel]) for k, a, b in group]
+            found = _replacements(parts)
+            for (k, a, b), (y, mask) in zip(group, found, strict=True):
+                outputs[k][a:b, channel] = y
+                replaced[k][a:b, channel] = mask
+    return Cleaned(outputs, replaced)
+
+
+def _pieces(segments: Sequence[Segment]) -> Iterator[list[tuple[int, int, int]]]:
+    """Stretches of finite samples as (segment, first, stop), in groups for one model each."""
+    group: list[tuple[int, int, int]] = []
+    for k, segment in enumerate(segments):
+        good = np.isfinite(np.column_stack([segment.inputs, segment.outputs]).sum(axis=1))
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+        for begin, stop in edges.reshape(-1, 2).tolist():
+            for first in range(begin, stop, LONGEST_PIECE):
+                group.append((k, first, min(first + LONGEST_PIECE, stop)))
+                if sum(b - a for _, a, b in group) >= LONGEST_PIECE:
+                    yield group
+                    group = []
+    if group:
+        yield group
+
+
+Part = tuple[Array, Array]
+"""Inputs (N, m) and one output (N,), without gaps."""
+
+
+class _Arx(NamedTuple):
+    """An ARX model with as many lags of the output as of each input, and a constant."""
+
+    lags: int
+    coefficients: Array
+    scale: float  # robust standard deviation of its residuals
+
+    def residuals(self, part: Part) -> Array:
+        """One-step errors (N,) in standard deviations; zeros for the first, which none predicts."""
+        errors = part[1][self.lags :] - _regressors(part, self.lags) @ self.coefficients
+        return np.concatenate([np.zeros(self.lags), errors / self.scale])
+
+
+def _replacements(parts: Sequence[Part]) -> list[tuple[Array, NDArray[np.bool_]]]:
+    """The output of each part with replaced samples, and which these are."""
+    kept = [(y, np.zeros(len(y), bool)) for _, y in parts]
+    samples = sum(len(y) for _, y in parts)
+    lags = min(MOST_LAGS, samples // (SAMPLES_PER_COEFFICIENT * (parts[0][0].shape[1] + 1)))
+    long = [k for k, (_, y) in enumerate(parts) if len(y) > 2 * lags]
+    if lags < 1 or not long:
+        return kept
+    current = [(parts[k][0], parts[k][1].copy()) for k in long]
+    masks = [np.zeros(len(y), bool) for _, y in current]
+    for number in range(MOST_ROUNDS):
+        model = _arx(current, lags, 0 if number else WEIGHTINGS)
+        if model.scale == 0.0:
+            return kept
+        news = [_replace(part, mask, model) for part, mask in zip(current, masks, strict=True)]
+        if not any(news):
+            break
+    marks = sum(mask.sum() for mask in masks)
+    if not 0 < marks <= MOST_REPLACED * samples:
+        return kept
+    model = _arx(current, lags, 0)
+    judged = [
+        _judged(part, parts[k][1], mask, model)
+        for k, part, mask in zip(long, current, masks, strict=True)
+    ]
+    explained, unexplained = np.sum([energies for _, *energies in judged], axis=0)
+    if unexplained > MOST_UNEXPLAINED * (explained + unexplained):
+        return kept
+    for k, (_, y), (wrong, *_) in zip(long, current, judged, strict=True):
+        kept[k] = np.where(wrong, y, parts[k][1]), wrong
+    return kept
+
+
+def _regressors(part: Part, lags: int) -> Array:
+    """Past outputs, present and past inputs, and a constant, of all samples but the first."""
+    u, y = part
+    past = sliding_window_view(y[:-1], lags)[:, ::-1]
+    given = sliding_window_view(u, lags + 1, axis=0).reshape(len(past), -1)
+    return np.column_stack([past, given, np.ones(len(past))])
+
+
+def _arx(parts: Sequence[Part], lags: int, weightings: int) -> _Arx:
+    """Least squares, after some rounds of weights that leave outliers out."""
+    x = np.concatenate([_regressors(each, lags) for each in parts])
+    y = np.concatenate([each[1][lags:] for each in parts])
+    size = np.maximum(np.linalg.norm(x, axis=0), np.finfo(float).tiny)
+    columns, weights = np.column_stack([x / size, y]), np.ones((len(y), 1))
+    for left in range(weightings, -1, -1):
+        triangle = np.linalg.qr(columns * weights, mode="r")
+        solved = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=1e-10)[0]
+        residuals = y - columns[:, :-1] @ solved
+        scale = NORMAL_MAD * float(np.median(np.abs(residuals)))
+        if left and scale:
+            tukey = np.clip(1.0 - (residuals / (BISQUARE * scale)) ** 2, 0.0, None)
+            weights = tukey[:, None]
+    return _Arx(lags, solved / size, scale)
+
+
+def _replace(part: Part, mask: NDArray[np.bool_], model: _Arx) -> bool:
+    """Replace the samples that are off in place, and mark them; whether there are any."""
+    y, lags, residuals = part[1], model.lags, model.residuals(part)
+    a = np.concatenate([[1.0], -model.coefficients[:lags]])
+    later = sliding_window_view(np.concatenate([residuals, np.zeros(lags)]), lags + 1)
+    predicted = np.concatenate([np.zeros(lags), np.ones(len(y) - lags), np.zeros(lags)])
+    weight = np.sqrt(sliding_window_view(predicted, lags + 1) @ a**2)
+    deviations = later @ a / np.maximum(weight, np.finfo(float).tiny)
+    alone = deviations**2 > AS_LIKELY * residuals**2
+    off = np.flatnonzero((np.abs(deviations) > LEAST_DEVIATION) & alone)
+    size = np.abs(deviations[off])
+    taken: list[int] = []
+    for at in off[np.argsort(-size, kind="stable")].tolist():
+        if abs(deviations[at]) < OF_LARGEST * size.max():
+            break
+        if all(abs(at - other) > lags for other in taken):
+            taken.append(at)
+    y[taken] -= model.scale * deviations[taken] / weight[taken]
+    mask[taken] = True
+    return bool(taken)
+
+
+def _judged(
+    part: Part, before: Array, mask: NDArray[np.bool_], model: _Arx
+) -> tuple[NDArray[np.bool_], float, float]:
+    """Replaced samples that were wrong, and the power of explained and unexplained changes.
+
+    Around an explained one the residuals are like elsewhere.  Without very strong evidence it may
+    be a large disturbance as well, and is not wrong.
+    """
+    residuals, lags = model.residuals(part), model.lags
+    changes = (before - part[1]) / model.scale
+    weight = 1.0 + np.sum(model.coefficients[:lags] ** 2)
+    evidence = weight * changes**2 - (residuals + changes) ** 2
+    wrong, powers = np.zeros(len(mask), bool), [0.0, 0.0]
+    for at in np.flatnonzero(mask):
+        near = residuals[max(at - lags, lags) : at + lags + 1]
+        strange = np.sum(near**2) > chi2.isf(UNEXPLAINED_LEVEL, len(near))
+        powers[int(strange)] += changes[at] ** 2
+        wrong[at] = not strange and evidence[at] > LEAST_EVIDENCE
+    return wrong, powers[0], powers[1]
