@@ -12,6 +12,7 @@ import numpy as np
 
 from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.orders import decide_delays
+from evopem.automatic.preparation.outliers import decide_outliers
 from evopem.automatic.preparation.plan import (
     GivenPreparation,
     PreparationPlan,
@@ -94,17 +95,21 @@ def _decided(
     recorded: Sequence[str],
 ) -> tuple[PreparationPlan, PreparedData]:
     """The plan of a preparation, and both parts with the transforms that were decided."""
+    before = divided.transforms
+    recording, outliers = decide_outliers(recordings[0], before.estimation, before.sampling_rate)
+    if outliers.choice != "none":
+        divided = prepare(recording, settings, recordings[1])
     transforms = TransformPlan()
     if not given.rate_alone:
         transforms = _decide_transforms(divided, given)
     if transforms.box_cox is not None:
         bent = replace(settings.transforms, box_cox=transforms.box_cox)
-        divided = prepare(recordings[0], replace(settings, transforms=bent), recordings[1])
+        divided = prepare(recording, replace(settings, transforms=bent), recordings[1])
     elif transforms.has_trend:
-        divided = _without_trend(divided, recordings[0], settings, transforms)
+        divided = _without_trend(divided, recording, settings, transforms)
         given = replace(given, differences=0)  # a slope is no random walk
     plan = decide_preparation(divided.estimation, given, recorded)
-    return replace(plan, decisions=(*plan.decisions, *transforms.decisions)), divided
+    return replace(plan, decisions=(outliers, *plan.decisions, *transforms.decisions)), divided
 
 
 def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> TransformPlan:

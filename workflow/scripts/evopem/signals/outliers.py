@@ -25,8 +25,8 @@ MOST_LAGS, SAMPLES_PER_COEFFICIENT = 16, 20
 # Standard errors by which a sample is off, and twice the logarithm of the likelihood ratio to a
 # disturbance through the system: very strong evidence (Kass & Raftery 1995).
 LEAST_DEVIATION, LEAST_EVIDENCE = 5.0, 10.0
-# As long as others disturb the model, it tells the two apart less well.
-AS_LIKELY = 0.9
+# The least ratio of what is to be compared, and standard errors that need no such evidence.
+AS_LIKELY, FAR_OFF = 0.9, 10.0
 # Rounds of estimates and replacements; those of one round are not much smaller than its largest.
 MOST_ROUNDS, OF_LARGEST = 25, 0.3
 # Rounds of Tukey's bisquare weights before the first replacements, with his constant for 95 %
@@ -188,17 +188,18 @@ def _judged(
 ) -> tuple[NDArray[np.bool_], float, float]:
     """Replaced samples that were wrong, and the power of explained and unexplained changes.
 
-    Around an explained one the residuals are like elsewhere.  Without very strong evidence it may
-    be a large disturbance as well, and is not wrong.
+    Around an explained one the residuals are like elsewhere.  It may be a large disturbance as well
+    without very strong evidence; where disturbances hardly pass through poles, the two are one.
     """
     residuals, lags = model.residuals(part), model.lags
     changes = (before - part[1]) / model.scale
     weight = 1.0 + np.sum(model.coefficients[:lags] ** 2)
-    evidence = weight * changes**2 - (residuals + changes) ** 2
+    alone, passed = weight * changes**2, (residuals + changes) ** 2
+    clear = (alone - passed > LEAST_EVIDENCE) | (np.abs(changes) > FAR_OFF)
     wrong, powers = np.zeros(len(mask), bool), [0.0, 0.0]
     for at in np.flatnonzero(mask):
         near = residuals[max(at - lags, lags) : at + lags + 1]
         strange = np.sum(near**2) > chi2.isf(UNEXPLAINED_LEVEL, len(near))
         powers[int(strange)] += changes[at] ** 2
-        wrong[at] = not strange and evidence[at] > LEAST_EVIDENCE
+        wrong[at] = not strange and clear[at] and alone[at] > AS_LIKELY * passed[at]
     return wrong, powers[0], powers[1]

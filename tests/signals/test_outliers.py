@@ -1,0 +1,112 @@
+"""Single wrong samples of an output: found, replaced, and told from what only looks like them."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem.automatic.preparation.outliers import decide_outliers
+from evopem.signals.outliers import without_outliers
+from evopem.signals.prepared_data import StretchOrigin
+from evopem.signals.recording import Recording, Segment
+
+A, B = [1.0, -1.5, 0.8], [0.0, 1.0, 0.5]
+
+
+def response(u, e, c=(1.0,), d=(1.0,)):
+    return lfilter(B, A, u) + lfilter(c, d, e)
+
+
+def wrong_at(generator, y, share=0.005):
+    """Rows of wrong samples, more than half a deviation off, and the output with them."""
+    hit = np.flatnonzero(generator.random(len(y)) < share)
+    size = generator.uniform(0.5, 10.0, hit.size) * generator.choice([-1.0, 1.0], hit.size)
+    changed = y.copy()
+    changed[hit] += size * y.std()
+    return hit, changed
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [
+        {"c": [1.0, 0.4], "d": A},
+        {"d": [1.0, -0.9]},
+        {},
+    ],
+    ids=["ARMAX", "Box-Jenkins", "output error"],
+)
+def test_wrong_samples_are_found_and_replaced_within_the_noise(noise):
+    g = np.random.default_rng(3)
+    u, e = g.standard_normal((2, 2000))
+    v = response(0.0 * u, e, **noise)
+    y = response(u, 0.0 * e) + 0.1 * v / v.std()
+    hit, changed = wrong_at(g, y)
+    found = without_outliers([Segment(u, changed)])
+    assert set(np.flatnonzero(found.replaced[0])) == set(hit)
+    assert np.std((found.outputs[0][:, 0] - y)[hit]) < 0.3
+    kept = np.setdiff1d(np.arange(2000), hit)
+    np.testing.assert_array_equal(found.outputs[0][kept, 0], changed[kept])
+
+
+def test_gaps_and_channels_are_independent():
+    g = np.random.default_rng(5)
+    u, e = g.standard_normal((2, 1500, 2))
+    y = np.column_stack([response(u[:, 0], 0.1 * e[:, 0]), response(u[:, 1], 0.1 * e[:, 1])])
+    changed = y.copy()
+    changed[700:720] = np.nan
+    changed[[300, 900], [0, 1]] += 40.0
+    found = without_outliers([Segment(u[:800], changed[:800]), Segment(u[800:], changed[800:])])
+    assert np.argwhere(np.concatenate(found.replaced)).tolist() == [[300, 0], [900, 1]]
+    assert np.isnan(found.outputs[0][700:720]).all()
+
+
+def heavy_tails(g, u):
+    return response(u, 0.3 * g.standard_t(3, len(u)), d=A)
+
+
+def load_steps(g, u):
+    return response(u, np.repeat(3.0 * g.standard_normal(len(u) // 100), 100))
+
+
+def unmeasured_blows(g, u):
+    blows = np.zeros(len(u))
+    blows[[200, 201, 900, 901, 1500, 1501]] = 30.0
+    return response(blows, 0.05 * g.standard_normal(len(u)))
+
+
+def friction(g, u):
+    return np.sign(lfilter([0.0, 0.1], [1.0, -0.98], u)) + 0.01 * g.standard_normal(len(u))
+
+
+def coarse_steps(g, u):
+    return np.round(4.0 * response(u, 0.0 * u)) / 4.0
+
+
+@pytest.mark.parametrize(
+    "unusual", [heavy_tails, load_steps, unmeasured_blows, friction, coarse_steps]
+)
+def test_what_the_system_does_is_not_a_wrong_sample(unusual):
+    for seed in range(5):
+        g = np.random.default_rng(seed)
+        u = g.standard_normal(2000)
+        assert without_outliers([Segment(u, unusual(g, u))]).count == 0
+
+
+def test_normal_noise_has_no_wrong_sample():
+    """Of 100,000 samples beyond five standard errors 0.06 are expected."""
+    for seed in range(50):
+        g = np.random.default_rng(seed)
+        u, e = g.standard_normal((2, 2000))
+        assert without_outliers([Segment(u, response(u, e, d=[1.0, -0.5]))]).count == 0
+
+
+def test_samples_for_validation_stay_as_recorded():
+    g = np.random.default_rng(7)
+    u, e = g.standard_normal((2, 1000))
+    y = response(u, 0.1 * e)
+    y[[400, 900]] += 30.0
+    recording = Recording(u, y, 10.0)
+    estimation = (StretchOrigin(0, 0, 0.0, 800, (0.0,), (0.0,)),)
+    cleaned, about = decide_outliers(recording, estimation, 10.0)
+    assert np.flatnonzero(cleaned.outputs != recording.outputs).tolist() == [400]
+    assert about.choice == "replaced"
+    assert "at 40 s" in about.sentence
