@@ -88,7 +88,7 @@ def test_what_the_system_does_is_not_a_wrong_sample(unusual):
     for seed in range(5):
         g = np.random.default_rng(seed)
         u = g.standard_normal(2000)
-        assert without_outliers([Segment(u, unusual(g, u))]).count == 0
+        assert without_outliers([Segment(u, unusual(g, u))]).total == 0
 
 
 def test_normal_noise_has_no_wrong_sample():
@@ -96,7 +96,7 @@ def test_normal_noise_has_no_wrong_sample():
     for seed in range(50):
         g = np.random.default_rng(seed)
         u, e = g.standard_normal((2, 2000))
-        assert without_outliers([Segment(u, response(u, e, d=[1.0, -0.5]))]).count == 0
+        assert without_outliers([Segment(u, response(u, e, d=[1.0, -0.5]))]).total == 0
 
 
 def test_samples_for_validation_stay_as_recorded():

@@ -46,7 +46,7 @@ class Cleaned(NamedTuple):
     replaced: list[NDArray[np.bool_]]  # (N, l) of each segment
 
     @property
-    def count(self) -> int:
+    def total(self) -> int:
         """Number of replaced samples."""
         return int(sum(each.sum() for each in self.replaced))
 
@@ -151,7 +151,7 @@ def _arx(parts: Sequence[Part], lags: int, weightings: int) -> _Arx:
     size = np.maximum(np.linalg.norm(x, axis=0), np.finfo(float).tiny)
     columns, weights = np.column_stack([x / size, y]), np.ones((len(y), 1))
     for left in range(weightings, -1, -1):
-        triangle = np.linalg.qr(columns * weights, mode="r")
+        triangle: Array = np.asarray(np.linalg.qr(columns * weights, mode="r"))
         solved = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=1e-10)[0]
         residuals = y - columns[:, :-1] @ solved
         scale = NORMAL_MAD * float(np.median(np.abs(residuals)))

@@ -35,7 +35,7 @@ def decide_outliers(
     for row, values, replaced in zip(rows, cleaned.outputs, cleaned.replaced, strict=True):
         outputs[row] = values
         times += [f"{each:.6g} s" for each in recording.times[row][replaced.any(axis=1)]]
-    count, of = cleaned.count, sum(each.outputs.size for each in parts)
+    count, of = cleaned.total, sum(each.outputs.size for each in parts)
     if count:
         named = ", ".join(times[:MOST_NAMED]) + ", …" * (len(times) > MOST_NAMED)
         sentence = (
