@@ -347,7 +347,7 @@ def delay_record(seed: int) -> tuple[int, Orders]:
         return Fit(found.model, found.criteria.bic)
 
     start = min((fit(armax_orders(7, 7, 7, nk)) for nk in (2, 3, 4)), key=lambda found: found.bic)
-    end = refine_delay(start, 4380, 2, fit).fit
+    end = refine_delay(start, 4380, 2, fit)
     return start.model.orders.single.nk, end.model.orders
 
 

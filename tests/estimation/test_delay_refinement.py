@@ -66,17 +66,15 @@ def test_the_smallest_criterion_is_followed_and_nothing_estimated_twice():
     criteria = {(3, 3): 0.0, (4, 2): -2.0, (3, 2): -1.0, (2, 4): 1.0, (5, 1): -1.0, (4, 1): 0.0}
     fit, asked = from_criteria(criteria)
     found = refine_delay(fit(armax_orders(1, 3, 1, 3)), 1000, 2, fit)
-    assert found.fit.model.orders == armax_orders(1, 2, 1, 4)
-    assert len(asked) == len(set(asked)) == 6
-    assert dict(found.tried) == {
-        armax_orders(1, nb, 1, nk): bic for (nk, nb), bic in criteria.items() if (nk, nb) != (3, 3)
-    }
+    assert found.model.orders == armax_orders(1, 2, 1, 4)
+    assert len(asked) == 6
+    assert set(asked) == {armax_orders(1, nb, 1, nk) for nk, nb in criteria}
 
 
 def test_without_a_better_neighbour_the_model_stays():
     fit, _ = from_criteria({(3, 2): 0.0, (4, 1): 0.0, (3, 1): 1.0, (2, 3): 2.0})
     start = fit(armax_orders(1, 2, 1, 3))
-    assert refine_delay(start, 1000, 2, fit).fit is start
+    assert refine_delay(start, 1000, 2, fit) is start
 
 
 @pytest.mark.parametrize(
@@ -99,4 +97,4 @@ def test_the_true_delay_is_found_from_either_side(start):
             )
             return Fit(found.model, found.criteria.bic)
 
-        assert refine_delay(fit(start), 1470, 0, fit).fit.model.orders == armax_orders(2, 2, 1, 2)
+        assert refine_delay(fit(start), 1470, 0, fit).model.orders == armax_orders(2, 2, 1, 2)

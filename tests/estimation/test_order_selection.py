@@ -16,7 +16,7 @@ from evopem.estimation.order_selection import (
     estimate_candidates,
     estimate_in_parallel,
     reoptimize_from,
-    repeat_search,
+    repeated,
     select_candidate,
     settle,
 )
@@ -251,7 +251,7 @@ def test_a_selection_does_not_depend_on_the_order_of_the_candidates(short):
 def test_a_repeated_search_is_independent_and_pooled_with_the_first(short):
     search = replace(SEARCH, evaluations=1000)
     (first,) = estimate_candidates(short, [armax_orders(7, 6, 7, 3)], "nb", search, LATE)
-    more = repeat_search(first, short, search, LATE)
+    more = continue_search(first, short, repeated(search), LATE)
     before, after = first.diagnostics, more.diagnostics
     assert more.minimum <= first.minimum
     assert after.evaluations > before.evaluations

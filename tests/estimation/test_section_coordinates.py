@@ -8,7 +8,7 @@ from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.section_coordinates import SectionCoordinates
+from evopem.estimation.search.section_coordinates import in_sections
 from evopem.models.structures import armax_orders, orders_of
 from evopem.signals.recording import Segment
 from evopem.synthesis.armax import armax
@@ -68,8 +68,8 @@ def test_products_of_sections_are_those_of_numpy(order):
 def test_values_and_slopes_are_those_of_the_coefficients(made, objective):
     searched = made(objective)
     points = searched.descend(searched.random(3, np.random.default_rng(4))).points
-    sections = SectionCoordinates(searched.errors)
-    at = sections.of_points(points)
+    sections = in_sections(searched.errors)
+    at = sections.coordinates.of_points(points)
     np.testing.assert_allclose(sections.values(at), searched.values(points), rtol=1e-3)
     smoothing = searched.errors.mean_absolute_residuals(searched.values(points))
     values, gradients = sections.values_and_gradients(at, smoothing, smoothing)

@@ -6,19 +6,23 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
 import yaml
 from setuptools import find_packages
 
+from evopem.config.source_checks import is_valid
+from evopem.files.json_form import to_json
 from fletcher_powell import experiments
+from fletcher_powell.runs import run_cases
+from fletcher_powell.settings import read_settings
 
 ROOT = Path(__file__).parents[2]
 BENCHMARK = ROOT / "benchmarks" / "fletcher_powell"
 SMALL = {
-    "algorithms": ["hybrid", "hybrid-best", "ga", "default", "multi-start"],
+    "algorithms": ["hybrid", "hybrid-best", "ga"],
     "dimension": 4,
     "evaluations": 3000,
     "instances": 1,
@@ -61,9 +65,10 @@ class Folder:
             check=False,
         )
 
-    def planned(self, *targets):
+    def planned(self, *targets, environment=None):
         """Jobs that a run would make: how many of each rule."""
-        run = self.run(*targets, options=("--dry-run", "--quiet", "rules"))
+        options = ("--dry-run", "--quiet", "rules")
+        run = self.run(*targets, options=options, environment=environment)
         assert run.returncode == 0, run.stdout
         if "Nothing to be done" in run.stdout:
             return {}
@@ -109,11 +114,10 @@ def test_it_makes_its_tables_figures_and_page_and_nothing_else(compared):
     for figure in experiments.FIGURES:
         assert "<svg" in (compared.results / "figures" / f"{figure}.svg").read_text()
     assert [path.name for path in (compared.path / "results").iterdir()] == ["fletcher_powell"]
-    assert compared.planned("fletcher_powell") == {}
 
 
-def test_a_plain_run_has_no_part_of_it(compared):
-    planned = compared.planned()
+def test_a_plain_run_has_no_part_of_it_and_needs_no_packages_of_it(folder):
+    planned = folder.configure().planned(environment=without_packages(folder))
     assert "report" in planned
     assert not [rule for rule in planned if "fletcher_powell" in rule]
 
@@ -126,7 +130,7 @@ def test_its_own_snakefile_makes_the_same_files(compared):
 def test_the_table_agrees_with_the_runs(compared):
     rows = {(row["study"], row["dimension"], row["algorithm"]): row for row in compared.table()}
     runs = compared.table("runs.csv")
-    assert len(runs) == 5 * 3 + 3 * 3 + 3 * 2 * 2 + 2 + 3 * 2 * 3
+    assert len(runs) == 3 * 3 + 2 * 3 + 2 * 2 + 2 + 2 * 3
     hybrid = rows["table", "4", "hybrid"]
     own = [r for r in runs if r["study"] == "table" and r["algorithm"] == "hybrid"]
     assert hybrid["runs"] == hybrid["successes"] == "3"
@@ -163,15 +167,14 @@ def test_no_hypothesis_is_tested_without_its_runs(compared):
     assert all(each["statement"] in text and each["evidence"] in text for each in rejected)
 
 
-def test_runs_do_not_depend_on_their_division_into_jobs(compared, folder):
-    folder.configure(runs_per_job=1)
-    blocks = [f"runs/table/hybrid/cec2005-f12/{block}.json" for block in (1, 3)]
-    run = folder.run(*(f"results/fletcher_powell/{block}" for block in blocks))
-    assert run.returncode == 0, run.stdout
-    whole = json.loads((compared.results / blocks[0]).read_text())
-    for number, block in zip((1, 3), blocks, strict=True):
-        cut = json.loads((folder.results / block).read_text())
-        assert cut == [record for record in whole if record["run"] == number]
+def test_runs_do_not_depend_on_their_division_into_jobs(compared):
+    settings = replace(read_settings(compared.path / "fletcher_powell.yaml"), runs_per_job=1)
+    whole = json.loads((compared.results / "runs/table/hybrid/cec2005-f12/1.json").read_text())
+    for block in (1, 3):
+        cases = experiments.cases("table", "hybrid", block, settings)
+        cut = run_cases("hybrid", "cec2005-f12", cases, settings.seed, lambda _: None)
+        found = json.loads(json.dumps(to_json(cut)))
+        assert found == [record for record in whole if record["run"] == block]
 
 
 def test_more_runs_keep_those_that_are_there(compared, folder):
@@ -180,28 +183,28 @@ def test_more_runs_keep_those_that_are_there(compared, folder):
     assert folder.planned("fletcher_powell")["fletcher_powell_run_algorithm"] == 5 + 3
 
 
-def test_missing_packages_are_named_before_any_job(folder):
-    folder.configure(algorithms=["hybrid", "cma-es"])
+def without_packages(folder):
+    """Variables of a process that finds no packages of the comparison."""
     hidden = folder.path / "hidden"
     hidden.mkdir()
     (hidden / "sitecustomize.py").write_text(
         "import sys\nsys.modules['cma'] = sys.modules['optproblems'] = None\n"
     )
-    for options in ((), ("--dry-run",)):
-        run = folder.run(
-            "fletcher_powell", options=options, environment={"PYTHONPATH": str(hidden)}
-        )
-        assert run.returncode == 1
-        last = run.stdout.splitlines()[-1]
-        assert last.startswith(
-            "fletcher_powell: the Python packages cma and optproblems are not installed; run `"
-        )
-        assert str(BENCHMARK / "requirements.txt") in last
-        assert "Traceback" not in run.stdout
-        assert "rule " not in run.stdout
+    return {"PYTHONPATH": str(hidden)}
+
+
+def test_missing_packages_are_named_before_any_job(folder):
+    folder.configure(algorithms=["hybrid", "cma-es"])
+    run = folder.run("fletcher_powell", environment=without_packages(folder))
+    assert run.returncode == 1
+    last = run.stdout.splitlines()[-1]
+    assert last.startswith(
+        "fletcher_powell: the Python packages cma and optproblems are not installed; run `"
+    )
+    assert str(BENCHMARK / "requirements.txt") in last
+    assert "Traceback" not in run.stdout
+    assert "rule " not in run.stdout
     assert not (folder.path / "results").exists()
-    plain = folder.run(options=("--dry-run",), environment={"PYTHONPATH": str(hidden)})
-    assert plain.returncode == 0, plain.stdout
 
 
 def test_a_wrong_setting_is_named(folder):
@@ -212,13 +215,8 @@ def test_a_wrong_setting_is_named(folder):
     assert "Traceback" not in run.stdout
 
 
-def test_a_data_set_cannot_take_its_folder(folder):
-    folder.configure()
-    config = {"datasets": {"fletcher_powell": {"synthesis": "armax"}}}
-    (folder.path / "config.yaml").write_text(yaml.safe_dump(config))
-    run = folder.run(options=("--dry-run",))
-    assert run.returncode != 0
-    assert "fletcher_powell is the name of something else" in run.stdout
+def test_a_data_set_cannot_take_its_folder():
+    assert not is_valid("fletcher_powell")
 
 
 def test_changed_code_of_the_product_and_of_the_comparison_reruns(tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
 
@@ -189,31 +189,23 @@ class Fit(NamedTuple):
     bic: float
 
 
-@dataclass(frozen=True)
-class DelayRefinement:
-    """The model chosen in the end, and what it was compared with."""
-
-    fit: Fit
-    tried: tuple[tuple[Orders, float], ...]  # with their BIC, in the order of the estimates
-
-
 def refine_delay(
     start: Fit, samples: int, shortest_delay: int, estimate: Callable[[Orders], Fit]
-) -> DelayRefinement:
+) -> Fit:
     """Follow the smallest BIC from a model to its neighbours, with other lags of B, while it falls.
     With one coefficient of B too many, delays nk and nk + 1 both contain the true model.
     ``estimate``: makes a model of some orders on the same scored samples."""
     best = start
-    tried: dict[Orders, float] = {}
+    tried = {start.model.orders}
     while True:
         fits = []
         for orders in delay_alternatives(best.model, samples, shortest_delay):
-            if orders != start.model.orders and orders not in tried:
+            if orders not in tried:
                 fits.append(estimate(orders))
-                tried[orders] = fits[-1].bic
+                tried.add(orders)
         better = min(fits, key=lambda fit: (fit.bic, fit.model.orders), default=best)
         if not better.bic < best.bic:
-            return DelayRefinement(best, tuple(tried.items()))
+            return best
         best = better
 
 

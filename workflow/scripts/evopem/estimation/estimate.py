@@ -15,29 +15,21 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
 from evopem.config.structures import check_model
-from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
-from evopem.estimation.prediction_errors import (
-    checked_errors,
-    in_scaled_units,
-    prediction_errors,
-    scaled_errors,
-)
+from evopem.estimation.prediction_errors import checked_errors
 from evopem.estimation.prediction_estimate import (
     EstimationTask,
-    from_estimates,
     prediction_estimate,
-    search_key,
+    scaled_problem,
+    searched,
 )
 from evopem.estimation.search.certificate import Target
-from evopem.estimation.search.global_search import continued_search
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.simulation_estimate import simulation_estimate
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import STRUCTURES, StateSpaceEstimate
 from evopem.models.constraint_checks import Focus, check_fit
-from evopem.models.polynomial import PolynomialModel, of_signals
+from evopem.models.polynomial import of_signals
 from evopem.models.state_space import StateSpaceStructure
 from evopem.models.structures import Orders, orders_of
 from evopem.signals.recording import Recording, recording_of
@@ -278,13 +270,13 @@ def estimate_polynomial(
     objective over all segments, each with initial states, and each recording with a level where one
     is estimated: ``A y = (B/F) u + (C/D) e + level``. Draws come from ``SeedSequence(seed,
     spawn_key=(na, *nb, nc, nd, *nf, *nk, level))``. ARMAX models of one input and segment without a
-    level alone use ``n_initial_discard``. ``earlier``: a search of
-    the same problem to combine with this one. ``optimum``: of one-step prediction without
-    constraints, where these or a focus are given. ``target``: what the search is made for; it ends
-    once it is unlikely to get so low. Criteria and residuals are those of one step. The covariance
-    is zero across active constraints, counts priors as observations, and is None for absolute
-    errors of several steps. InputError when constraints contradict each other, the structure or the
-    focus; ValueError when the record is too short, or a setting is outside its range."""
+    level alone use ``n_initial_discard``. ``earlier``: a search of the same problem to combine with
+    this one. ``optimum``: of one-step prediction without constraints, where these or a focus are
+    given. ``target``: what the search is made for; it ends once it is unlikely to get so low.
+    Criteria and residuals are those of one step. The covariance is zero across active constraints,
+    counts priors as observations, and is None for absolute errors of several steps. InputError when
+    constraints contradict each other, the structure or the focus; ValueError when the record is too
+    short, or a setting is outside its range."""
     settings = settings or SearchSettings()
     # Output-error models of several inputs have more optima than 20,000 evaluations tell apart.
     many = settings.evaluations * max(data.inputs.shape[1], 1) ** 2
@@ -294,61 +286,16 @@ def estimate_polynomial(
     with one_blas_thread():
         errors = checked_errors(data, orders, settings, window, level)
         horizon = check_fit(focus, constraints, orders, rate, names)
-        if constraints is None and focus == "prediction":
-            found = _searched(errors, settings, earlier, log, target, rate)
+        given, plain = constraints or Constraints(), constraints is None and focus == "prediction"
+        task = EstimationTask(errors, rate, settings, given, names, log, optimum, earlier, target)
+        if plain:
+            result = searched(task, *scaled_problem(errors))
+            found = describe(errors, result, rate, shortest=True)
+        elif earlier is not None:
+            raise ValueError("an earlier search is not continued with a focus or constraints")
+        elif horizon is None:
+            found = simulation_estimate(task)
         else:
-            if earlier is not None:
-                raise ValueError("an earlier search is not continued with a focus or constraints")
-            given = constraints or Constraints()
-            task = EstimationTask(errors, rate, settings, given, names, log, optimum)
-            found = (
-                simulation_estimate(task)
-                if horizon is None
-                else prediction_estimate(task, horizon)[0]
-            )
+            found = prediction_estimate(task, horizon)[0]
     effect = found.constraints if constraints is not None else None
     return replace(found, model=of_signals(found.model, data), focus=focus, constraints=effect)
-
-
-def _searched(
-    errors: PolynomialErrors,
-    settings: SearchSettings,
-    earlier: SearchResult | None,
-    log: Callable[[str], None] | None,
-    target: Target | None,
-    sampling_rate: float,
-) -> PolynomialEstimate:
-    """The optimum of one-step prediction without constraints."""
-    scaled, units = scaled_errors(errors)
-    problem = PolynomialProblem(scaled)
-    if errors.orders.inputs > 1 and earlier is None:
-        earlier = from_estimates(problem)
-        earlier = earlier and replace(earlier, point=units.restored(earlier.point))
-        if settings.evaluations == 0 and earlier is not None:
-            return describe(errors, earlier, sampling_rate, shortest=True)
-    key = search_key(errors)
-    found = continued_search(problem, units.restored, key, settings, earlier, log, target)
-    del problem, scaled, units  # their tables are as large as those that follow
-    return describe(errors, found, sampling_rate, shortest=True)
-
-
-def descended_from(
-    start: PolynomialModel,
-    earlier: SearchResult,
-    data: Recording,
-    orders: Orders,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    level: bool,
-) -> PolynomialEstimate:
-    """The estimate after a descent from a smaller model, pooled with an earlier search."""
-    with one_blas_thread():
-        errors = prediction_errors(data, orders, settings, window, level)
-        scaled, units = scaled_errors(errors)
-        models = [in_scaled_units(start, units)]
-        starts = PolynomialProblem(scaled, models, own_starts=False).starts()
-        if not len(starts):
-            return describe(errors, earlier, data.sampling_rate, shortest=True)
-        ended = descended(PolynomialProblem(scaled), starts[0])
-        ended = replace(ended, point=units.restored(ended.point))
-        return describe(errors, pooled(earlier, ended), data.sampling_rate, shortest=True)

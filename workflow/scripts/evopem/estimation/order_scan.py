@@ -18,7 +18,7 @@ from evopem.config.channels import of_each
 from evopem.config.settings import OrderRanges, Range, ScoringWindow, SearchSettings
 from evopem.config.structures import STRUCTURES
 from evopem.errors import NoModelError
-from evopem.estimation.criteria import autoregression_of, limited
+from evopem.estimation.criteria import autoregression_of, limited, log_loss
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import checked_errors, in_scaled_units, scaled_errors
@@ -299,14 +299,7 @@ def _descended(
 
 def _bic(errors: PolynomialErrors, point: Array) -> float:
     residuals = errors.residuals(point)
-    return _log_loss(residuals, errors.objective) + _penalty(errors)
-
-
-def _log_loss(residuals: Array, objective: str) -> float:
-    """Minus twice the log-likelihood of a residual, normal or Laplace's, but for a constant."""
-    absolute = objective == "absolute"
-    size = float(np.mean(np.abs(residuals)) ** 2 if absolute else np.mean(residuals**2))
-    return float(np.log(size)) if size > 0.0 else -np.inf
+    return log_loss(residuals[:, None], errors.objective) + _penalty(errors)
 
 
 def _penalty(errors: PolynomialErrors) -> float:
@@ -323,7 +316,7 @@ def _with_bic(estimate: PolynomialEstimate, errors: PolynomialErrors) -> Polynom
         limited(columns) if errors.objective == "absolute" else columns, bounds
     )
     penalty = _penalty(errors)
-    bic = _log_loss(residuals, errors.objective) + penalty
+    bic = log_loss(residuals[:, None], errors.objective) + penalty
     return replace(
         estimate,
         criteria=replace(estimate.criteria, bic=bic),

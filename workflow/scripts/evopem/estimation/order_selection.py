@@ -12,7 +12,6 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
@@ -25,11 +24,16 @@ from evopem.estimation.candidate import (
     select_order,
 )
 from evopem.estimation.delays import Fit, refine_delay
-from evopem.estimation.estimate import descended_from, estimate_polynomial
+from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
-from evopem.estimation.prediction_errors import prediction_errors
+from evopem.estimation.prediction_errors import (
+    in_scaled_units,
+    prediction_errors,
+    scaled_errors,
+)
 from evopem.estimation.search.certificate import Target, is_certified
-from evopem.estimation.search.problem import same_optimum
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.problem import descended, pooled, same_optimum
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
@@ -80,16 +84,9 @@ def scored_samples(data: Recording, window: ScoringWindow) -> int:
     return sum(max(each.samples - window.loss_start, 0) for each in data.segments)
 
 
-def repeat_search(
-    candidate: Candidate,
-    data: Recording,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    log: Callable[[str], None] | None = None,
-) -> Candidate:
-    """Search again, independently, with :data:`REPEAT_FACTOR` times the evaluations."""
-    more = replace(settings, evaluations=REPEAT_FACTOR * settings.evaluations)
-    return continue_search(candidate, data, more, window, log)
+def repeated(settings: SearchSettings) -> SearchSettings:
+    """Settings of a repeated search."""
+    return replace(settings, evaluations=REPEAT_FACTOR * settings.evaluations)
 
 
 def continue_search(
@@ -122,9 +119,17 @@ def reoptimize_from(
     window: ScoringWindow,
 ) -> Candidate:
     """Re-optimise a candidate from the parameters of a nested smaller one."""
-    orders, level = candidate.orders, candidate.with_level
-    given = candidate.search, data, orders, settings, window, level
-    found = descended_from(nested.model, *given)
+    earlier = candidate.search
+    with one_blas_thread():
+        level = candidate.with_level
+        errors = prediction_errors(data, candidate.orders, settings, window, level)
+        scaled, units = scaled_errors(errors)
+        models = [in_scaled_units(nested.model, units)]
+        starts = PolynomialProblem(scaled, models, own_starts=False).starts()
+        if len(starts):
+            ended = descended(PolynomialProblem(scaled), starts[0])
+            earlier = pooled(earlier, replace(ended, point=units.restored(ended.point)))
+        found = describe(errors, earlier, data.sampling_rate, shortest=True)
     return Candidate.of(found, candidate.phase)
 
 
@@ -172,7 +177,9 @@ def select_candidate(
     compared with models of other lags of B, down to this delay.
     """
 
-    repeat = partial(repeat_search, data=data, settings=settings, window=window, log=log)
+    repeat = partial(
+        continue_search, data=data, settings=repeated(settings), window=window, log=log
+    )
     reoptimize = partial(reoptimize_from, data=data, settings=settings, window=window)
 
     ordered = sorted(candidates, key=lambda candidate: candidate.orders)
@@ -209,7 +216,7 @@ def _with_refined_delay(
             data, [orders], selection.phase, settings, window, log, level
         )
         if _is_doubtful(candidate, last=True):
-            candidate = repeat_search(candidate, data, settings, window, log)
+            candidate = continue_search(candidate, data, repeated(settings), window, log)
         found[orders] = candidate
         return with_covariance(candidate)
 
@@ -218,14 +225,14 @@ def _with_refined_delay(
         return Fit(model, candidate.criteria.bic)
 
     samples = scored_samples(data, window)
-    refinement = refine_delay(with_covariance(selection.selected), samples, min_delay, fit)
+    refined = refine_delay(with_covariance(selection.selected), samples, min_delay, fit)
     known = {candidate.orders for candidate in selection.candidates}
     added = [candidate for orders, candidate in found.items() if orders not in known]
-    orders = refinement.fit.model.orders
+    orders = refined.model.orders
     reason = selection.reason
     if orders != selection.orders:
         reason += (
-            f" {orders}, with other lags of B, has a BIC {refinement.fit.bic:.4f} below its"
+            f" {orders}, with other lags of B, has a BIC {refined.bic:.4f} below its"
             f" {selection.selected.criteria.bic:.4f}."
         )
     return PhaseSelection(selection.phase, orders, reason, (*selection.candidates, *added))
@@ -292,16 +299,6 @@ def _decides(orders: Orders, selected: Orders, phase: str) -> bool:
     return orders.nk == selected.nk if phase == "delay" else orders == selected
 
 
-class _Task(NamedTuple):
-    """What all estimates of a process share."""
-
-    data: Recording
-    phase: str
-    settings: SearchSettings
-    window: ScoringWindow
-    level: bool
-
-
 def estimate_in_parallel(
     data: Recording,
     orders: Sequence[Orders],
@@ -326,10 +323,13 @@ def estimate_in_parallel(
     found = {smallest: first}
     # Elsewhere than on Linux forking is unsafe.
     start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-    task = _Task(data, phase, settings, window, level)
+    given = phase, settings, window, logging.getLogger("evopem").info, level
     try:
-        with ProcessPoolExecutor(min(cores, len(others)), start, _prepare, (task,)) as pool:
-            running = {index: pool.submit(_estimate, orders[index]) for index in reversed(others)}
+        with ProcessPoolExecutor(min(cores, len(others)), start, _end_with_parent) as pool:
+            running = {
+                index: pool.submit(estimate_candidates, data, [orders[index]], *given)
+                for index in reversed(others)
+            }
             found |= {index: estimate.result() for index, estimate in running.items()}
     except BrokenProcessPool:
         raise InputError(
@@ -340,25 +340,13 @@ def estimate_in_parallel(
     return [candidate for index in range(len(orders)) for candidate in found[index]]
 
 
-_tasks: list[_Task] = []
-
-
-def _prepare(task: _Task) -> None:
-    """Keep the task of this process, and end the process when its parent ends."""
-    _tasks[:] = [task]
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
 def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    """End this process when its parent ends."""
 
+    def wait() -> None:
+        parent = multiprocessing.parent_process()
+        if parent is not None:
+            parent.join()
+            os._exit(1)
 
-def _estimate(order: Orders) -> list[Candidate]:
-    task = _tasks[0]
-    log = logging.getLogger("evopem").info
-    return estimate_candidates(
-        task.data, [order], task.phase, task.settings, task.window, log, task.level
-    )
+    threading.Thread(target=wait, daemon=True).start()

@@ -13,13 +13,9 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.pem.constrained_model import (
-    Priors,
-    constrained_parameters,
-    equalities,
-    priors_of,
-)
-from evopem.estimation.pem.constrained_parameters import ConstrainedErrors, ConstrainedParameters
+from evopem.estimation.pem.constrained_model import constrained_parameters, equalities
+from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
+from evopem.estimation.pem.coordinate_errors import CoordinateErrors
 from evopem.estimation.pem.covariance import (
     Fitted,
     loss_deviation,
@@ -28,11 +24,13 @@ from evopem.estimation.pem.covariance import (
     tangent_covariance,
     whitened,
 )
-from evopem.estimation.pem.k_step_errors import KStepErrors, SimulationErrors
+from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.pem.priors import Priors, priors_of
 from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import Units, scaled_errors
+from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.global_search import global_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
@@ -43,7 +41,6 @@ from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
-ErrorsInFocus = PolynomialErrors | KStepErrors | SimulationErrors
 
 # Random starts of the descents under constraints and of k-step errors.
 RANDOM_STARTS = 24
@@ -65,17 +62,18 @@ class EstimationTask:
     constraints: Constraints
     names: Sequence[str] = ()  # of the inputs
     log: Log | None = None
-    optimum: SearchResult | None = None
+    optimum: SearchResult | None = None  # of one-step prediction
+    earlier: SearchResult | None = None  # an earlier search of it, to combine with this one
+    target: Target | None = None
 
     @property
     def orders(self) -> Orders:
         """Orders of the model."""
         return self.errors.orders
 
-    def generator(self, purpose: int) -> np.random.Generator:
-        """Random draws of one purpose: 0 is the search without constraints."""
-        key = search_key(self.errors)
-        key = (*key, purpose) if purpose else key
+    def generator(self, *purpose: int) -> np.random.Generator:
+        """Random draws of one purpose; without one those of the search of one-step prediction."""
+        key = (*search_key(self.errors), *purpose)
         return np.random.default_rng(np.random.SeedSequence(self.settings.seed, spawn_key=key))
 
 
@@ -86,19 +84,38 @@ def search_key(errors: PolynomialErrors) -> tuple[int, ...]:
     return (o.na, *nb, o.nc, o.nd, *nf, *nk, int(errors.level))
 
 
-def from_estimates(problem: PolynomialProblem) -> SearchResult | None:
-    """The lowest optimum next to estimates, with which searches of several inputs begin."""
-    starts = problem.starts()[:ESTIMATES]
-    if not len(starts):
-        return None
-    return multistart(problem.errors, starts, float(np.min(problem.values(starts))))
+def scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Units]:
+    """The search problem of scaled signals, and its units."""
+    scaled, units = scaled_errors(errors)
+    return PolynomialProblem(scaled), units
 
 
-def errors_ahead(errors: PolynomialErrors, horizon: int | None) -> ErrorsInFocus:
-    """Errors of some samples ahead; of simulation, and of points with C = A, where it is None."""
-    if horizon is None:
-        return SimulationErrors(errors)
-    return errors if horizon == 1 else KStepErrors(errors, horizon)
+def searched(task: EstimationTask, problem: PolynomialProblem, units: Units) -> SearchResult:
+    """The optimum of one-step prediction, in the units of the signals: refined where it is known,
+    else searched; of several inputs after the lowest optimum next to estimates."""
+    if task.optimum is not None:
+        # The search of ARMAX models counts other first residuals.
+        ended = descended(problem, units.taken(task.optimum.point))
+        diagnostics = task.optimum.diagnostics
+        return replace(ended, point=units.restored(ended.point), diagnostics=diagnostics)
+    known = task.earlier
+    starts = problem.starts()[:ESTIMATES] if known is None and task.orders.inputs > 1 else ()
+    if len(starts):
+        known = multistart(problem.errors, starts, float(np.min(problem.values(starts))))
+        known = replace(known, point=units.restored(known.point))
+        if task.settings.evaluations == 0:
+            return known
+    lowest = np.inf if known is None else known.value
+    # An earlier search and this one draw independently.
+    generator = task.generator(*([] if known is None else [known.diagnostics.n_restarts]))
+    found = global_search(problem, task.settings, generator, task.log, lowest, task.target)
+    found = replace(found, point=units.restored(found.point))
+    return found if known is None else pooled(known, found)
+
+
+def errors_ahead(errors: PolynomialErrors, horizon: int | None) -> PolynomialErrors | KStepErrors:
+    """Errors of some samples ahead; of simulation, of points with C = A, where it is None."""
+    return errors if horizon in (1, None) else KStepErrors(errors, horizon)
 
 
 def without_plant_radius(errors: PolynomialErrors) -> PolynomialErrors:
@@ -113,8 +130,10 @@ def coordinates_of(
     scales: Array | None = None,
     radius: float | None = None,
     levels: Sequence[float] | Array = (),
+    tied: bool = False,
 ) -> tuple[ConstrainedParameters, Priors]:
-    """Coordinates and priors of a problem; ``scales`` are the units of its points."""
+    """Coordinates and priors of a problem; ``scales`` are the units of its points, ``levels`` and
+    ``tied`` as of :func:`.constrained_parameters`."""
     o, rate = errors.orders, task.sampling_rate
     b_scales: Array | tuple[()] = ()
     if scales is not None:
@@ -122,9 +141,9 @@ def coordinates_of(
     rest = errors.dimension - o.parameters
     radius = errors.plant_radius if radius is None else radius
     parameters = constrained_parameters(
-        constraints, o, rate, radius, task.names, b_scales, rest, levels
+        constraints, o, rate, radius, task.names, b_scales, rest, levels, tied
     )
-    return parameters, priors_of(constraints, parameters, o, rate, b_scales)
+    return parameters, priors_of(constraints, parameters.parts, o, rate, b_scales)
 
 
 def weight_of_priors(errors: PolynomialErrors, priors: Priors, residuals: Array) -> float:
@@ -145,22 +164,20 @@ def prediction_estimate(
     task: EstimationTask, horizon: int | None
 ) -> tuple[PolynomialEstimate, Fitted]:
     """The estimate for errors of k steps, or of simulation, and what it was fitted by."""
-    scaled, units = scaled_errors(task.errors)
-    scales = units.scales
-    problem = PolynomialProblem(scaled)
+    problem, units = scaled_problem(task.errors)
+    scaled, scales = problem.errors, units.scales
     k_errors = errors_ahead(scaled, horizon)
     # Before the search, because it refuses constraints that no model meets.
-    parameters, priors = coordinates_of(task, scaled, task.constraints, scales)
+    tied = horizon is None
+    parameters, priors = coordinates_of(task, scaled, task.constraints, scales, tied=tied)
     free = _unconstrained(task, problem, horizon, units)
     weight = weight_of_priors(scaled, priors, k_errors.residuals(free.point))
     found, active, tangent = _constrained_optimum(
         *(task, problem, horizon, free, parameters, priors, weight)
     )
-    if isinstance(k_errors, SimulationErrors):
-        found = replace(found, point=k_errors.tied(found.point))
     prior_rows = priors.deviations(found.point)[1]
     fitted = Fitted(k_errors.jacobian(found.point), tangent, prior_rows, scaled.residual_counts())
-    covariance = _covariance(scaled, k_errors, found.point, fitted)
+    covariance = _covariance(scaled, horizon, found.point, fitted)
     objective, without = (
         scaled.loss(k_errors.residuals(point)) for point in (found.point, free.point)
     )
@@ -193,8 +210,8 @@ def _constrained_optimum(
     if not priors.terms and _meets(parameters, bounded, free.point, nearest):
         return free, *parameters.active(parameters.unbounded(bounded, 0.0))
     wide = without_plant_radius(problem.errors)
-    constrained = ConstrainedErrors(errors_ahead(wide, horizon), parameters, priors, weight)
-    starts = _starts(task, problem, constrained, free.point)
+    constrained = CoordinateErrors(errors_ahead(wide, horizon), parameters, priors, weight)
+    starts = _starts(task, problem, constrained, parameters, priors, free.point)
     found = multistart(constrained, starts, max(free.value, 1e-300))
     z = parameters.snapped(found.point)
     if not constrained.values(z[None, :])[0] <= found.value * (1.0 + 1e-6):
@@ -207,51 +224,39 @@ def _unconstrained(
     task: EstimationTask, problem: PolynomialProblem, horizon: int | None, units: Units
 ) -> SearchResult:
     """The optimum without constraints, but with unstable plants where these are allowed."""
-    found = _one_step_optimum(task, problem, units)
-    if horizon == 1 and task.constraints.stability == "required":
+    found = searched(task, problem, units)
+    found = replace(found, point=units.taken(found.point))
+    stability, scaled = task.constraints.stability, problem.errors
+    if horizon == 1 and stability == "required":
         return found
-    scaled = problem.errors
-    k_errors = errors_ahead(scaled, horizon)
-    random = problem.spread(RANDOM_STARTS, task.generator(1))[0]
-    starts = np.concatenate([found.point[None, :], problem.estimates[0], random])
-    if task.constraints.stability == "required":
-        # k-step errors are not linear in the states and B alone: descents follow at once.
-        return multistart(k_errors, scaled.repair(starts), found.value)
-    parameters, priors = coordinates_of(task, scaled, Constraints(stability="free"), units.scales)
+    free, tied = Constraints(stability=stability), horizon is None
+    parameters, priors = coordinates_of(task, scaled, free, units.scales, tied=tied)
     wide = without_plant_radius(scaled)
-    constrained = ConstrainedErrors(errors_ahead(wide, horizon), parameters, priors, 0.0)
-    # The ARX model of least squares, its poles wherever they are.
-    linear, steps = ~wide.linear("c", "d", "f", "plant"), LINEAR_STEPS[wide.objective]
-    arx = solve_linear(wide, np.zeros((1, wide.dimension)), linear, steps)
-    starts = np.concatenate([starts, arx])
+    constrained = CoordinateErrors(errors_ahead(wide, horizon), parameters, priors)
+    random = problem.spread(RANDOM_STARTS, task.generator(0, 1))[0]
+    starts = np.concatenate([found.point[None, :], problem.estimates[0], random])
+    if stability == "free":
+        # The ARX model of least squares, its poles wherever they are.
+        linear, steps = ~wide.linear("c", "d", "f", "plant"), LINEAR_STEPS[wide.objective]
+        arx = solve_linear(wide, np.zeros((1, wide.dimension)), linear, steps)
+        starts = np.concatenate([starts, arx])
     z = np.array([parameters.unbounded(parameters.coordinates(point)) for point in starts])
     found = multistart(constrained, z, found.value)
     return replace(found, point=constrained.points(found.point[None, :])[0])
 
 
-def _one_step_optimum(
-    task: EstimationTask, problem: PolynomialProblem, units: Units
-) -> SearchResult:
-    """The optimum of one-step prediction: searched, or refined where it is known."""
-    if task.optimum is None:
-        known = from_estimates(problem) if task.orders.inputs > 1 else None
-        if known is not None and task.settings.evaluations == 0:
-            return known
-        lowest = np.inf if known is None else known.value
-        found = global_search(problem, task.settings, task.generator(0), task.log, lowest)
-        return found if known is None else pooled(known, found)
-    # The search of ARMAX models counts other first residuals.
-    ended = descended(problem, units.taken(task.optimum.point))
-    return replace(ended, diagnostics=task.optimum.diagnostics)
-
-
 def _starts(
-    task: EstimationTask, problem: PolynomialProblem, constrained: ConstrainedErrors, free: Array
+    task: EstimationTask,
+    problem: PolynomialProblem,
+    constrained: CoordinateErrors,
+    parameters: ConstrainedParameters,
+    priors: Priors,
+    free: Array,
 ) -> Array:
     """Coordinates from which descents under constraints start, (M, k)."""
-    parameters, generator = constrained.parameters, task.generator(2)
+    generator = task.generator(0, 2)
     points = np.concatenate([free[None, :], problem.estimates[0]])
-    points = np.concatenate([points, _with_expected_modes(points[0], constrained.priors)])
+    points = np.concatenate([points, _with_expected_modes(points[0], priors)])
     z = [parameters.unbounded(parameters.coordinates(point)) for point in points]
     z += [
         parameters.random(parameters.coordinates(point), generator)
@@ -313,10 +318,10 @@ def _meets(parameters: ConstrainedParameters, bounded: Array, point: Array, near
 
 
 def _covariance(
-    errors: PolynomialErrors, k_errors: ErrorsInFocus, point: Array, fitted: Fitted
+    errors: PolynomialErrors, horizon: int | None, point: Array, fitted: Fitted
 ) -> ParameterCovariance | None:
-    ahead = isinstance(k_errors, KStepErrors)
-    if isinstance(k_errors, SimulationErrors) or (ahead and errors.objective == "absolute"):
+    ahead, k_errors = horizon != 1, errors_ahead(errors, horizon)
+    if horizon is None or (ahead and errors.objective == "absolute"):
         return None
     innovations = errors.residuals(point)
     deviation = loss_deviation(innovations, fitted.tangent.shape[1], errors.objective)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from evopem.config.constraints import Constraints
 from evopem.errors import InputError
 from evopem.estimation.pem.constrained_model import equalities, plant_polynomial
-from evopem.estimation.pem.constrained_parameters import ConstrainedErrors, ConstrainedParameters
+from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
 from evopem.estimation.pem.constrained_polynomials import Linear
+from evopem.estimation.pem.coordinate_errors import CoordinateErrors
 from evopem.estimation.pem.covariance import (
     Fitted,
     loss_deviation,
@@ -24,11 +25,12 @@ from evopem.estimation.pem.covariance import (
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
-from evopem.estimation.prediction_errors import Units, scaled_errors
+from evopem.estimation.prediction_errors import Units
 from evopem.estimation.prediction_estimate import (
     EstimationTask,
     coordinates_of,
     prediction_estimate,
+    scaled_problem,
     weight_of_priors,
     without_plant_radius,
 )
@@ -62,9 +64,8 @@ def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
     plant_task = replace(task, errors=plant_errors, constraints=of_plant, optimum=None)
     plant, fit = prediction_estimate(plant_task, None if shared else 1)
     errors = plant_errors.of_orders(o)  # on the same stretches
-    scaled, units = scaled_errors(errors)
-    scales = units.scales
-    problem = PolynomialProblem(scaled)
+    problem, units = scaled_problem(errors)
+    scaled, scales = problem.errors, units.scales
     fitted = [
         (_noise_start(problem, units, plant, division), division)
         for division in _divisions(plant.model, o, of_plant, task.sampling_rate)
@@ -202,10 +203,10 @@ def _noise_fit(
     }
     parameters = ConstrainedParameters(free.polynomials | held)
     weight = weight_of_priors(errors, priors, errors.residuals(point))
-    constrained = ConstrainedErrors(errors, parameters, priors, weight)
+    constrained = CoordinateErrors(errors, parameters, priors, weight)
     white = point.copy()
     white[parts["c"]] = white[parts["d"]] = 0.0
-    random = problem.spread(RANDOM_STARTS, task.generator(3))[0]
+    random = problem.spread(RANDOM_STARTS, task.generator(0, 3))[0]
     starts = np.array([parameters.coordinates(each) for each in (point, white, *random)])
     starts[:, parameters.linear] = 0.0
     starts = starts[np.isfinite(constrained.values(starts))]

@@ -14,8 +14,6 @@ from evopem.estimation.pem.constrained_parameters import (
     ConstrainedParameters,
     Gain,
     GivenGain,
-    Priors,
-    PriorTerm,
 )
 from evopem.estimation.pem.constrained_polynomials import Linear, Sections, null_space
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, Band, PoleRegion
@@ -34,10 +32,12 @@ def constrained_parameters(
     b_scales: Sequence[float] | Array = (),
     rest: int = 0,
     levels: Sequence[float] | Array = (),
+    tied: bool = False,
 ) -> ConstrainedParameters:
     """Coordinates of the points that meet checked constraints; InputError where no polynomial does.
     ``radius``: largest of poles where stability is required. ``b_scales``: what B_i of a point are
-    to be multiplied by. ``rest``: levels and states of a point, of which ``levels`` are fixed."""
+    to be multiplied by. ``rest``: levels and states of a point, of which ``levels`` are fixed.
+    ``tied``: C is A."""
     o = orders
     names = tuple(names) or ("",) * o.inputs
     paths = [(constraints.of_input(name), o.of_input(k)) for k, name in enumerate(names)]
@@ -52,11 +52,13 @@ def constrained_parameters(
             gains[f"b{k}"] = gain
     for name in "cd":
         polynomials[name] = _linear(np.ones(1), *_fixed(name, constraints, o))
+    if tied:
+        polynomials["c"] = Linear(np.zeros(o.nc), np.zeros((o.nc, 0)))
     for k, path in enumerate(paths):
         polynomials[f"f{k}"] = plant_polynomial("f", *path, sampling_rate, radius)
     offset = np.concatenate([levels, np.zeros(rest - len(levels))])
     polynomials["rest"] = Linear(offset, np.eye(rest)[:, len(levels) :])
-    return ConstrainedParameters(polynomials, gains)
+    return ConstrainedParameters(polynomials, gains, tied)
 
 
 def _numerator(
@@ -79,27 +81,6 @@ def equalities(constraints: Constraints) -> list[str]:
     names += ["fixed_poles"] * bool(constraints.fixed_poles)
     names += ["static_gain"] * (constraints.static_gain is not None)
     return names + ["priors"] * bool(constraints.priors)
-
-
-def priors_of(
-    constraints: Constraints,
-    parameters: ConstrainedParameters,
-    orders: Orders,
-    sampling_rate: float,
-    b_scales: Sequence[float] | Array = (),
-) -> Priors:
-    """The priors among constraints, in the units of a point; ``b_scales`` as above."""
-    terms = []
-    b_scale = float(b_scales[0]) if len(b_scales) else 1.0
-    for prior in constraints.priors:
-        quantity, index = prior.quantity, 0
-        near = prior.mean if prior.mode_hz is None else prior.mode_hz
-        scale = b_scale if quantity == "static_gain" or quantity[0] == "b" else 1.0
-        if (found := coefficient_index(quantity, orders)) is not None:
-            quantity, index = "coefficient", orders.part(found[0]).start + found[1]
-        mean, deviation = prior.mean / scale, prior.standard_deviation / scale
-        terms.append(PriorTerm(quantity, mean, deviation, index, near))
-    return Priors(tuple(terms), parameters.parts, sampling_rate)
 
 
 def plant_polynomial(

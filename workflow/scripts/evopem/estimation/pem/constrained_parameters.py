@@ -12,11 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.constrained_polynomials import EXCESS, KIND, SHARE, Linear, Sections
-from evopem.estimation.pem.k_step_errors import KStepErrors, SimulationErrors
+from evopem.estimation.pem.coordinate_errors import Mapped
 from evopem.estimation.pem.pole_region import AT_EDGE
-from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.models.modes import modes_of, pole_mode
-from evopem.models.polynomials import roots
 
 Array = NDArray[np.float64]
 
@@ -76,14 +73,16 @@ class GivenGain(NamedTuple):
 class ConstrainedParameters:
     """Coordinates of the points of a model that meet hard constraints.  ``polynomials``: in the
     order of a point, a and f of the plant, b of numerators, ``rest`` of levels and states.
-    ``gains``: by the names of numerators."""
+    ``gains``: by the names of numerators.  ``tied``: C is A, so that without D the one-step errors
+    are those of simulation, and the noise state is the initial state of 1/A."""
 
     def __init__(
         self,
         polynomials: Mapping[str, Sections | Linear],
         gains: Mapping[str, GivenGain] | None = None,
+        tied: bool = False,
     ) -> None:
-        self.polynomials, self.gains = dict(polynomials), dict(gains or {})
+        self.polynomials, self.gains, self.tied = dict(polynomials), dict(gains or {}), tied
         ends = np.cumsum([0, *(polynomial.size for polynomial in self.polynomials.values())])
         self.parts = {n: slice(ends[i], ends[i + 1]) for i, n in enumerate(self.polynomials)}
         codes: list[int] = []
@@ -132,6 +131,9 @@ class ConstrainedParameters:
         for name, where in self.parts.items():
             own = self.own[name]
             point[where], derivatives[where, own] = self.polynomials[name].part(bounded[own])
+        if self.tied:
+            point[self.parts["c"]] = point[self.parts["a"]]
+            derivatives[self.parts["c"]] = derivatives[self.parts["a"]]
         for name, given in self.gains.items():
             own, b = self.own[_gain_of(name)], self.parts[name]
             g, by_coordinate = given.gain.value(bounded[own])
@@ -194,6 +196,8 @@ class ConstrainedParameters:
         ]
         names = {name for found, _ in of_polynomials for name in found}
         tangent = block_diag(*(free for _, free in of_polynomials))
+        if self.tied:
+            tangent[self.parts["c"]] = tangent[self.parts["a"]]
         for name, given in self.gains.items():
             where = self.own[_gain_of(name)]
             own = bounded[where]
@@ -206,6 +210,15 @@ class ConstrainedParameters:
             else:
                 tangent = np.hstack([tangent, derivatives[:, where]])
         return tuple(sorted(names)), tangent
+
+    def mapped(self, z: Array) -> Mapped:
+        """The points of rows of coordinates."""
+        rows = [self.bounded(each) for each in z]
+        values, slopes, bends = (np.array(each) for each in zip(*rows, strict=True))
+        points, derivatives = zip(*map(self.point, values), strict=True)
+        barrier, by_bounded, bend = zip(*map(self.barriers, values), strict=True)
+        barriers = np.array(barrier), np.array(by_bounded), np.array(bend)
+        return Mapped(np.array(points), np.array(derivatives), slopes, bends, barriers)
 
     def barriers(self, bounded: Array) -> tuple[float, Array, Array]:
         """Barrier of the plant polynomials with fixed coefficients, gradient and curvature."""
@@ -224,157 +237,3 @@ class ConstrainedParameters:
 def _gain_of(name: str) -> str:
     """The name of the coordinate of a numerator's static gain."""
     return f"gain of {name}"
-
-
-@dataclass(frozen=True)
-class PriorTerm:
-    """One prior, in the units of a point; frequencies in Hz."""
-
-    quantity: str  # "coefficient", "static_gain", "frequency" or "damping"
-    mean: float
-    standard_deviation: float
-    index: int = 0  # entry of the point that a coefficient is
-    mode_hz: float = 0.0  # the mode nearest to this frequency is meant
-
-
-class Priors:
-    """Deviations of a point from its priors, in standard deviations.  ``parts`` says where a, b0,
-    ... and f0, ... stand in a point."""
-
-    def __init__(
-        self, terms: tuple[PriorTerm, ...], parts: Mapping[str, slice], sampling_rate: float
-    ) -> None:
-        self.terms, self.parts, self.sampling_rate = terms, parts, sampling_rate
-        # Where the polynomials stand whose roots are poles of the plant.
-        self.denominators = [part for name, part in parts.items() if name[0] in "af"]
-
-    def deviations(self, point: Array) -> tuple[Array, Array]:
-        """Deviations (m,) and their derivatives by the point, (m, n)."""
-        deviations = np.zeros(len(self.terms))
-        derivatives = np.zeros((len(self.terms), len(point)))
-        for row, term in enumerate(self.terms):
-            value, gradient = self._quantity(term, point)
-            deviations[row] = (value - term.mean) / term.standard_deviation
-            derivatives[row] = gradient / term.standard_deviation
-        return deviations, derivatives
-
-    def _quantity(self, term: PriorTerm, point: Array) -> tuple[float, Array]:
-        gradient = np.zeros(len(point))
-        if term.quantity == "coefficient":
-            gradient[term.index] = 1.0
-            return float(point[term.index]), gradient
-        if term.quantity == "static_gain":
-            of_b, of_a, of_f = (self.parts[name] for name in ("b0", "a", "f0"))
-            b = float(np.sum(point[of_b]))
-            a, f = (1.0 + float(np.sum(point[part])) for part in (of_a, of_f))
-            gradient[of_b] = 1.0 / (a * f)
-            gradient[of_a] = -b / (a * a * f)
-            gradient[of_f] = -b / (a * f * f)
-            return b / (a * f), gradient
-        part, pole = self._mode(term, point)
-        values, slopes = pole_mode(point[part], pole, self.sampling_rate)
-        row = 0 if term.quantity == "frequency" else 1
-        gradient[part] = slopes[row]
-        return float(values[row]), gradient
-
-    def _mode(self, term: PriorTerm, point: Array) -> tuple[slice, complex]:
-        """The pole nearest in natural frequency: a mode where there is one, or a real pole."""
-        modes = [
-            (abs(mode.frequency_hz - term.mode_hz), part, mode.pole)
-            for part in self.denominators
-            for mode in modes_of(point[part], self.sampling_rate)
-        ]
-        if modes:
-            _, part, pole = min(modes, key=lambda each: each[0])
-            return part, pole
-        real = [(part, z) for part in self.denominators for z in roots(point[part]) if z != 0.0]
-        wanted = np.exp(2j * np.pi * term.mode_hz / self.sampling_rate)
-        without = (self.denominators[-1], 0j)
-        return min(real, key=lambda each: abs(each[1] - wanted), default=without)
-
-
-class ConstrainedErrors:
-    """An objective as a function of the coordinates of :class:`ConstrainedParameters`, with
-    ``prior_weight`` times the squared deviations from priors, in standard deviations."""
-
-    def __init__(
-        self,
-        errors: PolynomialErrors | KStepErrors | SimulationErrors,
-        parameters: ConstrainedParameters,
-        priors: Priors,
-        prior_weight: float,
-    ) -> None:
-        self.errors, self.parameters = errors, parameters
-        self.priors, self.prior_weight = priors, prior_weight
-        self.objective = errors.objective
-
-    def points(self, coordinates: Array) -> Array:
-        """Points of rows of coordinates, (M, n)."""
-        return np.array(
-            [self.parameters.point(self.parameters.bounded(z)[0])[0] for z in coordinates]
-        )
-
-    def values(self, coordinates: Array) -> Array:
-        """Objective of each row with its priors; inf where a barrier is crossed."""
-        points = self.points(coordinates)
-        values = self.errors.values(points)
-        for row, z in enumerate(coordinates):
-            barrier, _, _ = self.parameters.barriers(self.parameters.bounded(z)[0])
-            values[row] += self._prior(points[row])[0] if np.isfinite(barrier) else np.inf
-        return values
-
-    def values_and_gradients(
-        self, coordinates: Array, smoothing: Array, barriers: Array
-    ) -> tuple[Array, Array]:
-        """Smoothed objective of each row with barriers and priors, and its gradient."""
-        maps = [self._map(z) for z in coordinates]
-        points = np.array([point for point, _, _, _, _ in maps])
-        values, slopes = self.errors.values_and_gradients(points, smoothing, barriers)
-        gradients = np.zeros(coordinates.shape)
-        for row, (point, derivatives, bounded, slope, _) in enumerate(maps):
-            barrier, of_barrier, _ = self.parameters.barriers(bounded)
-            if not np.isfinite(values[row] + barrier):
-                values[row] = np.inf
-                continue
-            prior, of_prior, _ = self._prior(point)
-            values[row] += prior + barriers[row] * barrier
-            total = (slopes[row] + of_prior) @ derivatives
-            gradients[row] = slope * (total + barriers[row] * of_barrier)
-        return values, gradients
-
-    def curvatures(self, coordinates: Array, smoothing: Array, barriers: Array) -> Array:
-        """Gauss-Newton matrices, with the bend of bounded coordinates where it is positive."""
-        maps = [self._map(z) for z in coordinates]
-        points = np.array([point for point, _, _, _, _ in maps])
-        matrices = self.errors.curvatures(points, smoothing, barriers)
-        _, slopes = self.errors.values_and_gradients(points, smoothing, barriers)
-        found = np.zeros((len(coordinates), coordinates.shape[1], coordinates.shape[1]))
-        for row, (point, derivatives, bounded, slope, bend) in enumerate(maps):
-            _, of_prior, of_priors = self._prior(point)
-            _, _, of_barrier = self.parameters.barriers(bounded)
-            matrix = derivatives.T @ (matrices[row] + of_priors) @ derivatives
-            found[row] = slope[:, None] * (matrix + barriers[row] * of_barrier) * slope
-            # At an end of a share the slope vanishes, and this is the curvature.
-            total = (slopes[row] + of_prior) @ derivatives
-            found[row] += np.diag(np.maximum(total * bend, 0.0))
-        return found
-
-    def mean_absolute_residuals(self, values: Array) -> Array:
-        """Size of the residuals that belong to values of the objective."""
-        return self.errors.mean_absolute_residuals(values)
-
-    def _prior(self, point: Array) -> tuple[float, Array | float, Array | float]:
-        """What the priors add to the objective, and its derivatives by the point."""
-        if not self.priors.terms:
-            return 0.0, 0.0, 0.0
-        away, by_point = self.priors.deviations(point)
-        weight = self.prior_weight
-        return (
-            weight * float(away @ away),
-            2.0 * weight * (away @ by_point),
-            2.0 * weight * (by_point.T @ by_point),
-        )
-
-    def _map(self, z: Array) -> tuple[Array, Array, Array, Array, Array]:
-        bounded, slope, bend = self.parameters.bounded(z)
-        return *self.parameters.point(bounded), bounded, slope, bend

@@ -118,51 +118,6 @@ class KStepErrors:
         return a, c, d
 
 
-class SimulationErrors:
-    """Objective, gradient and curvature of simulation errors, of a model with as many c as a.  ``y
-    - sum_i B_i / (A F_i) u_i`` are the one-step errors of the model with ``C = A`` and no D: the c
-    of a point are not looked at, and the noise state is the initial state of 1/A."""
-
-    def __init__(self, errors: PolynomialErrors) -> None:
-        self.one_step, self.objective = errors, errors.objective
-        a, c = errors.orders.part("a"), errors.orders.part("c")
-        self._copy = np.eye(errors.dimension)
-        self._copy[c, c], self._copy[c, a] = 0.0, np.eye(errors.orders.na)
-
-    def tied(self, points: Array) -> Array:
-        """Points, (n,) or (M, n), with C = A."""
-        return np.asarray(points @ self._copy.T)
-
-    def residuals(self, point: Array) -> Array:
-        """Simulation errors that count."""
-        return self.one_step.residuals(self.tied(point))
-
-    def jacobian(self, point: Array) -> Array:
-        """Derivatives of the errors that count by a point, (N, n)."""
-        return np.asarray(self.one_step.jacobian(self.tied(point)) @ self._copy)
-
-    def values(self, points: Array) -> Array:
-        """Objective of each row, (M,), in percent; infeasible rows are inf."""
-        return self.one_step.values(self.tied(points))
-
-    def values_and_gradients(
-        self, points: Array, smoothing: Array, barriers: Array
-    ) -> tuple[Array, Array]:
-        """Smoothed objective with barriers, and its gradient; infeasible rows are inf and 0."""
-        given = self.tied(points), smoothing, barriers
-        values, gradients = self.one_step.values_and_gradients(*given)
-        return values, gradients @ self._copy
-
-    def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
-        """Gauss-Newton matrices, (M, n, n)."""
-        matrices = self.one_step.curvatures(self.tied(points), smoothing, barriers)
-        return np.asarray(self._copy.T @ matrices @ self._copy)
-
-    def mean_absolute_residuals(self, values: Array) -> Array:
-        """Size of the errors that belong to values of the objective."""
-        return self.one_step.mean_absolute_residuals(values)
-
-
 def _divided(response: Array, denominator: Array) -> Array:
     """The first terms of a response through ``1/denominator``."""
     divided = response[None, :].copy()

@@ -33,7 +33,6 @@ from evopem.estimation.search.problem import (
     SearchResult,
     converged_values,
     count_distinct,
-    pooled,
     same_optimum,
     undiscovered,
 )
@@ -98,27 +97,6 @@ class _Record(SearchProgress):
         self.reach(point, value)
         if self._log is not None:
             self._log(f"{kind}: {value:.9g}, lowest {self.value:.9g}, {self.spent} evaluations")
-
-
-def continued_search(
-    problem: HoppingProblem,
-    restored: Callable[[Array], Array],
-    key: tuple[int, ...],
-    settings: SearchSettings,
-    earlier: SearchResult | None = None,
-    log: Callable[[str], None] | None = None,
-    target: Target | None = None,
-) -> SearchResult:
-    """Search a scaled problem, combined with an earlier search; ``restored`` gives points their
-    units. Draws come from ``SeedSequence(seed, spawn_key=key)``, the earlier restarts appended to
-    the key."""
-    known = np.inf
-    if earlier is not None:
-        known, key = earlier.value, (*key, earlier.diagnostics.n_restarts)
-    generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-    found = global_search(problem, settings, generator, log, known, target)
-    found = replace(found, point=restored(found.point))
-    return found if earlier is None else pooled(earlier, found)
 
 
 def global_search(

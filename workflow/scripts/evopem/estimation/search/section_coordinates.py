@@ -11,16 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.coordinate_errors import CoordinateErrors, Mapped
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
+from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.root_sections import sections_of
 from evopem.estimation.search.staged_descent import POLISH_STAGES, staged_descent
 
 Array = NDArray[np.float64]
 
-# Radius within which the errors are asked for: the coordinates hold the roots within the allowed
-# one, which coefficients with several roots on it would seem to leave by their rounding.
-ASKED_WITHIN = 1.05
 # How far inside the side of the box a descent begins: on it the slope is zero.
 INSIDE = 1e-6
 # By how much roots on the edge are drawn in, relative, until coefficients hold them within: a
@@ -29,10 +28,9 @@ DRAWN_IN = (1e-8, 1e-7, 1e-6, 1e-5)
 
 
 class SectionCoordinates:
-    """Prediction errors as functions of the sections of A, C, D and F."""
+    """Reflection coefficients of the sections of A, C, D and F; other entries as in a point."""
 
     def __init__(self, errors: PolynomialErrors) -> None:
-        self._errors = errors.within_radius(ASKED_WITHIN)
         self._polynomials = [(part, errors.radius_of(name)) for name, part in errors.polynomials()]
 
     def of_points(self, points: Array) -> Array:
@@ -52,37 +50,16 @@ class SectionCoordinates:
         """Points of coordinates, the largest radius less a part of it."""
         return self._derivatives(coordinates, drawn_in)[0]
 
-    def values(self, coordinates: Array) -> Array:
-        """Objective of each row, (M,)."""
-        return self._errors.values(self.points(coordinates))
-
-    def values_and_gradients(
-        self, coordinates: Array, smoothing: Array, barriers: Array
-    ) -> tuple[Array, Array]:
-        """Smoothed objective and its gradient; there is no barrier to add."""
-        points, derivatives = self._derivatives(coordinates)
-        values, gradients = self._errors.values_and_gradients(points, smoothing, 0.0 * barriers)
-        return values, self._by_reflections(derivatives, gradients) * self._slopes(coordinates)
-
-    def curvatures(self, coordinates: Array, smoothing: Array, barriers: Array) -> Array:
-        """Gauss-Newton matrices, (M, n, n), with what the sides of the box add to them."""
-        points, derivatives = self._derivatives(coordinates)
-        none = 0.0 * barriers
-        matrices = self._errors.curvatures(points, smoothing, none)
-        for once in (matrices, np.swapaxes(matrices, 1, 2)):
-            for (part, _), derivative in zip(self._polynomials, derivatives, strict=True):
-                once[:, :, part] = once[:, :, part] @ derivative
-        slopes = self._slopes(coordinates)
-        matrices *= slopes[:, :, None] * slopes[:, None, :]
-        _, gradients = self._errors.values_and_gradients(points, smoothing, none)
-        bent = -np.sin(coordinates) * self._by_reflections(derivatives, gradients)
-        for part, _ in self._polynomials:
-            np.einsum("ijj->ij", matrices)[:, part] += np.maximum(bent[:, part], 0.0)
-        return matrices
-
-    def mean_absolute_residuals(self, values: Array) -> Array:
-        """Size of the residuals that belong to values of the objective."""
-        return self._errors.mean_absolute_residuals(values)
+    def mapped(self, z: Array) -> Mapped:
+        """The points of rows of coordinates; there is no barrier to add."""
+        points, of_polynomials = self._derivatives(z)
+        derivatives = np.tile(np.eye(z.shape[1]), (len(z), 1, 1))
+        slopes, bends = np.ones_like(z), np.zeros_like(z)
+        for (part, _), each in zip(self._polynomials, of_polynomials, strict=True):
+            derivatives[:, part, part] = each
+            slopes[:, part], bends[:, part] = np.cos(z[:, part]), -np.sin(z[:, part])
+        none = np.zeros(len(z)), np.zeros_like(z), np.zeros_like(derivatives)
+        return Mapped(points, derivatives, slopes, bends, none)
 
     def _derivatives(
         self, coordinates: Array, drawn_in: float = DRAWN_IN[0]
@@ -95,26 +72,18 @@ class SectionCoordinates:
             derivatives.append(each)
         return points, derivatives
 
-    def _by_reflections(self, derivatives: list[Array], gradients: Array) -> Array:
-        """Gradients by the reflection coefficients and by the entries that are none."""
-        changed = gradients.copy()
-        for (part, _), derivative in zip(self._polynomials, derivatives, strict=True):
-            changed[:, part] = np.einsum("rij,ri->rj", derivative, gradients[:, part])
-        return changed
 
-    def _slopes(self, coordinates: Array) -> Array:
-        """Derivatives of the reflection coefficients by the coordinates, 1 elsewhere."""
-        slopes = np.ones_like(coordinates)
-        for part, _ in self._polynomials:
-            slopes[:, part] = np.cos(coordinates[:, part])
-        return slopes
+def in_sections(errors: PolynomialErrors) -> CoordinateErrors:
+    """Prediction errors by these coordinates.  They alone hold the roots within the allowed radius,
+    which coefficients with several roots on it would seem to leave by their rounding."""
+    return CoordinateErrors(errors.within_radius(UNBOUNDED_RADIUS), SectionCoordinates(errors))
 
 
 def descend_in_sections(errors: PolynomialErrors, points: Array, largest_value: float) -> Descent:
     """Descents to the last digits along the edge; never worse than where they began."""
-    sections = SectionCoordinates(errors)
+    sections, asked = SectionCoordinates(errors), in_sections(errors)
     found = staged_descent(
-        sections, sections.of_points(points), POLISH_STAGES, largest_value, wait=None
+        asked, sections.of_points(points), POLISH_STAGES, largest_value, wait=None
     )
     ends, values = points.copy(), errors.values(points)
     evaluations = found.evaluations + len(points)
