@@ -14,6 +14,7 @@ from evopem.models.polynomials import max_root_radius
 from evopem.synthesis.armax import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
+SHORT = SearchSettings(objective="quadratic", evaluations=0)
 FS = 50.0
 ONE = np.ones(1)
 RESONANT = np.poly([0.92 * np.exp(0.6j), 0.92 * np.exp(-0.6j)]).real
@@ -37,6 +38,11 @@ def constrained(constraints, u=None, y=None, **others):
     options = {"structure": "bj", "settings": QUADRATIC} | others
     orders = options.pop("orders", ORDERS)
     return estimate(u, y, orders, sampling_rate=FS, constraints=constraints, **options)
+
+
+@pytest.fixture(scope="module")
+def free():
+    return constrained(Constraints())
 
 
 def static_gain(model):
@@ -213,13 +219,12 @@ def test_an_unstable_plant_under_feedback_is_found_where_stability_is_free():
         (Prior("damping", 0.2, 1e-5, mode_hz=5.0), lambda model: model.modes()[0].damping_ratio),
     ],
 )
-def test_a_prior_draws_as_far_as_its_weight_says(prior, quantity):
+def test_a_prior_draws_as_far_as_its_weight_says(prior, quantity, free):
     u, y = record()
-    free = constrained(Constraints(), u, y)
-    firm = constrained(Constraints(priors=(prior,)), u, y)
+    firm = constrained(Constraints(priors=(prior,)), u, y, settings=SHORT)
     assert quantity(firm.model) == pytest.approx(prior.mean, abs=1e-3)
     vague = Prior(prior.quantity, prior.mean, 1e6, prior.mode_hz)
-    loose = constrained(Constraints(priors=(vague,)), u, y)
+    loose = constrained(Constraints(priors=(vague,)), u, y, settings=SHORT)
     np.testing.assert_allclose(loose.model.parameters, free.model.parameters, atol=1e-5)
 
 
@@ -259,10 +264,9 @@ def test_an_active_constraint_leaves_no_variance_across_it():
 def test_intervals_under_active_constraints_are_honest(constraints):
     """Bounds at the truth: half of the records are at an inequality, all at an equality."""
     inside = []
-    short = SearchSettings(objective="quadratic", evaluations=1000)
     for seed in range(16):
         u, y = record(seed=100 + seed, samples=400)
-        found = constrained(constraints, u, y, settings=short)
+        found = constrained(constraints, u, y, settings=SHORT)
         if not found.constraints.active:
             continue
         deviations = np.sqrt(np.diag(found.model.covariance.matrix))

@@ -193,7 +193,7 @@ def test_orders_and_delays_of_each_input_are_found():
     scores = dict(scanned_orders(data, orders, SHORT))
     best = min(scores, key=lambda order: scores[order].bic)
     assert best == 4
-    assert reduced_orders(data, orders[best], SHORT).orders == truth.orders
+    assert reduced_orders(data, orders[best], SHORT) == truth.orders
 
 
 def test_a_fit_to_another_recording_is_its_optimum():

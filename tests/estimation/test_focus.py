@@ -13,6 +13,7 @@ from evopem.signals.recording import Segment
 from evopem.synthesis.armax import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
+SHORT = SearchSettings(objective="quadratic", evaluations=0)
 ONE = np.ones(1)
 RESONANT = np.poly([0.92 * np.exp(0.6j), 0.92 * np.exp(-0.6j)]).real
 DAMPED = np.poly([0.8 * np.exp(1.5j), 0.8 * np.exp(-1.5j)]).real
@@ -99,7 +100,7 @@ def test_with_the_true_orders_every_focus_finds_the_truth(structure):
     names = STRUCTURES[structure]
     orders = {name: getattr(truth.orders.single, name) for name in names}
     for focus in ("prediction", 2, "simulation"):
-        found = estimate(u, y, orders, structure=structure, settings=QUADRATIC, focus=focus)
+        found = estimate(u, y, orders, structure=structure, settings=SHORT, focus=focus)
         errors = found.model.parameters - truth.parameters
         deviations = np.sqrt(np.diag(found.model.covariance.matrix))
         np.testing.assert_array_less(np.abs(errors), 4.0 * deviations)

@@ -255,7 +255,7 @@ def _reduced(scorer: Scorer, start: Candidate) -> list[Candidate]:
     limits = OrderLimits.of(scorer.limits.ranges, scorer.limits.names)
     settings = search_settings(scorer.settings)
     stretches = recording_of(scorer.stretches)
-    reduced = reduced_orders(stretches, start.orders, settings, limits).orders
+    reduced = reduced_orders(stretches, start.orders, settings, limits)
     if reduced == start.orders:
         return []
     fits = fits_of_several_inputs(scorer.stretches, {start.order: reduced}, scorer.settings)

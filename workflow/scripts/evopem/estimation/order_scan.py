@@ -147,28 +147,6 @@ def nearest(order: int, limits: Range | None) -> int:
     return order if limits is None else min(max(order, limits[0]), limits[1])
 
 
-@dataclass(frozen=True)
-class TriedOrders:
-    """Smaller orders that were tried, their BIC, and that of the orders they would replace."""
-
-    orders: Orders
-    bic: float
-    bic_before: float
-
-    @property
-    def taken(self) -> bool:
-        """Whether BIC fell."""
-        return self.bic < self.bic_before
-
-
-@dataclass(frozen=True)
-class ReducedOrders:
-    """The orders of lowest BIC, and all that were tried on the way."""
-
-    orders: Orders
-    tried: tuple[TriedOrders, ...]
-
-
 def scanned_orders(
     recording: Recording,
     orders: Mapping[int, Orders],
@@ -243,18 +221,17 @@ def reduced_orders(
     settings: SearchSettings,
     limits: OrderLimits | None = None,
     log: Log | None = None,
-) -> ReducedOrders:
+) -> Orders:
     """Smaller orders of lower BIC within limits, each input its own, and its delay.
 
     One coefficient of B_i at either end, one of another polynomial, a pole with a zero, or a factor
     of A and all B_i is left out at a time, as long as BIC falls.
     """
-    tried: list[TriedOrders] = []
     with one_blas_thread():
         errors, _ = scaled_errors(_errors_of(recording, orders, settings, orders.first_residual))
         found = _descended(errors, (), FINAL_WIDTH)
         if found is None:
-            return ReducedOrders(orders, ())
+            return orders
         point, best, falls = found.point, _bic(errors, found.point), True
         while falls:
             falls = False
@@ -264,13 +241,12 @@ def reduced_orders(
                 own = errors.of_orders(smaller)
                 optimum = _nearest_optimum(own, point, orders)
                 bic = np.inf if optimum is None else _bic(own, optimum)
-                tried.append(TriedOrders(smaller, bic, best))
                 if optimum is not None and bic < best:
                     best, orders, point, falls = bic, smaller, optimum, True
                     break
     if log is not None:
         log(f"orders of lowest BIC: {orders}")
-    return ReducedOrders(orders, tuple(tried))
+    return orders
 
 
 def _errors_of(

@@ -31,7 +31,7 @@ from evopem.estimation.pem.priors import Priors, priors_of
 from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import Units, scaled_errors
 from evopem.estimation.search.certificate import Target
-from evopem.estimation.search.global_search import global_search
+from evopem.estimation.search.global_search import FIRST_BATCH, FIRST_PASS, global_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, solve_linear
@@ -42,7 +42,8 @@ from evopem.models.structures import Orders
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
-# Random starts of the descents under constraints and of k-step errors.
+# Random starts of the descents under constraints and of k-step errors; where no search is asked
+# for, those of its first pass.
 RANDOM_STARTS = 24
 # Estimates of a record with several inputs that a search begins with.
 ESTIMATES = 8
@@ -70,6 +71,11 @@ class EstimationTask:
     def orders(self) -> Orders:
         """Orders of the model."""
         return self.errors.orders
+
+    @property
+    def random_starts(self) -> int:
+        """Random points from which descents under constraints and of other errors start."""
+        return FIRST_BATCH if self.settings.evaluations == FIRST_PASS else RANDOM_STARTS
 
     def generator(self, *purpose: int) -> np.random.Generator:
         """Random draws of one purpose; without one those of the search of one-step prediction."""
@@ -233,7 +239,7 @@ def _unconstrained(
     parameters, priors = coordinates_of(task, scaled, free, units.scales, tied=tied)
     wide = without_plant_radius(scaled)
     constrained = CoordinateErrors(errors_ahead(wide, horizon), parameters, priors)
-    random = problem.spread(RANDOM_STARTS, task.generator(0, 1))[0]
+    random = problem.spread(task.random_starts, task.generator(0, 1))[0]
     starts = np.concatenate([found.point[None, :], problem.estimates[0], random])
     if stability == "free":
         # The ARX model of least squares, its poles wherever they are.
@@ -260,7 +266,7 @@ def _starts(
     z = [parameters.unbounded(parameters.coordinates(point)) for point in points]
     z += [
         parameters.random(parameters.coordinates(point), generator)
-        for point in problem.spread(RANDOM_STARTS, generator)[0]
+        for point in problem.spread(task.random_starts, generator)[0]
     ]
     starts = np.array(z)
     if not np.isfinite(constrained.values(starts)).any():

@@ -46,8 +46,6 @@ from evopem.models.structures import Orders
 Array = NDArray[np.float64]
 Plant = tuple[Array, tuple[Array, ...]]  # A and all F_i, their leading 1 included
 
-# Random starts of the noise model.
-RANDOM_STARTS = 24
 # Ways to divide the plant's poles between A and F of which the noise model is refined.
 REFINED_DIVISIONS = 3
 
@@ -206,7 +204,7 @@ def _noise_fit(
     constrained = CoordinateErrors(errors, parameters, priors, weight)
     white = point.copy()
     white[parts["c"]] = white[parts["d"]] = 0.0
-    random = problem.spread(RANDOM_STARTS, task.generator(0, 3))[0]
+    random = problem.spread(task.random_starts, task.generator(0, 3))[0]
     starts = np.array([parameters.coordinates(each) for each in (point, white, *random)])
     starts[:, parameters.linear] = 0.0
     starts = starts[np.isfinite(constrained.values(starts))]
