@@ -105,8 +105,8 @@ def searched(task: EstimationTask, problem: PolynomialProblem, units: Units) -> 
         diagnostics = task.optimum.diagnostics
         return replace(ended, point=units.restored(ended.point), diagnostics=diagnostics)
     known = task.earlier
-    starts = problem.starts()[:ESTIMATES] if known is None and task.orders.inputs > 1 else ()
-    if len(starts):
+    several = known is None and task.orders.inputs > 1
+    if several and len(starts := problem.starts()[:ESTIMATES]):
         known = multistart(problem.errors, starts, float(np.min(problem.values(starts))))
         known = replace(known, point=units.restored(known.point))
         if task.settings.evaluations == 0:
