@@ -103,7 +103,7 @@ def test_a_configuration_and_python_accept_the_same(model):
     assert accepted == fewest.get(model, 72 if is_polynomial(model) else 144)
 
 
-@pytest.mark.parametrize("model", STRUCTURES)
+@pytest.mark.parametrize("model", MODELS)
 def test_the_command_accepts_the_same(model, tmp_path, monkeypatch, capsys):
     """Channels and files are its options; it takes the demands from a file of defaults."""
     monkeypatch.chdir(tmp_path)
@@ -114,13 +114,15 @@ def test_the_command_accepts_the_same(model, tmp_path, monkeypatch, capsys):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("evopem.pipeline.identification.identify_dataset", stopped)
-    for recordings, demand in product((1, 2), DEMANDS):
-        keys = keys_of(model, 1, 1, recordings, demand)
-        files, source, target = keys.pop("file"), *keys.pop("input"), *keys.pop("output")
+    for cell in product((1, 2), (1, 2), (1, 2), DEMANDS):
+        keys = keys_of(model, *cell)
+        options = keys.pop("file")
+        for option in ("input", "output"):
+            options += [each for name in keys.pop(option) for each in (f"--{option}", name)]
         (tmp_path / "keys.yaml").write_text(yaml.safe_dump({"defaults": keys}))
         given.clear()
-        main([*files, "--input", source, "--output", target, "--config", "keys.yaml"])
-        refused = from_configuration(keys_of(model, 1, 1, recordings, demand))
+        main([*options, "--config", "keys.yaml"])
+        refused = from_configuration(keys_of(model, *cell))
         said = capsys.readouterr().err
-        assert refused in said
-        assert bool(given) != bool(refused), said
+        assert refused in said, cell
+        assert bool(given) != bool(refused), (cell, said)

@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from evopem.config.channels import ChannelPlace, of_each
-from evopem.config.defaults import complete, keys_of, read_settings, yaml_text
+from evopem.config.defaults import complete, read_settings, yaml_text
 from evopem.config.structures import searched_forms
 from evopem.errors import InputError
 
@@ -151,7 +151,7 @@ def test_orders_and_delays_of_each_input(tmp_path, written, ranges):
     file = tmp_path / "config.yaml"
     file.write_text(yaml_text(found))
     assert read_settings(file) == found
-    again = complete({"datasets": {"a": keys_of(found)}})
+    again = complete({"datasets": {"a": found.keys}})
     assert again.datasets["a"] == found
 
 
@@ -160,9 +160,11 @@ def test_ranges_of_defaults_hold_where_the_structure_has_the_order():
     several = dataset(OE.strip(), defaults).automatic.orders
     assert (several.nc, several.nb, several.nf) == (None, (3, 3), (2, 2))
     assert several.nk == ((0, 2), (1, 1))
-    one = dataset("recipe: chapter\n    structure: oe", defaults)
+    one = dataset("recipe: chapter\n    structure: oe", defaults.replace("[[0, 2], [1, 1]]", "2"))
     assert one.order_grid.ranges.nb == (3, 3)
-    assert one.order_grid.ranges.nk == (0, 3)
+    assert one.order_grid.ranges.nk == (2, 2)
+    refused = refusal("recipe: chapter\n    structure: oe", defaults)
+    assert "defaults.delay.nk: there are 2 values and 1 inputs" in refused
 
 
 def test_constraints_come_back(tmp_path):
@@ -205,7 +207,7 @@ def test_complete_keys_come_back(tmp_path):
     assert read_settings(file) == found
     assert found.search.objective == "absolute"
     assert found.geometry.channels["acc"] == ChannelPlace("tip", (-1.0, 0.0, 0.0))
-    again = complete({"datasets": {"a": keys_of(found)}})
+    again = complete({"datasets": {"a": found.keys}})
     assert again.datasets["a"] == found
 
 

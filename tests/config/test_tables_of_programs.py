@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.config.defaults import complete, keys_of
+from evopem.config.defaults import complete
 from evopem.errors import InputError
 
 SCHEMA = Path(__file__).parents[2] / "workflow" / "schemas" / "config.schema.yaml"
@@ -136,8 +136,8 @@ def test_the_same_table_of_another_program_holds_the_same_data_sets(case):
         SCHEMA,
     ).datasets
     found = completed(SAME[case])
-    assert {name: keys_of(each) for name, each in found.items()} == {
-        name: keys_of(each) for name, each in expected.items()
+    assert {name: each.keys for name, each in found.items()} == {
+        name: each.keys for name, each in expected.items()
     }
 
 

@@ -2,13 +2,13 @@
 
 import pytest
 
-from evopem.config.defaults import complete, keys_of, read_settings
+from evopem.config.defaults import complete, read_settings
 from evopem.errors import InputError
 
 
 def test_what_is_not_set_is_left_out():
     written = {"a": {"file": "x.csv", "recipe": "chapter"}}
-    keys = keys_of(complete({"datasets": written}).datasets["a"])
+    keys = complete({"datasets": written}).datasets["a"].keys
     assert not {"input", "output", "sampling_rate", "time", "validation_file"} & set(keys)
     assert keys["resample"] == "none"
     assert keys["delay"] == {"orders": [6, 9], "nk": [0, 3]}

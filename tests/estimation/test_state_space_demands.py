@@ -196,11 +196,11 @@ def test_a_plant_beside_its_noise_model_serves_every_focus():
         ({"structure": "ss_bj", "constraints": Constraints(max_pole_radius=0.9)}, "one matrix"),
         (
             {"constraints": Constraints(fixed_coefficients={"a1": 1.0})},
-            "no coefficients of its own",
+            "none of its coefficients",
         ),
         (
             {"constraints": Constraints(priors=(Prior("a1", 0.0, 1.0),))},
-            "no coefficients of its own",
+            "none of its coefficients",
         ),
         ({"constraints": Constraints(static_gain=1.0)}, "for each input and output"),
         ({"constraints": Constraints(static_gain={"force": 1.0})}, "no input force"),

@@ -265,7 +265,9 @@ def test_other_content_is_refused_in_a_sentence_that_names_the_field(kind, conte
 def test_a_field_deep_inside_is_named():
     content = to_json(settings.OrderGrid())
     content["ranges"]["nc"] = [2, "x"]
-    with pytest.raises(InputError, match=r"^file\.json, ranges\.nc: 'x' is not a whole number; "):
+    with pytest.raises(
+        InputError, match=r"^file\.json, ranges\.nc\[1\]: 'x' is not a whole number; "
+    ):
         from_json(settings.OrderGrid, content, "file.json")
 
 

@@ -10,7 +10,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evopem.config.defaults import complete, keys_of, read_settings, yaml_text
+from evopem.config.defaults import complete, read_settings, yaml_text
 from evopem.config.order_grid import part_count, sample_requirements, scoring_window
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
@@ -113,7 +113,7 @@ def test_a_valid_configuration_is_completed(tmp_path_factory, config):
     assert list(completed.datasets) == list(config["datasets"])
     for name, dataset in completed.datasets.items():
         assert dataset.name == name
-        assert {*ANALYSIS} - {"focus", "constraints"} <= set(keys_of(dataset))
+        assert {*ANALYSIS} - {"focus", "constraints"} <= set(dataset.keys)
         written.write_text(yaml_text(dataset), encoding="utf-8")
         assert read_settings(written) == dataset
         assert complete(yaml.safe_load(written.read_text(encoding="utf-8"))).datasets == {

@@ -14,7 +14,12 @@ from evopem.config.channels import (
     listed,
     of_each,
 )
-from evopem.config.constraints import Constraints
+from evopem.config.constraints import (
+    Constraints,
+    gains_of_other_inputs,
+    of_coefficients_in_state_space,
+    of_no_input,
+)
 from evopem.config.keys import (
     ANALYSIS,
     SOURCE,
@@ -35,9 +40,6 @@ from evopem.config.structures import (
 from evopem.errors import InputError
 
 STATE_SPACE_KEYS = ("form", "weighting", "geometry")
-OF_INPUTS = (("delay", "nk"), ("orders", "nb"), ("orders", "nf"))
-"""Groups and names of the keys of which each input has its own range."""
-GAINS = ("static_gain", "static_gain_bounds")
 GROUPS = ("transforms", "split", "spectrum", "delay", "orders", "search", "constraints")
 """Mappings whose keys are laid over those of ``defaults:`` one by one."""
 CHANNEL_SEARCH = ("seed", "evaluations", "max_root_radius", "objective")
@@ -187,8 +189,8 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
         remedy = "give a smaller fraction such as 0.8, or a validation_file"
         at.refuse("split.estimation", problem, remedy)
     _check_ranges(keys, kind, at)
-    if keys.get("constraints"):
-        _check_constraints(keys["constraints"], kind, form, at)
+    if constraints is not None:
+        _check_constraints(constraints, kind, form, at)
     if "geometry" in keys:
         _check_geometry(keys["geometry"], at)
 
@@ -215,55 +217,32 @@ def _check_ranges(keys: Keys, kind: Kind, at: Place) -> None:
     """Refuse ranges of other inputs, as far as these are known by name before the recording is."""
     inputs = kind.inputs
     by_name = all(isinstance(each, str) for each in inputs)
-    for group, key in OF_INPUTS:
+    for group, key in (("delay", "nk"), ("orders", "nb"), ("orders", "nf")):
         if key in keys.get(group, {}) and not any(map(is_pattern, inputs)):
             given = keys[group][key]
             if by_name or not kind.several or not isinstance(given, Mapping):
                 of_each(given, tuple(map(str, inputs)), at.source, at.of_key(f"{group}.{key}"))
 
 
-def _check_constraints(constraints: Keys, kind: Kind, form: str, at: Place) -> None:
+def _check_constraints(constraints: Constraints, kind: Kind, form: str, at: Place) -> None:
     """Refuse constraints that do not say what they are of."""
-    named = [each for each in kind.inputs if isinstance(each, str) and not is_pattern(each)]
-    many = len(kind.inputs) > 1 or any(map(is_pattern, kind.inputs))
-    for key in GAINS:
-        gains = constraints.get(key)
-        if isinstance(gains, Mapping):
-            unknown = [name for name in gains if name not in named]
-            if not kind.several:
-                problem = "a mapping from inputs belongs to a data set with several"
-                at.refuse(f"constraints.{key}", problem, "write the value alone")
-            if unknown and len(named) == len(kind.inputs):
-                remedy = f"name one of {', '.join(named)}"
-                at.refuse(f"constraints.{key}", f"there is no input {unknown[0]}", remedy)
-        elif gains is not None and many:
-            problem = "there are several inputs, each with a gain of its own"
-            remedy = "write a mapping from their names, such as {hot: 2.0}"
-            at.refuse(f"constraints.{key}", problem, remedy)
-    if not kind.several:
-        return
-    if form == STATE_SPACE:
+    names = [each for each in kind.inputs if isinstance(each, str) and not is_pattern(each)]
+    known = not kind.several or len(names) == len(kind.inputs)
+    rules = [*gains_of_other_inputs(constraints, names)] if known else []
+    if len(kind.inputs) > 1 or any(map(is_pattern, kind.inputs)):
+        rules += of_no_input(constraints)
+    if not kind.is_polynomial and kind.several:
+        rules += of_coefficients_in_state_space(constraints)
+        problem = "the search goes through stable models in state space alone"
+        remedy = "use a structure with A, such as armax"
+        rules.append((constraints.stability == "free", "stability", problem, remedy))
+    if kind.several and form == STATE_SPACE:
         problem = "what constraints mean depends on the structure, and none is written"
         remedy = "write form: ss_oe or ss, or a polynomial structure such as oe"
         at.refuse("constraints", problem, remedy)
-    known = [
-        (f"fixed_coefficients.{key}", key) for key in constraints.get("fixed_coefficients", ())
-    ]
-    priors = enumerate(constraints.get("priors", ()))
-    for key, name in [*known, *((f"priors[{k}]", each.quantity) for k, each in priors)]:
-        if not kind.is_polynomial:
-            problem = (
-                "the matrices of a state-space model depend on the choice of its states, so that"
-                " none of its coefficients has a value of its own"
-            )
-            remedy = "constrain poles or the static gain, or use a polynomial structure"
+    for applies, key, problem, remedy in rules:
+        if applies:
             at.refuse(f"constraints.{key}", problem, remedy)
-        if many and (name == "static_gain" or (name[:1] in ("b", "f") and name[1:].isdecimal())):
-            problem = f"each of several inputs has {name}"
-            at.refuse(f"constraints.{key}", problem, "leave it out, or identify one input alone")
-    if not kind.is_polynomial and constraints.get("stability") == "free":
-        problem = "the search goes through stable models in state space alone"
-        at.refuse("constraints.stability", problem, "use a structure with A, such as armax")
 
 
 def _check_geometry(geometry: Geometry, at: Place) -> None:

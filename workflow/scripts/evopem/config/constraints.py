@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
@@ -13,6 +14,9 @@ Hertz = Annotated[float, Field(ge=0, le=1e12)]
 Band = Annotated[tuple[Hertz, Hertz], key("two frequencies in Hz")]
 Bounds = tuple[float | None, float | None]
 """Lower and upper bound; either may be None."""
+
+Rule = tuple[bool, str, str, str]
+"""Whether a constraint is refused, its key, the problem, and the remedy."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,12 @@ class Constraints:
             or self.real_poles != "any"
         )
 
+    @property
+    def of_coefficients(self) -> list[tuple[str, str]]:
+        """Keys of fixed coefficients and priors, with what they are of."""
+        fixed = [(f"fixed_coefficients.{name}", name) for name in self.fixed_coefficients]
+        return fixed + [(f"priors[{k}]", each.quantity) for k, each in enumerate(self.priors)]
+
     def gain_of(self, name: str = "") -> float | None:
         """The given static gain from an input."""
         gain = self.static_gain
@@ -109,3 +119,40 @@ class Constraints:
         return replace(
             self, static_gain=self.gain_of(name), static_gain_bounds=self.gain_bounds_of(name)
         )
+
+
+def gains_of_other_inputs(constraints: Constraints, names: Sequence[str]) -> Iterator[Rule]:
+    """Static gains of inputs that there are not."""
+    for gain in ("static_gain", "static_gain_bounds"):
+        given = getattr(constraints, gain)
+        for name in given if isinstance(given, dict) else ():
+            known = f"name one of {', '.join(names)}" if names else "write the value alone"
+            yield name not in names, gain, f"there is no input {name}", known
+
+
+def of_no_input(constraints: Constraints) -> Iterator[Rule]:
+    """What does not say which of several inputs it is of."""
+    for gain in ("static_gain", "static_gain_bounds"):
+        yield (
+            not isinstance(getattr(constraints, gain), dict | None),
+            gain,
+            "there are several inputs, each with a gain of its own",
+            "write a mapping from their names, such as {hot: 2.0}",
+        )
+    for place, name in constraints.of_coefficients:
+        yield (
+            name == "static_gain" or (name[:1] in ("b", "f") and name[1:].isdecimal()),
+            place,
+            f"each of several inputs has {name}",
+            "leave it out, or identify one input alone",
+        )
+
+
+def of_coefficients_in_state_space(constraints: Constraints) -> Iterator[Rule]:
+    """What a state-space model has no coefficients for."""
+    problem = (
+        "the matrices of a state-space model depend on the choice of its states, so that"
+        " none of its coefficients has a value of its own"
+    )
+    remedy = "constrain poles or the static gain, or use a polynomial structure"
+    yield from ((True, place, problem, remedy) for place, _ in constraints.of_coefficients)

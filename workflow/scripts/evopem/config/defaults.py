@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import yaml
 
@@ -13,13 +13,11 @@ from evopem.config.channels import (
     NONE,
     ChannelSettings,
     RecordedSource,
-    Reference,
     SyntheticSource,
     listed,
 )
 from evopem.config.checks import (
     GROUPS,
-    OF_INPUTS,
     STATE_SPACE_KEYS,
     Kind,
     check_settings,
@@ -64,11 +62,11 @@ from evopem.config.table import Origin, expand, shard_of, with_matching_files
 from evopem.errors import InputError
 from evopem.files.json_form import to_json
 
-Read = TypeVar("Read")
-
 # Poles this close to the unit circle act as integrators in any record.
 MAX_ROOT_RADIUS = 1.0 - 1e-7
 _ORDER = tuple(SOURCE | SYNTHESIS | ANALYSIS)
+_LISTED = ("file", "validation_file", "input", "output")
+_OF_EACH = ("input_unit", "output_unit", "nb", "nf", "nk", "static_gain", "static_gain_bounds")
 _ONE_FILE = mapping("Dataset", SOURCE | SYNTHESIS | ANALYSIS)
 
 
@@ -123,36 +121,22 @@ def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSett
         if path in absent:
             at.refuse(path, *absent[path])
     check_source(written, kind.inputs, kind.outputs, at)
-    inherited = _inherited(defaults, kind, absent)
+    # Each data set takes the keys that it has.
+    left_out = absent.keys() | (() if kind.several else {*STATE_SPACE_KEYS, "orders.nx"})
+    inherited = {
+        key: {name: each for name, each in value.items() if f"{key}.{name}" not in left_out}
+        if key in GROUPS
+        else value
+        for key, value in defaults.items()
+        if key not in left_out
+    }
     paths = frozenset(paths_of(inherited)).difference(paths_of(written))
     at = Place(source, at.name, paths)
-    keys = _of_one_channel(_laid_over(inherited, written), kind)
+    keys = _alone(_laid_over(inherited, written), kind)
     check_values(keys, kind, at)
     settings = settings_of(name, keys)
     check_settings(settings, written, at)
     return settings
-
-
-def _inherited(defaults: Keys, kind: Kind, absent: Mapping[str, object]) -> dict[str, Any]:
-    """What ``defaults:`` says to data sets of a kind."""
-    own = {
-        key: {name: each for name, each in value.items() if f"{key}.{name}" not in absent}
-        if key in GROUPS
-        else value
-        for key, value in defaults.items()
-        if key not in absent
-    }
-    if kind.several:
-        # Said of data sets with one input and one output.
-        left_out = ["focus", "constraints"] + ["recipe"] * (own.get("recipe") == "chapter")
-        return {key: each for key, each in own.items() if key not in left_out}
-    own = {key: each for key, each in own.items() if key not in STATE_SPACE_KEYS}
-    own.get("orders", {}).pop("nx", None)
-    for group, key in OF_INPUTS:
-        given = own.get(group, {}).get(key)
-        if given is not None and not isinstance(next(iter(given)), int):
-            del own[group][key]
-    return own
 
 
 def _laid_over(lower: Keys, upper: Keys) -> dict[str, Any]:
@@ -161,26 +145,20 @@ def _laid_over(lower: Keys, upper: Keys) -> dict[str, Any]:
     return {**lower, **upper} | {group: {**lower[group], **upper[group]} for group in both}
 
 
-def _of_one_channel(keys: dict[str, Any], kind: Kind) -> dict[str, Any]:
+def _alone(keys: Keys, kind: Kind) -> dict[str, Any]:
     """Keys with a list of one, or a mapping from the one input or output, as the value alone."""
-
-    def alone(value: Any, channels: Sequence[Reference]) -> Any:
-        if isinstance(value, Mapping) and list(value) == list(channels):
-            return value[channels[0]]
-        return value[0] if isinstance(value, tuple) and len(value) == 1 else value
-
-    for role, channels in (("input", kind.inputs), ("output", kind.outputs)):
-        if len(channels) == 1 and f"{role}_unit" in keys:
-            keys[f"{role}_unit"] = alone(keys[f"{role}_unit"], channels)
-    if len(kind.inputs) == 1:
-        gains = () if kind.several else ("static_gain", "static_gain_bounds")
-        for group, names in (("delay", ("nk",)), ("orders", ("nb", "nf")), ("constraints", gains)):
-            if group in keys:
-                keys[group] = {
-                    key: alone(each, kind.inputs) if key in names else each
-                    for key, each in keys[group].items()
-                }
-    return keys
+    form = {}
+    for key, value in keys.items():
+        channels = kind.outputs if key == "output_unit" else kind.inputs
+        if key in GROUPS and isinstance(value, Mapping):
+            value = _alone(value, kind)
+        elif key in _LISTED or (key in _OF_EACH and len(channels) == 1):
+            if isinstance(value, Mapping) and list(value) == list(channels):
+                value = value[channels[0]]
+            elif isinstance(value, tuple) and len(value) == 1:
+                value = value[0]
+        form[key] = value
+    return form
 
 
 def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
@@ -195,35 +173,58 @@ def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
     return error
 
 
-def settings_of(name: str, keys: Keys) -> DatasetSettings:
+def _built_in(kind: Kind, keys: Keys) -> dict[str, Any]:
+    """The keys of a data set that are built in; of an automatic recipe few, the others decided."""
+    split, search = to_json(SplitSettings()), to_json(SearchSettings())
+    if "validation_file" in keys:
+        split["estimation"] = ALL_SAMPLES
+    built_in: dict[str, Any] = {"noise": 0.1} if kind.synthesis == "armax" else {}
+    built_in |= {"recipe": "chapter" if kind.by_chapter else "auto", "split": split}
+    if not kind.several:
+        built_in["spectrum"] = to_json(SpectrumSettings())
+    if kind.by_chapter:
+        built_in |= {"structure": "armax", "level": False, "resample": NONE}
+        built_in["transforms"] = to_json(TransformSettings())
+        built_in["orders"] = {name: getattr(CHAPTER_RANGES, name) for name in kind.orders}
+        if "delay" in phases_of(kind.structure or "armax"):
+            built_in["delay"] = {"orders": CHAPTER_RANGES.delay, "nk": CHAPTER_RANGES.nk}
+    else:
+        built_in["purpose"] = "auto"
+        del split["discard"], search["objective"]
+    if kind.several:
+        absent = {"search.evaluations", *kind.absent()}
+        search = {key: each for key, each in search.items() if f"search.{key}" not in absent}
+    elif not kind.by_chapter:
+        search["max_root_radius"] = MAX_ROOT_RADIUS
+    return built_in | {"search": search}
+
+
+def settings_of(name: str, written: Keys) -> DatasetSettings:
     """Build the settings of a data set from its checked keys; what is missing is built in.
 
     Of an automatic recipe, most of that is decided from the recording.
     """
-    kind = Kind.of(keys)
-    groups = {group: dict(keys.get(group, {})) for group in GROUPS}
-    split, transforms, search = groups["split"], groups["transforms"], groups["search"]
-    if "validation_file" in keys:
-        split = {"estimation": ALL_SAMPLES} | split
+    kind = Kind.of(written)
+    keys = _laid_over(_built_in(kind, written), written)
+    split, search, transforms = (keys.get(name, {}) for name in ("split", "search", "transforms"))
+    orders, delay = keys.get("orders", {}), dict(keys.get("delay", {}))
+    ranges = {key: None if each == "auto" else each for key, each in orders.items()}
+    ranges |= {"delay" if key == "orders" else key: each for key, each in delay.items()}
     grid, automatic = OrderGrid(), None
-    ranges = {key: None if each == "auto" else each for key, each in groups["orders"].items()}
-    ranges |= {"delay" if key == "orders" else key: each for key, each in groups["delay"].items()}
     if kind.by_chapter:
-        own = {key: keys[key] for key in ("structure", "level") if key in keys}
-        phases = phases_of(kind.structure or "armax")
-        own_ranges = {key: each for key, each in ranges.items() if key in phases or key == "nk"}
-        grid = OrderGrid(replace(CHAPTER_RANGES, **own_ranges), **own)
+        grid = OrderGrid(replace(CHAPTER_RANGES, **ranges), keys["structure"], keys["level"])
     else:
-        automatic = _automatic_of(keys, groups, kind, OrderRanges(**ranges))
+        automatic = _automatic_of(keys, kind, OrderRanges(**ranges))
         split = {"discard": 0} | split
         transforms = {"box_cox": NONE, "difference": 0, "difference_input": 0} | transforms
-        best = {"objective": "quadratic"} if kind.several else {"max_root_radius": MAX_ROOT_RADIUS}
-        search = best | search
+        search = ({"objective": "quadratic"} if kind.several else {}) | search
     resample = keys.get("resample", NONE)
-    constraints = Constraints(**groups["constraints"]) if "constraints" in keys else None
-    settings = DatasetSettings(
+    constraints = Constraints(**keys["constraints"]) if "constraints" in keys else None
+    # However they were written: results that depend on them are those of their values.
+    plain = to_json({key: keys[key] for key in _ORDER if key in keys})
+    return DatasetSettings(
         name=name,
-        keys=keys,
+        keys=plain,
         is_single_channel=not kind.several,
         source=_source_of(keys, kind),
         preparation=PreparationSettings(
@@ -231,24 +232,18 @@ def settings_of(name: str, keys: Keys) -> DatasetSettings:
             SplitSettings(**split),
             None if resample == NONE else float(resample),
         ),
-        spectrum=SpectrumSettings(**groups["spectrum"]),
+        spectrum=SpectrumSettings(**keys.get("spectrum", {})),
         order_grid=grid,
         search=SearchSettings(**{"lambda_" if k == "lambda" else k: v for k, v in search.items()}),
         automatic=automatic,
         fit=FitSettings(keys.get("focus", "prediction"), constraints),
         geometry=keys.get("geometry"),
     )
-    # However they were written: results that depend on them are those of their values.
-    plain = keys_of(settings)
-    alone = {key for key in COLUMNS if isinstance(plain.get(key), list) and len(plain[key]) == 1}
-    plain |= {key: plain[key][0] for key in alone}
-    return replace(settings, keys={key: plain[key] for key in _ORDER if key in plain})
 
 
 def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:
     if "file" not in keys:
-        lowest = {"noise": 0.1} if keys["synthesis"] == "armax" else {}
-        return SyntheticSource(**(lowest | {key: keys[key] for key in SYNTHESIS if key in keys}))
+        return SyntheticSource(**{key: keys[key] for key in SYNTHESIS if key in keys})
     named = any(key in keys for key in ("input", "output", "sampling_rate", "time"))
     own = {name: keys[name] for name in (*COLUMNS, "input_unit", "output_unit") if name in keys}
     return RecordedSource(
@@ -259,81 +254,39 @@ def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:
     )
 
 
-def _automatic_of(
-    keys: Keys, groups: Mapping[str, Keys], kind: Kind, orders: OrderRanges
-) -> AutomaticSettings:
-    search, transforms = groups["search"], groups["transforms"]
+def _automatic_of(keys: Keys, kind: Kind, orders: OrderRanges) -> AutomaticSettings:
+    transforms = keys.get("transforms", ())
     # Constraints are those of the model after the transforms, which must then be known.
     known = "constraints" in keys and not kind.several
     given = ("purpose", "structure", "form", "weighting", *(["focus"] if kind.several else []))
     return AutomaticSettings(
         **{name: keys[name] for name in given if name in keys},
         orders=orders,
-        start_given="discard" in groups["split"],
+        start_given="discard" in keys["split"],
         rate_given="resample" in keys,
         differences_given=known or any(key.startswith("difference") for key in transforms),
         box_cox_given=known or "box_cox" in transforms,
-        objective=search.get("objective"),
-        evaluations=search.get("evaluations") if kind.several else None,
+        objective=keys["search"].get("objective"),
+        evaluations=keys["search"].get("evaluations") if kind.several else None,
     )
-
-
-def keys_of(settings: DatasetSettings) -> dict[str, Any]:
-    """List the keys that give these settings, those of built-in values too."""
-    prepared, automatic = settings.preparation, settings.automatic
-    split, search = to_json(prepared.split), to_json(settings.search)
-    kind = Kind.of(settings.keys)
-    built_in: dict[str, Any] = {
-        **({"noise": 0.1} if kind.synthesis == "armax" else {}),
-        "recipe": settings.recipe,
-        "split": split,
-        "search": search,
-    }
-    if automatic is None:
-        grid = settings.order_grid
-        orders = {name: getattr(grid.ranges, name) for name in kind.orders}
-        built_in |= {"resample": NONE, "transforms": to_json(prepared.transforms), "orders": orders}
-        built_in |= {"structure": grid.structure, "level": grid.level}
-        if "delay" in phases_of(grid.structure):
-            built_in["delay"] = {"orders": grid.ranges.delay, "nk": grid.ranges.nk}
-    else:
-        built_in["purpose"] = automatic.purpose
-        # What the recording decides.
-        del split["discard"], search["objective"]
-    if kind.several:
-        absent = kind.absent()
-        del search["evaluations"]
-        built_in["search"] = {k: v for k, v in search.items() if f"search.{k}" not in absent}
-    else:
-        built_in["spectrum"] = to_json(settings.spectrum)
-    plain: dict[str, Any] = to_json(_laid_over(built_in, settings.keys))
-    return plain
 
 
 def yaml_text(settings: DatasetSettings) -> str:
     """Write a configuration with this one data set, ready to be run again."""
-    content = {"datasets": {settings.name: keys_of(settings)}}
+    content = {"datasets": {settings.name: settings.keys}}
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, default_flow_style=None)
 
 
 def read_settings(path: str | Path) -> DatasetSettings:
     """Read the settings that :func:`yaml_text` wrote."""
-
-    def completed(name: str, keys: Keys) -> DatasetSettings:
-        if "recipe" not in keys:
-            raise KeyError("recipe")
-        return settings_of(name, checked(_ONE_FILE, keys, name))
-
-    return read_dataset(path, completed)
-
-
-def read_dataset(path: str | Path, of: Callable[[str, Keys], Read]) -> Read:
-    """Read the one data set that :func:`yaml_text` wrote, by a function of its name and keys."""
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         ((name, keys),) = content["datasets"].items()
-        return of(name, keys)
+        if "recipe" in keys:
+            return settings_of(name, checked(_ONE_FILE, keys, name))
+        problem: object = "no recipe"
     except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
-        problem = f"does not hold the complete configuration of one data set ({error})"
-        remedy = "delete the file and run snakemake again, which writes it anew"
-        raise InputError(str(path), problem, remedy) from None
+        problem = error
+    problem = f"does not hold the complete configuration of one data set ({problem})"
+    remedy = "delete the file and run snakemake again, which writes it anew"
+    raise InputError(str(path), problem, remedy) from None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn
@@ -38,6 +39,7 @@ _UNMISTAKABLE = {
     "str": re.compile(r"(?![-+]?0[0-9_]+$).*", re.DOTALL),
 }
 _READINGS = {"timestamp": "a date", "null": "no value", "map": "a mapping", "seq": "a list"}
+_READINGS |= {"str": "text"}
 _NOT_TEXT = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff]")
 
 
@@ -50,14 +52,13 @@ def check_yaml_files(paths: Iterable[str | Path]) -> None:
         if not path.is_file():
             raise InputError(source, "is not a regular file", "replace it by a text file")
         try:
-            text = path.read_text(encoding="utf-8")
+            node = _checked_node(path.read_text(encoding="utf-8"), source)
         except UnicodeDecodeError as error:
             problem = f"byte {error.start} is not UTF-8"
             raise InputError(source, problem, "save the file as UTF-8") from None
         except OSError as error:
             problem = f"cannot be read ({error.strerror})"
             raise InputError(source, problem, "check its permissions") from None
-        node = _checked_node(text, source)
         if not isinstance(node, yaml.MappingNode) or not node.value:
             remedy = "write at least `datasets:` with one data set"
             raise InputError(source, "there are no keys in it", remedy)
@@ -123,9 +124,8 @@ class _Checker:
             children = node.value
         else:
             self._refuse_tag(node)
-        inner = [self.check(child) for child in children]
-        size = 1 + sum(size for size, _ in inner)
-        depth = 1 + max((depth for _, depth in inner), default=0)
+        inner = [(0, 0), *map(self.check, children)]
+        size, depth = 1 + sum(each[0] for each in inner), 1 + max(each[1] for each in inner)
         if size > MAX_VALUES:
             problem = f"it holds more than {MAX_VALUES} values once its aliases are written out"
             self.refuse(node, problem, "use fewer aliases")
@@ -184,15 +184,8 @@ def _written(node: yaml.Node) -> str:
 
 def _reading(node: yaml.Node) -> str:
     """What YAML makes of a node, for an error."""
-    kind = node.tag.removeprefix(_TAG)
-    if kind in _READINGS:
-        return _READINGS[kind]
-    if kind == "bool":
-        return "true" if node.value.lower() in ("yes", "true", "on") else "false"
-    if kind == "str":
-        return "text"
-    try:
-        read = "" if len(node.value) > 30 else str(yaml.safe_load(node.value))
-    except (yaml.YAMLError, ValueError, OverflowError):
-        read = ""
+    read = _READINGS.get(node.tag.removeprefix(_TAG), "")
+    if not read and len(node.value) <= 30:
+        with suppress(yaml.YAMLError, ValueError, OverflowError):
+            read = str(yaml.safe_load(node.value)).lower()
     return read or f"a number of {len(node.value)} digits"

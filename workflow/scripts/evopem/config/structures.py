@@ -62,17 +62,12 @@ def has_input(structure: str) -> bool:
 
 def phases_of(structure: str) -> tuple[str, ...]:
     """The phases of a structure's order search, in their order."""
-    orders = STRUCTURES[structure]
-    existing = {
-        "delay": "nk" in orders,
-        "joint": structure != "fir",
-        "nc": "nc" in orders,
-        "nd": "nd" in orders,
-        # Elsewhere the degree of A is the joint order.
-        "na": structure == "general",
-        "nb": "nb" in orders,
-    }
-    return tuple(phase for phase in PHASES if existing[phase])
+    existing = {*STRUCTURES[structure]} | ({"joint"} if structure != "fir" else set())
+    if "nk" in existing:
+        existing.add("delay")
+    if structure != "general":
+        existing.discard("na")  # the degree of A is the joint order
+    return tuple(phase for phase in PHASES if phase in existing)
 
 
 def varied_order(phase: str, structure: str) -> str:

@@ -28,7 +28,13 @@ def end_with_parent() -> None:
     A job that went on alone would write into results that another run has begun to make.
     """
     parent = os.getppid()
-    threading.Thread(target=_wait_for_end, args=(parent,), daemon=True).start()
+
+    def wait() -> NoReturn:
+        while os.getppid() == parent:
+            time.sleep(_SECONDS_BETWEEN_LOOKS)
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def interrupt_on_hangup() -> None:
@@ -53,12 +59,6 @@ def _interrupt(*_: object) -> NoReturn:
         except psutil.NoSuchProcess:
             continue
     raise KeyboardInterrupt
-
-
-def _wait_for_end(parent: int) -> NoReturn:
-    while os.getppid() == parent:
-        time.sleep(_SECONDS_BETWEEN_LOOKS)
-    os._exit(1)
 
 
 @contextmanager
@@ -107,19 +107,21 @@ def job(
             write_checksums(made, logs.parent, record.job, read)
             record.delete(logs)
         except (InputError, MemoryError) as error:
-            mistake = error if isinstance(error, InputError) else None
-            if mistake is None:
-                mistake = InputError(
-                    str(logs.parent / record.job),
-                    "this job needs more memory than is available",
-                    "run fewer jobs at the same time, raise its mem_mb, or shorten the recording",
+            if isinstance(error, MemoryError):
+                problem = "this job needs more memory than is available"
+                remedy = (
+                    "run fewer jobs at the same time, raise its mem_mb, or shorten the recording"
                 )
-            logger.error("%s", mistake)
-            fail(mistake)
+                error = InputError(str(logs.parent / record.job), problem, remedy)
+            logger.error("%s", error)
+            fail(error)
         except BaseException as error:
             logger.exception("The job failed.")
+            said = f"the job failed with {type(error).__name__}; its log says more"
+            if isinstance(error, KeyboardInterrupt):
+                said = "the job was interrupted; run snakemake again"
             with suppress(InputError):
-                replace(record, message=_unexpected(error, log_file)).save(logs)
+                replace(record, message=f"{log_file}: {said}.").save(logs)
             raise
 
 
@@ -145,30 +147,16 @@ def _attached(handler: logging.Handler) -> Iterator[logging.Logger]:
     warnings = logging.getLogger("py.warnings")
     logging.captureWarnings(True)
     logger.setLevel(logging.INFO)
-    outer = [
-        (each, kept)
-        for each in (logger, warnings)
-        for kept in each.handlers
-        if isinstance(kept, logging.FileHandler)
-    ]
-    for each, kept in outer:
-        each.removeHandler(kept)
-    for each in (logger, warnings):
-        each.addHandler(handler)
+    before = [(each, each.handlers) for each in (logger, warnings)]
+    for each, kept in before:
+        others = [own for own in kept if not isinstance(own, logging.FileHandler)]
+        each.handlers = [*others, handler]
     try:
         yield logger
     finally:
-        for each in (logger, warnings):
-            each.removeHandler(handler)
-        for each, kept in outer:
-            each.addHandler(kept)
+        for each, kept in before:
+            each.handlers = kept
         # On a full disk the last messages cannot be written; the job's own error is shown.
         with suppress(OSError):
             handler.close()
-        logging.captureWarnings(bool(outer))
-
-
-def _unexpected(error: BaseException, log_file: Path) -> str:
-    if isinstance(error, KeyboardInterrupt):
-        return f"{log_file}: the job was interrupted; run snakemake again."
-    return f"{log_file}: the job failed with {type(error).__name__}; its log says more."
+        logging.captureWarnings(bool(warnings.handlers))

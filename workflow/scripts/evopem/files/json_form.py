@@ -11,15 +11,12 @@ import json
 import math
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
-from functools import cache, partial
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
 from pathlib import Path
 from reprlib import repr as shortened
-from types import UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
-
-import cattrs
-from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
+from types import NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from evopem.errors import InputError
 from evopem.files.atomic import write_json
@@ -27,11 +24,31 @@ from evopem.files.atomic import write_json
 T = TypeVar("T")
 
 _REMEDY = "delete the file and run snakemake again, which writes it anew"
+_EXACT = {int: "a whole number", bool: "true or false", str: "a text"}
 
 
-def to_json(value: object) -> Any:
+class _MisfitError(Exception):
+    """What is wrong with a value, and its place."""
+
+
+def to_json(value: Any) -> Any:
     """Convert a dataclass, or a sequence or mapping of them, to what JSON can hold."""
-    return _converter().unstructure(value)
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | int):
+        return value
+    if is_dataclass(value):
+        return {
+            key: to_json(getattr(value, name))
+            for key, (name, *_) in _fields(value.__class__).items()
+        }
+    if isinstance(value, Mapping):
+        return {key: to_json(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [to_json(each) for each in value]
+    if isinstance(value, complex):
+        return [float(value.real), float(value.imag)]
+    return to_json(value.tolist())  # of numpy
 
 
 def from_json(kind: type[T], content: object, source: str = "the content") -> T:
@@ -50,11 +67,11 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
     evopem.errors.InputError: model.json, na: 2.5 is not a whole number; delete the file ...
     """
     try:
-        return _converter().structure(content, kind)
-    except Exception as error:
-        first = cattrs.transform_error(error, path="", format_exception=_explained)[0]
-        problem, _, place = first.rpartition(" @ ")
+        value: T = _read(kind, content, "")
+    except _MisfitError as error:
+        problem, place = error.args
         raise InputError(source, problem, _REMEDY, place.removeprefix(".")) from None
+    return value
 
 
 def save(value: object, path: str | Path) -> None:
@@ -74,166 +91,103 @@ def load(kind: type[T], path: str | Path) -> T:
 
 
 @cache
-def _converter() -> cattrs.Converter:
-    converter = cattrs.Converter(forbid_extra_keys=True)
-    converter.register_unstructure_hook(float, _finite_or_none)
-    converter.register_unstructure_hook(bool, bool)  # of numpy, which JSON does not take
-    converter.register_structure_hook(float, _float)
-    for kind, what in ((int, "a whole number"), (bool, "true or false"), (str, "a text")):
-        converter.register_structure_hook(kind, partial(_exact, what))
-    converter.register_unstructure_hook(complex, _real_and_imaginary)
-    converter.register_structure_hook(complex, lambda pair, _: complex(*pair))
-    converter.register_unstructure_hook_func(_is_array, _array_to_list)
-    converter.register_structure_hook_func(_is_array, _list_to_array)
-    converter.register_structure_hook_func(lambda kind: get_origin(kind) is Literal, _literal)
-    converter.register_structure_hook_func(
-        lambda kind: get_origin(kind) is tuple, partial(_tuple, converter)
-    )
-    converter.register_structure_hook_func(_is_plain_union, partial(_plain, converter))
-    converter.register_structure_hook_func(_is_dataclass_union, partial(_nearest, converter))
-    converter.register_unstructure_hook_factory(
-        is_dataclass,
-        lambda kind: make_dict_unstructure_fn(kind, converter, **_renamed(kind)),
-    )
-    converter.register_structure_hook_factory(
-        is_dataclass,
-        lambda kind: make_dict_structure_fn(
-            kind, converter, _cattrs_forbid_extra_keys=True, **_renamed(kind)
-        ),
-    )
-    return converter
+def _fields(kind: type) -> dict[str, tuple[str, Any, bool]]:
+    """Keys of a dataclass with the names, types and needs of its fields."""
+    hints = get_type_hints(kind)
+    return {
+        each.name.rstrip("_"): (
+            each.name,
+            hints[each.name],
+            each.default is MISSING and each.default_factory is MISSING,
+        )
+        for each in fields(kind)
+        if each.init
+    }
 
 
-def _renamed(kind: type) -> dict[str, Any]:
-    names = [field.name for field in fields(kind)]
-    return {name: override(rename=name.rstrip("_")) for name in names if name.endswith("_")}
+def _read(kind: Any, content: Any, place: str) -> Any:
+    """Build a value of a type."""
+
+    def misfit(problem: str) -> _MisfitError:
+        return _MisfitError(f"{shortened(content)} {problem}", place)
+
+    origin, members = get_origin(kind) or kind, get_args(kind)
+    if origin in _EXACT:
+        if type(content) is not origin:
+            raise misfit(f"is not {_EXACT[origin]}")
+        return content
+    if origin is float:
+        if isinstance(content, bool) or not isinstance(content, int | float | None):
+            raise misfit("is not a number")
+        return math.nan if content is None else float(content)
+    if is_dataclass(origin):
+        return _read_fields(origin, content, place)
+    if origin is tuple:
+        if not isinstance(content, list | tuple):
+            raise misfit("is not a list")
+        if members[-1] is Ellipsis:
+            members = members[:1] * len(content)
+        if len(content) != len(members):
+            raise misfit(f"has not {len(members)} entries")
+        pairs = enumerate(zip(members, content, strict=True))
+        return tuple(_read(member, each, f"{place}[{k}]") for k, (member, each) in pairs)
+    if origin is Literal:
+        if not isinstance(content, str) or content not in members:
+            raise misfit(f"is none of {', '.join(members)}")
+        return content
+    if origin in (Union, UnionType):
+        return _read_member(members, content, place)
+    if origin is Any:
+        return content
+    try:
+        if origin in (dict, Mapping):
+            return {key: _read(members[1], each, f"{place}.{key}") for key, each in content.items()}
+        return complex(*content) if origin is complex else _array(kind, content)
+    except (TypeError, ValueError, AttributeError):
+        raise _MisfitError("the content has another form", place) from None
 
 
-def _finite_or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _read_fields(kind: Any, content: Any, place: str) -> Any:
+    if not isinstance(content, Mapping):
+        raise _MisfitError("the content has another form", place)
+    known = _fields(kind)
+    for key in sorted(content.keys() - known.keys()):
+        raise _MisfitError(f"the key {key} is not known", place)
+    for key, (_, _, is_needed) in known.items():
+        if is_needed and key not in content:
+            raise _MisfitError(f"the key {key} is missing", place)
+    values = {
+        name: _read(hint, content[key], f"{place}.{key}")
+        for key, (name, hint, _) in known.items()
+        if key in content
+    }
+    try:
+        return kind(**values)
+    except (TypeError, ValueError) as error:
+        raise _MisfitError(str(error), place) from None
 
 
-def _explained(error: BaseException, _: type | None) -> str:
-    """Say what is wrong with a value, in a clause."""
-    match error:
-        case KeyError():
-            return f"the key {error.args[0]} is missing"
-        case cattrs.ForbiddenExtraKeysError():
-            return f"the key {min(error.extra_fields)} is not known"
-        case AttributeError() | TypeError():
-            return "the content has another form"
-    return str(error)
+def _read_member(members: tuple[Any, ...], content: Any, place: str) -> Any:
+    """Build a value of a union: of several dataclasses that with the fields nearest to its keys."""
+    if content is None and NoneType in members:
+        return None
+    left = [each for each in members if each is not NoneType]
+    if isinstance(content, Mapping) and all(map(is_dataclass, left)):
+        left = [min(left, key=lambda each: len(content.keys() ^ _fields(each).keys()))]
+    if len(left) == 1:
+        return _read(left[0], content, place)
+    if content is None:
+        raise _MisfitError("there is no value", place)
+    # A whole number stays one where the union has both kinds of numbers.
+    for member in sorted(left, key=lambda each: each is float):
+        with suppress(_MisfitError):
+            return _read(member, content, place)
+    raise _MisfitError(f"{shortened(content)} cannot be used here", place)
 
 
-def _float(value: Any, _: type) -> float:
-    if value is None:
-        return math.nan
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{shortened(value)} is not a number")
-    return float(value)
-
-
-def _exact(what: str, value: Any, kind: type) -> Any:
-    if type(value) is not kind:
-        raise ValueError(f"{shortened(value)} is not {what}")
-    return value
-
-
-def _real_and_imaginary(value: complex) -> list[float]:
-    return [float(value.real), float(value.imag)]
-
-
-def _is_array(kind: Any) -> bool:
-    origin = get_origin(kind) or kind
-    return getattr(origin, "__module__", "") == "numpy" and origin.__name__ == "ndarray"
-
-
-def _array_to_list(array: Any) -> Any:
-    if array.dtype.kind == "c":
-        return [_real_and_imaginary(value) for value in array.tolist()]
-    return _nan_to_none(array.tolist())
-
-
-def _nan_to_none(values: Any) -> Any:
-    if isinstance(values, list):
-        return [_nan_to_none(value) for value in values]
-    return _finite_or_none(values) if isinstance(values, float) else values
-
-
-def _list_to_array(values: Any, kind: Any) -> Any:
+def _array(kind: Any, values: Any) -> Any:
     import numpy as np
 
     if "complex" in str(kind):
         return np.array([complex(*pair) for pair in values], dtype=complex)
     return np.array(values, dtype=float)
-
-
-def _literal(value: Any, kind: Any) -> Any:
-    words = get_args(kind)
-    if not isinstance(value, str) or value not in words:
-        raise ValueError(f"{shortened(value)} is none of {', '.join(words)}")
-    return value
-
-
-def _tuple(converter: cattrs.Converter, value: Any, kind: Any) -> tuple[Any, ...]:
-    if not isinstance(value, list | tuple):
-        raise ValueError(f"{shortened(value)} is not a list")
-    members = get_args(kind)
-    if members[-1] is not Ellipsis:
-        if len(value) != len(members):
-            raise ValueError(f"{shortened(value)} has not {len(members)} entries")
-        return tuple(map(converter.structure, value, members))
-    listed: list[Any] = converter.structure(value, list[members[0]])  # type: ignore[valid-type]
-    return tuple(listed)
-
-
-def _is_plain_union(kind: Any) -> bool:
-    """Whether a type is a union that JSON itself tells apart, such as ``int | str | None``."""
-    if get_origin(kind) not in (Union, UnionType):
-        return False
-    plain = (int, float, str, bool)
-    members = [_without_notes(each) for each in get_args(kind) if each is not type(None)]
-    return len(members) > 1 and all(
-        member in plain or get_origin(member) in (Literal, tuple, dict) for member in members
-    )
-
-
-def _without_notes(kind: Any) -> Any:
-    """A type without what :class:`typing.Annotated` says of it."""
-    return get_args(kind)[0] if get_origin(kind) is Annotated else kind
-
-
-def _is_dataclass_union(kind: Any) -> bool:
-    """Whether a type is a union of dataclasses, perhaps with None."""
-    if get_origin(kind) not in (Union, UnionType):
-        return False
-    members = [member for member in get_args(kind) if member is not type(None)]
-    return len(members) > 1 and all(map(is_dataclass, members))
-
-
-def _nearest(converter: cattrs.Converter, value: Any, kind: Any) -> Any:
-    """The member of a union whose fields are nearest to the keys of a value."""
-    members = get_args(kind)
-    if value is None and type(None) in members:
-        return None
-    keys = set(value)
-
-    def differing(member: type) -> int:
-        return len(keys ^ {field.name.rstrip("_") for field in fields(member)})
-
-    dataclasses = [member for member in members if member is not type(None)]
-    return converter.structure(value, min(dataclasses, key=differing))
-
-
-def _plain(converter: cattrs.Converter, value: Any, kind: Any) -> Any:
-    members = [_without_notes(member) for member in get_args(kind)]
-    if value is None:
-        if type(None) in members:
-            return None
-        raise ValueError("there is no value")
-    # A whole number stays one where the union has both kinds of numbers.
-    for member in sorted(members, key=lambda each: each is float):
-        if member is not type(None) and (get_origin(member) is dict) == isinstance(value, Mapping):
-            with suppress(ValueError):
-                return converter.structure(value, member)
-    raise ValueError(f"{shortened(value)} cannot be used here")

@@ -6,7 +6,8 @@ record when it succeeds. A job that is killed therefore leaves a record without 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,10 +109,8 @@ def _file(job: str, logs: str | Path) -> Path:
     return Path(logs) / f"{job}{_ENDING}"
 
 
-def _read(logs: Path) -> Iterable[UnfinishedJob]:
+def _read(logs: Path) -> Iterator[UnfinishedJob]:
     """All records; one that another job has just deleted, or that is damaged, is left out."""
     for file in files_below(logs, _ENDING):
-        try:
+        with suppress(InputError):
             yield load(UnfinishedJob, file)
-        except InputError:
-            continue

@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from evopem.config.constraints import Constraints, FixedPole, Prior
+from evopem.config.constraints import (
+    Constraints,
+    FixedPole,
+    Prior,
+    Rule,
+    gains_of_other_inputs,
+    of_no_input,
+)
 from evopem.config.structures import samples_ahead
 from evopem.errors import InputError
 from evopem.models.structures import Orders
 
 Focus = str | int
-Rule = tuple[bool, str, str, str]
-"""Whether a constraint is refused, its key, the problem, and the remedy."""
 
 LEAVE_OUT, LEAVE_ONE, CHANGE = "leave it out", "leave out one of the two", "change one of the two"
 
@@ -33,7 +38,7 @@ def check_fit(
     if constraints is not None:
         check_constraints(constraints, orders, sampling_rate, names)
         if horizon is None:
-            _refuse(_of_simulation(constraints, orders))
+            refuse(_of_simulation(constraints, orders))
     return horizon
 
 
@@ -45,24 +50,15 @@ def check_constraints(
     ``names`` are those of the inputs, by default 1, 2, ... of several.  InputError names the key.
     """
     names = tuple(names) or tuple(str(place + 1) for place in range(orders.inputs))
-    check_named_inputs(constraints, names)
+    refuse(gains_of_other_inputs(constraints, names))
     if orders.inputs > 1:
-        _refuse(_of_several_inputs(constraints, orders))
+        refuse(_of_several_inputs(constraints, orders))
     for place, name in enumerate(names or ("",)):
         own, path = constraints.of_input(name), orders.of_input(place)
-        _refuse(_of_path(own, path, sampling_rate))
+        refuse(_of_path(own, path, sampling_rate))
 
 
-def check_named_inputs(constraints: Constraints, names: Sequence[str]) -> None:
-    """Refuse a static gain of an input that there is not."""
-    for key in ("static_gain", "static_gain_bounds"):
-        given = getattr(constraints, key)
-        for name in given if isinstance(given, dict) else ():
-            known = f"name one of {', '.join(names)}"
-            _refuse([(name not in names, key, f"there is no input {name}", known)])
-
-
-def _refuse(rules: Iterable[Rule]) -> None:
+def refuse(rules: Iterable[Rule]) -> None:
     """InputError of the first rule that holds; those behind it are not looked at."""
     for holds, key, problem, remedy in rules:
         if holds:
@@ -90,34 +86,14 @@ def _horizon(focus: Focus, orders: Orders) -> int | None:
     return ahead
 
 
-def _named(constraints: Constraints) -> list[tuple[str, str]]:
-    """Keys of fixed coefficients and priors, with what they are of."""
-    fixed = [(f"fixed_coefficients.{name}", name) for name in constraints.fixed_coefficients]
-    return fixed + [(f"priors[{k}]", each.quantity) for k, each in enumerate(constraints.priors)]
-
-
 def _of_several_inputs(constraints: Constraints, orders: Orders) -> Iterator[Rule]:
-    """What does not say which of several inputs it is of."""
-    for key in ("static_gain", "static_gain_bounds"):
-        yield (
-            not isinstance(getattr(constraints, key), dict | None),
-            key,
-            "there are several inputs, each with a gain of its own",
-            "write a mapping from their names, such as {hot: 2.0}",
-        )
     yield (
         bool(constraints.fixed_poles) and any(orders.nf),
         "fixed_poles",
         "it does not say which of the denominators F_i has the poles",
         "use a structure with A alone, such as armax",
     )
-    for key, name in _named(constraints):
-        yield (
-            name == "static_gain" or (name[:1] in ("b", "f") and name[1:].isdecimal()),
-            key,
-            f"each of several inputs has {name}",
-            "leave it out, or identify one input alone",
-        )
+    yield from of_no_input(constraints)
 
 
 def _of_simulation(constraints: Constraints, orders: Orders) -> Iterator[Rule]:
@@ -128,7 +104,7 @@ def _of_simulation(constraints: Constraints, orders: Orders) -> Iterator[Rule]:
         "simulation errors need a stable plant",
         "fit for prediction, or fix the pole that is not stable",
     )
-    for key, name in _named(constraints) if orders.na and any(orders.nf) else ():
+    for key, name in constraints.of_coefficients if orders.na and any(orders.nf) else ():
         yield (
             name[:1] in ("a", "f") and name[1:].isdecimal(),
             key,

@@ -13,9 +13,8 @@ from typing import Any
 
 import yaml
 
-from evopem.config.channels import listed
 from evopem.config.configuration import check_environment, job_environment
-from evopem.config.defaults import complete, read_dataset
+from evopem.config.defaults import complete, read_settings
 from evopem.config.keys import COLUMNS, one_or_list
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESULTS_FOLDER
@@ -201,15 +200,19 @@ def _prepare(purpose: str) -> None:
 
 
 @contextmanager
-def _options_for_keys() -> Iterator[None]:
-    """What an error tells to do names options where it names keys of a configuration."""
+def _options_for_keys(name: str) -> Iterator[None]:
+    """An error about a data set names options where it names keys of a configuration."""
     try:
         yield
     except InputError as error:
         remedy = error.remedy
         for key, option in _OPTIONS.items():
             remedy = remedy.replace(key, option)
-        raise InputError(error.source, error.problem, remedy, error.place) from None
+        source, key = error.source, error.place.removeprefix(f"datasets.{name}.")
+        if key == error.place:
+            raise InputError(source, error.problem, remedy, key) from None
+        option = ({"file": "FILE"} | _OPTIONS).get(key, f"--{key.replace('_', '-')}")
+        raise InputError(option, error.problem, remedy) from None
 
 
 def _identify(arguments: argparse.Namespace) -> int:
@@ -222,6 +225,8 @@ def _identify(arguments: argparse.Namespace) -> int:
     from evopem.terminal.results_text import dataset_text, show
 
     progress = ProgressLine(sys.stderr, sys.stderr.isatty())
+    affinity = getattr(os, "sched_getaffinity", None)
+    cores = len(affinity(0)) if affinity else os.cpu_count() or 1
     outputs = results_of(settings, files, with_report=True)
     try:
         with job(files.log("identification"), (), outputs, ends_with_parent=False) as logger:
@@ -231,8 +236,8 @@ def _identify(arguments: argparse.Namespace) -> int:
                 progress.tell(words)
 
             delete_results(files.folder)  # nothing of an earlier run is left if this one ends early
-            with _options_for_keys():
-                identify_dataset(files, settings, True, log, _cores(), progress.announce)
+            with _options_for_keys(settings.name):
+                identify_dataset(files, settings, True, log, cores, progress.announce)
     finally:
         progress.close()
     show(dataset_text(files, files.report))
@@ -255,15 +260,8 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
         check_yaml_files([arguments.config])
         written = yaml.safe_load(Path(arguments.config).read_text(encoding="utf-8"))
         content |= {key: each for key, each in written.items() if key == "defaults" and each}
-    try:
+    with _options_for_keys(name):
         return complete(content, arguments.config or "evopem").datasets[name]
-    except InputError as error:
-        key = error.place.removeprefix(f"datasets.{name}.")
-        if key == error.place:
-            raise
-        named = {"sampling_rate": "--rate", "file": "FILE"}
-        option = named.get(key, f"--{key.replace('_', '-')}")
-        raise InputError(option, error.problem, error.remedy) from None
 
 
 def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
@@ -281,14 +279,16 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
     # A run that did not end left nothing that is worth keeping.
     if not (Path(files.config).exists() and Path(files.report).exists()):
         return
-    held = read_dataset(files.config, lambda _, keys: listed(keys.get("file")))
-    given = settings.source.all_files  # the command has no file for validation
+    held: tuple[str, ...] = ()
+    with suppress(InputError):
+        held = read_settings(files.config).source.all_files
+    given = settings.source.all_files
     # In the working directory, the same name is the same file, whatever it holds now. Elsewhere
     # another project may have made the results, from another file of that name.
     here = folder.absolute().is_relative_to(Path.cwd()) or all(map(os.path.isabs, held))
     same_names = [*map(os.path.abspath, held)] == [*map(os.path.abspath, given)]
     if not (same_names and here) and _digests_read(files) != [*map(sha256_of_file, given)]:
-        problem = f"it holds the results of {', '.join(held) or 'a synthetic recording'}"
+        problem = f"it holds the results of {', '.join(held) or 'another recording'}"
         raise InputError(str(folder), problem, "choose another folder with --results")
 
 
@@ -298,12 +298,6 @@ def _digests_read(files: DatasetFiles) -> list[str]:
         content = json.loads(Path(files.recording_info).read_text(encoding="utf-8"))
         return [each["sha256"] for each in content["files"]]
     return []
-
-
-def _cores() -> int:
-    """The cores that this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 if __name__ == "__main__":

@@ -9,7 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
-from evopem.config.constraints import Constraints
+from evopem.config.constraints import (
+    Constraints,
+    gains_of_other_inputs,
+    of_coefficients_in_state_space,
+)
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.config.structures import check_model, samples_ahead
 from evopem.errors import InputError
@@ -36,7 +40,7 @@ from evopem.estimation.state_space.pole_coordinates import poles_of
 from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, searched
 from evopem.estimation.state_space.starting_points import from_poles, point_of_model
-from evopem.models.constraint_checks import check_constraints, check_named_inputs
+from evopem.models.constraint_checks import check_constraints, refuse
 from evopem.models.conversions import side_by_side
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
 from evopem.models.structures import Orders
@@ -254,17 +258,9 @@ def estimate_beside(
 def check_state_space_constraints(constraints: Constraints, errors: StateSpaceErrors) -> None:
     """InputError for constraints that no state-space model can meet, or of unclear meaning."""
     recording = errors.data.recording
-    coefficients = [f"fixed_coefficients.{name}" for name in constraints.fixed_coefficients]
-    if coefficients or constraints.priors:
-        raise InputError(
-            "constraints",
-            "a state-space model has no coefficients of its own, because its matrices depend on"
-            " the choice of the states, and a prior counts as an observation of one",
-            "constrain poles or the static gain, or use a polynomial structure",
-            (*coefficients, "priors")[0],
-        )
     names = recording.input_names or ("",)
-    check_named_inputs(constraints, names)
+    refuse(of_coefficients_in_state_space(constraints))
+    refuse(gains_of_other_inputs(constraints, names))
     inputs, n = recording.inputs.shape[1], errors.order
     na, nf = (n, 0) if errors.innovations else (0, n)
     for name in names:
