@@ -20,8 +20,7 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.signal import decimate
 
-from evopem.automatic.held_out.simulation import errors_simulated_on, prediction_errors
-from evopem.automatic.identify import Identification, identify
+import evopem
 from evopem.signals.recording import Recording
 
 SAMPLES_OF_LAST_PERIODS, BENCH_FACTOR, BENCH_RATE = 5 * 2500, 4, 625.0
@@ -72,21 +71,6 @@ def _bench(file: Path, output: str) -> Recording:
     return Recording(u, y, BENCH_RATE)
 
 
-def errors_on(validation: Recording, found: Identification) -> tuple[float, float]:
-    """Errors of simulation, whose state the first tenth determines, and of prediction, percent."""
-    prepared, model = found.prepared, found.choice.candidate.model
-    stretches = prepared.of_other(validation, prepared.plan.differences)
-    fitted = found.choice.level == "state"
-    outputs = np.concatenate([each.output for each in stretches])
-    return tuple(
-        100.0 * float(np.std(np.concatenate(errors)) / np.std(outputs))
-        for errors in (
-            [errors_simulated_on(model, None, each, fitted) for each in stretches],
-            [prediction_errors(model, each) for each in stretches],
-        )
-    )
-
-
 def main() -> None:
     """Print one row for each recording."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -99,14 +83,16 @@ def main() -> None:
         if arguments.only not in case.name:
             continue
         begun = time.process_time()
-        given = case.estimation
-        found = identify(given.input, given.output, given.sampling_rate)
+        parts = [(each.input, each.output) for each in (case.estimation, case.validation)]
+        given = *parts[0], case.estimation.sampling_rate
+        found = evopem.identify(*given, validation=parts[1], show_progress=False)
         spent = time.process_time() - begun
-        simulation, prediction = errors_on(case.validation, found)
+        record = found.results.model
+        failed = [each.name for each in found.checks if each.passed is False]
         print(
-            f"| {case.name} | {simulation:.2f} | {prediction:.2f} | {case.peers:.2f} "
-            f"| {found.choice.candidate.name} | {found.choice.level} "
-            f"| {', '.join(found.failed) or 'none'} | {spent:.0f} |",
+            f"| {case.name} | {found.simulation_error_percent:.2f}"
+            f" | {found.prediction_error_percent:.2f} | {case.peers:.2f} | {record.text}"
+            f" | {record.level_of_simulation} | {', '.join(failed) or 'none'} | {spent:.0f} |",
             flush=True,
         )
 

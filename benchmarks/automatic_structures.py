@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import time
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -22,10 +21,9 @@ from numpy.typing import NDArray
 from polynomial_selection import FREQUENCIES, NORMAL_95, truth_of
 from threadpoolctl import threadpool_limits
 
-from evopem import PolynomialModel
+import evopem
+from evopem import PolynomialModel, Results, StateSpaceModel
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings, fit
-from evopem.automatic.identify import identify
-from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import covariance_of
 from evopem.models.response_tables import response_standard_errors
@@ -75,70 +73,55 @@ def record_of(structure: str, seed: int) -> tuple[Array, Array]:
     return u, y
 
 
-def judged(
-    structure: str,
-    seed: int,
-    prepared: PreparedRecord,
-    name: str,
-    model: PolynomialModel,
-    failed: tuple[str, ...],
-) -> Outcome:
-    """Compare a model of the prepared stretches with the truth."""
-    truth, plan = truth_of(structure), prepared.plan
-    scale = float(prepared.scales[0][0] / prepared.scales[1][0])
-    given = replace(truth, B=(truth.B[0] * scale,))
-    stretches = [Segment(*record_of(structure, seed))]
+def judged(structure: str, seed: int, found: Results) -> Outcome:
+    """Compare a model with the truth, and with a fit of the true orders."""
+    truth, stretches = truth_of(structure), [Segment(*record_of(structure, seed))]
     true_orders = fit(stretches, truth.orders, FitSettings(), [truth]).model
-    ratio = _distance(model, given) / _distance(true_orders, truth)
-    ratio /= scale
-    own = _covered(model, given, name.split()[0], prepared.stretches, plan.objective)
-    of_true = _covered(true_orders, truth, structure, stretches, "quadratic")
-    return Outcome(name.split()[0], name, float(ratio), *own, *of_true, failed)
-
-
-def _covered(
-    model: PolynomialModel,
-    truth: PolynomialModel,
-    structure: str,
-    stretches: Sequence[Segment],
-    objective: str,
-) -> tuple[float, float]:
-    """Shares of the frequencies whose 95 % intervals of gain and of phase cover the truth."""
-    orders = replace(model.orders, structure=structure)
-    errors = PolynomialErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, True)
-    point = errors.completed_by_states(model)
+    ratio = _distance(found.model, truth) / _distance(true_orders, truth)
+    errors = PolynomialErrors(
+        stretches, truth.orders, "quadratic", PLANT_RADIUS, NOISE_RADIUS, True
+    )
+    point = errors.completed_by_states(true_orders)
     covariance = covariance_of(
         *(errors, point, errors.residuals(point), errors.scored_outputs()),
         errors.residual_counts(),
     )
-    if covariance is None:
+    own = _covered(found.model, truth)
+    of_true = _covered(replace(true_orders, covariance=covariance), truth)
+    failed = tuple(each.name for each in found.checks if each.passed is False)
+    record = found.results.model
+    return Outcome(record.structure, record.text, float(ratio), *own, *of_true, failed)
+
+
+def _covered(
+    model: PolynomialModel | StateSpaceModel, truth: PolynomialModel
+) -> tuple[float, float]:
+    """Shares of the frequencies whose 95 % intervals of gain and of phase cover the truth."""
+    if model.covariance is None:
         return np.nan, np.nan
-    found = replace(model, covariance=covariance)
-    difference = _logarithm(found) - _logarithm(truth)
+    difference = _logarithm(model) - _logarithm(truth)
     difference[1] = np.angle(np.exp(1j * difference[1]))
-    inside = np.abs(difference) < NORMAL_95 * response_standard_errors(found, _logarithm)
-    gain, phase = np.mean(inside, axis=1)
+    inside = np.abs(difference) < NORMAL_95 * response_standard_errors(model, _logarithm)
+    gain, phase = np.mean(inside.reshape(2, -1), axis=1)
     return float(gain), float(phase)
 
 
-def _logarithm(model: PolynomialModel) -> Array:
+def _logarithm(model: PolynomialModel | StateSpaceModel) -> Array:
     logarithm = np.log(model.frequency_response(FREQUENCIES))
     return np.stack([logarithm.real, logarithm.imag])
 
 
-def _distance(model: PolynomialModel, truth: PolynomialModel) -> float:
+def _distance(model: PolynomialModel | StateSpaceModel, truth: PolynomialModel) -> float:
     response = truth.frequency_response(FREQUENCIES)
     return float(np.linalg.norm(model.frequency_response(FREQUENCIES) - response))
 
 
 def identified(structure: str, seed: int) -> Outcome:
     """Identify one record and judge the model."""
-    found = identify(*record_of(structure, seed))
-    candidate = found.choice.candidate
+    u, y = record_of(structure, seed)
+    found = evopem.identify(u, y, 1.0, validation=(u, y), show_progress=False)
     with threadpool_limits(limits=1, user_api="blas"):
-        return judged(
-            *(structure, seed, found.prepared, candidate.name, candidate.model, found.failed)
-        )
+        return judged(structure, seed, found)
 
 
 def row(structure: str, outcomes: list[Outcome]) -> str:

@@ -22,15 +22,16 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import chirp, lfilter
 
+import evopem
 from evopem.automatic.held_out.simulation import simulated
-from evopem.automatic.identify import identify
 from evopem.estimation.search.linear_estimates import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
-from evopem.signals.recording import Recording, Segment
+from evopem.signals.recording import Segment
 
 Array = np.ndarray
 Random = np.random.Generator
@@ -382,22 +383,23 @@ def main() -> None:
             for part in range(2)
         )
         begun = time.process_time()
-        found = identify(estimation.input, estimation.measured)
+        parts = [(each.input, each.measured) for each in (estimation, validation)]
+        found = evopem.identify(*parts[0], 1.0, validation=parts[1], show_progress=False)
         spent = time.process_time() - begun
-        given = Recording(validation.input, validation.measured, 1.0)
-        factor = found.prepared.plan.factor
-        own = found.simulate(given)
-        if factor > 1:
-            times = np.arange(len(own)) * factor
-            own = np.interp(np.arange(len(validation.truth)), times, own)
-        errors = [_error(validation.truth, own)]
-        measured = [_error(validation.measured, own)]
+        # Of a lower rate at the times of the samples; the first tenth determines the state.
+        table = pd.read_csv(found.files.simulation)
+        times, own = table["time_s"], table.filter(like="recorded_simulated").iloc[:, 0]
+        kept = own.notna()
+        at = np.arange(len(validation.truth))[int(times[kept].iloc[0]) :]
+        own = np.interp(at, times[kept], own[kept])
+        truth, measured_samples = validation.truth[at], validation.measured[at]
+        errors, measured = [_error(truth, own)], [_error(measured_samples, own)]
         held = Segment(validation.input, validation.measured)
         for peer in (*PEERS, automatic):
             model = peer(estimation.input, estimation.measured)
-            by_peer = simulated(model, held, fitted_level=True)[:, 0]
-            errors.append(_error(validation.truth, by_peer))
-            measured.append(_error(validation.measured, by_peer))
+            by_peer = simulated(model, held, fitted_level=True)[at, 0]
+            errors.append(_error(truth, by_peer))
+            measured.append(_error(measured_samples, by_peer))
         ratios.append(
             (
                 errors[0] / min(errors[1:4]),
@@ -406,10 +408,12 @@ def main() -> None:
                 measured[0] / measured[4],
             )
         )
+        record = found.results.model
         print(
             f"| {name} | {' | '.join(f'{e:.2f}' for e in errors)} | {measured[0]:.2f} "
-            f"| {min(measured[1:4]):.2f} | {found.choice.candidate.name}, {found.choice.level}, "
-            f"{found.prepared.plan.objective}, /{factor} | {spent:.0f} |",
+            f"| {min(measured[1:4]):.2f} | {record.text}, {record.level_of_simulation}, "
+            f"{record.search.settings.objective}, {record.model.sampling_rate:g} Hz "
+            f"| {spent:.0f} |",
             flush=True,
         )
     means = np.exp(np.mean(np.log(ratios), axis=0))

@@ -15,6 +15,7 @@ from evopem.automatic.held_out.simulation import prediction_errors, simulated
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import Choice
 from evopem.config.settings import SearchSettings
+from evopem.files.json_form import from_json, to_json
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment
@@ -107,6 +108,13 @@ def test_a_slow_state_of_the_predictor_gains_nothing_by_what_it_is_fitted_to():
     assert size(before) > 1.3 * size(None)
     assert len(prediction_errors(truth, held_out, before)) == 200
     assert len(prediction_errors(truth, held_out, held_out.between(0, 0))) == 180
+
+
+def test_a_choice_has_a_json_form(candidate):
+    choice = candidate[3]
+    again = from_json(Choice, to_json(choice))
+    assert again.candidate.orders == choice.candidate.orders
+    assert np.array_equal(again.candidate.model.parameters, choice.candidate.model.parameters)
 
 
 def test_models_go_to_the_units_of_a_recording_and_back(candidate):

@@ -1,7 +1,11 @@
 """Limits of the orders that a configuration sets."""
 
+import pytest
+
 from evopem.automatic.candidates import OrderLimits
 from evopem.config.settings import OrderRanges
+from evopem.errors import InputError
+from evopem.estimation.order_scan import joint_orders
 from evopem.models.structures import Orders
 
 
@@ -48,3 +52,21 @@ def test_only_the_structure_that_is_given_may_be_chosen():
     assert limits("arx").allow("arx", orders(na=2, nb=2))
     assert not limits("arx").allow("armax", orders(na=2, nb=2, nc=2))
     assert not limits("arx").allow("ss", None)
+
+
+def test_orders_follow_the_joint_order_within_their_limits():
+    given = limits(names=("hot", "cold"), nb=(1, 3), nf={"cold": (0, 0)}, nc=(2, 2))
+    joint = (joint_orders("bj", k, (1, 2)) for k in (1, 3, 5))
+    followed = [str(given.clamped("bj", each)) for each in joint]
+    assert followed[0] == "BJ([1 1],2,1,[1 0],[1 2])"
+    assert followed[1] == "BJ([3 3],2,3,[3 0],[1 2])"
+    assert followed[2] == "BJ([3 3],2,4,[5 0],[1 2])"
+    assert given.at_upper_ends(Orders("arx", nb=(2, 3), nk=(1, 1), na=4)) == ("nb of cold",)
+
+
+def test_other_inputs_are_refused_by_their_key():
+    orders = Orders("arx", na=1, nb=(1, 1))
+    with pytest.raises(InputError, match=r"orders.nb: there is no input warm; name one of hot"):
+        limits(names=("hot", "cold"), nb={"warm": (1, 1)}).clamped("arx", orders)
+    with pytest.raises(InputError, match=r"delay.nk: there are 1 values and 2 inputs"):
+        limits(names=("hot", "cold"), nk=((1, 1),)).clamped("arx", orders)

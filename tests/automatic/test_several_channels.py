@@ -19,7 +19,7 @@ from evopem.automatic.structures import Choice, as_good, compare_structures
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings as FocusAndConstraints
 from evopem.config.settings import OrderRanges, SearchSettings
-from evopem.errors import InputError
+from evopem.errors import NoModelError
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
@@ -129,8 +129,8 @@ def test_surplus_modes_gain_nothing_by_the_states_they_begin_with():
 )
 def test_a_search_over_orders_ends_where_bic_rises(orders, bic, coloured, last):
     scores = zip(orders, bic, coloured, strict=True)
-    estimates = ((order, SimpleNamespace(bic=b, coloured_bic=c)) for order, b, c in scores)
-    assert max(until_bic_rises(estimates)) == last
+    estimates = (SimpleNamespace(order=n, bic=b, coloured_bic=c) for n, b, c in scores)
+    assert [each.order for each in until_bic_rises(estimates)][-1] == last
 
 
 def noise(samples, nu=2, ny=3):
@@ -142,8 +142,10 @@ def test_orders_follow_the_length_of_the_record():
     assert numbers_of_states(scorer_of(noise(5000))) == tuple(range(2, 41, 2))
     assert numbers_of_states(scorer_of(noise(100))) == (1, 2, 3)
     assert numbers_of_states(scorer_of(noise(5000), nx=(3, 5))) == (3, 4, 5)
-    with pytest.raises(InputError, match="30 estimation samples are too few"):
-        numbers_of_states(scorer_of(noise(30), nx=(4, 4)))
+    short = scorer_of(noise(30), nx=(4, 4))
+    assert numbers_of_states(short) == ()
+    with pytest.raises(NoModelError, match="too short for a model of any structure"):
+        compare_structures(short, [search_structure(short, "ss", {})])
 
 
 def test_delays_stay_within_their_limits():

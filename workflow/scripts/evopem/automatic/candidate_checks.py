@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -18,11 +17,10 @@ from evopem.estimation.polynomial_estimate import covariance_of, roots_at_bound
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
-from evopem.validation.checks.check import SIGNIFICANCE, largest_by_chance
+from evopem.validation.checks.check import largest_by_chance
 from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import (
     INDEPENDENT_OF_INPUT,
-    MIN_CROSS_CORRELATION_SHARE,
     WHITE,
     are_independent,
     are_white,
@@ -46,8 +44,8 @@ Array = NDArray[np.float64]
 
 # A coefficient of so few standard errors may be 0: the BIC of a model without it then decides.
 SMALL = 3.0
-# Largest lag of the correlations of models of several channels.
-LAGS = 100
+# Largest lag of the autocorrelations of residuals.
+LAGS = 1200
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +55,9 @@ class CandidateChecks:
     failed: tuple[str, ...]  # names of checks, as the report has them
     whiteness: float  # lowest p-value of the Ljung-Box tests, the fit taken into account
     correlation: float  # largest cross-correlation of residuals and input, in its 95 % bounds
-    later: bool = False  # whether the first coefficient of B may be 0
-    shorter: bool = False  # whether the last coefficient of B may be 0
-    earlier_delays: tuple[int, ...] = ()  # where residuals depend on samples before the delay
+    later: tuple[int, ...] = ()  # inputs of which the first coefficient of B may be 0
+    shorter: tuple[int, ...] = ()  # inputs of which the last coefficient of B may be 0
+    earlier_delays: tuple[int, ...] = ()  # in state space, where residuals depend on what is before
 
 
 def check_model(
@@ -73,12 +71,22 @@ def check_model(
 
     Raises ValueError when no stretch is long enough for the orders.
     """
-    if isinstance(model, PolynomialModel) and model.inputs <= 1:
-        return _of_one_input(model, structure, stretches, settings)
-    return _of_several_channels(model, structure, stretches, settings, delays)
+    if isinstance(model, PolynomialModel):
+        return _of_polynomials(model, structure, stretches, settings)
+    parts = [prediction_errors(model, each) for each in stretches]
+    tested = _Residuals.of(stretches, parts)
+    lags = tested.whiteness_lags(model.order)
+    p_values = [
+        whiteness_test(e, lags, tested.bounds, model.order).p_value for e in tested.residuals.T
+    ]
+    checks = tested.checks(structure, p_values)
+    radius = float(np.abs(np.concatenate([model.poles(), model.noise_zeros()])).max())
+    at_bound = (INSIDE_BOUND,) if lies_at_bound(radius, settings.max_root_radius) else ()
+    earlier = _earlier_delays(tested, delays)
+    return replace(checks, failed=checks.failed + at_bound, earlier_delays=earlier)
 
 
-def _of_one_input(
+def _of_polynomials(
     model: PolynomialModel, structure: str, stretches: Sequence[Segment], settings: FitSettings
 ) -> CandidateChecks:
     orders = replace(model.orders, structure=structure)
@@ -86,126 +94,109 @@ def _of_one_input(
         *(stretches, orders, settings.objective, PLANT_RADIUS, NOISE_RADIUS, settings.level)
     )
     point = errors.completed_by_states(model)
-    residuals, inputs = errors.residuals(point), errors.scored_inputs()
     covariance = covariance_of(
-        *(errors, point, residuals, errors.scored_outputs()), errors.residual_counts()
+        *(errors, point, errors.residuals(point), errors.scored_outputs()), errors.residual_counts()
     )
-    failed, whiteness, correlation = [], 1.0, 0.0
-    if len(residuals) > 2 and np.ptp(residuals) > 0.0:
-        whiteness, white = _whiteness(errors, point, residuals, covariance)
-        if not white and structure not in OF_SIMULATION:
-            failed.append(WHITE)
-        if np.ptp(inputs) > 0.0:
-            found = correlation_with_input(residuals, inputs)
-            correlation = found.largest_ratio
-            if not are_independent(correlation, found.share_inside, int(found.lag[-1])):
-                failed.append(INDEPENDENT_OF_INPUT)
+    tested = _Residuals.of(
+        errors.stretches, [each[:, None] for each in errors.residuals_of_stretches(point)]
+    )
+    lags = tested.whiteness_lags(orders.na + orders.nc + orders.nd)
+    effects = np.zeros((1, 0, lags))
+    if covariance is not None and lags > 0:
+        rest = np.zeros(errors.dimension - orders.parameters)
+        effects = fit_effects(
+            lambda step: errors.residuals(point + np.append(step, rest))[:, None],
+            *(covariance, lags, tested.bounds),
+        )
+    e = tested.residuals[:, 0]
+    test = whiteness_test(e, lags, tested.bounds, effects[0], errors.objective)
+    checks = tested.checks(structure, [test.p_value])
     if covariance is None:
-        distances = np.abs(np.subtract.outer(model.poles(), model.zeros()))
-        cancels = bool(np.any(distances < COINCIDENT_DISTANCE))
+        cancels = any(
+            np.any(np.abs(np.subtract.outer(model.poles(), model.zeros(i))) < COINCIDENT_DISTANCE)
+            for i in range(orders.inputs)
+        )
     else:
         cancels = bool(cancelling_pairs(model, covariance))
-    nb = orders.single.nb
-    needed = orders.na + orders.single.nf + nb
-    longest = max(stretches, key=lambda each: each.samples)
-    for name, fails in (
-        (DISTINCT, cancels),
-        (INSIDE_BOUND, roots_at_bound(errors, model)),
-        (EXCITATION_ADEQUATE, excitation_order(longest.input, needed) < needed),
-    ):
-        failed += [name] if fails else []
-    later, shorter = (_is_insignificant(model, covariance, each) for each in (0, nb - 1))
-    return CandidateChecks(tuple(failed), whiteness, correlation, later, shorter)
-
-
-def _whiteness(
-    errors: PolynomialErrors,
-    point: Array,
-    residuals: Array,
-    covariance: ParameterCovariance | None,
-) -> tuple[float, bool]:
-    orders, correlation = errors.orders, autocorrelation_of(residuals)
-    largest = int(correlation.lag[-1])
-    lags = ljung_box_lags(len(residuals), orders.na + orders.nc + orders.nd, largest)
-    if not 0 < lags < len(residuals):
-        return math.nan, True
-    rest = np.zeros(errors.dimension - orders.parameters)
-    effects = np.zeros((1, 0, lags))
-    if covariance is not None:
-        effects = fit_effects(
-            lambda step: errors.residuals(point + np.append(step, rest))[:, None], covariance, lags
-        )
-    test = whiteness_test(residuals, lags, effects=effects[0], objective=errors.objective)
-    share = correlation.where(correlation.lag > 0).share_inside
-    return test.p_value, are_white(test.p_value, share, largest) is not False
+    needed = [orders.na + nf + nb for nf, nb in zip(orders.nf, orders.nb, strict=True)]
+    inputs = max(stretches, key=lambda each: each.samples).inputs
+    excited = [excitation_order(u, n) >= n for u, n in zip(inputs.T, needed, strict=True)]
+    further = {
+        DISTINCT: cancels,
+        INSIDE_BOUND: roots_at_bound(errors, model),
+        EXCITATION_ADEQUATE: not all(excited),
+    }
+    later, shorter = (
+        tuple(i for i in range(orders.inputs) if _is_insignificant(model, covariance, i, end))
+        for end in (0, -1)
+    )
+    failed = *checks.failed, *(name for name, fails in further.items() if fails)
+    return replace(checks, failed=failed, later=later, shorter=shorter)
 
 
 def _is_insignificant(
-    model: PolynomialModel, covariance: ParameterCovariance | None, coefficient: int
+    model: PolynomialModel, covariance: ParameterCovariance | None, place: int, end: int
 ) -> bool:
-    """Whether a coefficient of B, but not the only one, may be 0."""
-    if covariance is None or model.orders.single.nb < 2:
+    """Whether the first or last of several coefficients of the B of an input may be 0."""
+    if covariance is None or model.orders.nb[place] < 2:
         return False
+    part = model.orders.part("b", place)
     gradient = np.zeros((1, covariance.factor.shape[0]))
-    gradient[0, model.part("b").start + coefficient] = 1.0
+    gradient[0, range(part.start, part.stop)[end]] = 1.0
     spread = float(covariance.standard_errors(gradient)[0])
-    return bool(abs(model.B[0][coefficient]) < SMALL * spread)
+    return bool(abs(model.B[place][end]) < SMALL * spread)
 
 
-def _of_several_channels(
-    model: Model,
-    structure: str,
-    stretches: Sequence[Segment],
-    settings: FitSettings,
-    delays: tuple[int, ...],
-) -> CandidateChecks:
-    """Tests of each output, and of each pair of input and output, with Bonferroni's bound."""
-    parts = [prediction_errors(model, each) for each in stretches]
-    inputs = np.concatenate(
-        [s.inputs[s.samples - len(e) :] for s, e in zip(stretches, parts, strict=True)]
-    )
-    residuals, bounds = np.concatenate(parts), np.cumsum([0, *map(len, parts)]).tolist()
-    states = model if not isinstance(model, PolynomialModel) else model.state_space()
-    radius = float(np.abs(np.concatenate([states.poles(), states.noise_zeros()])).max())
-    failed, whiteness, correlation, earlier = [], 1.0, 0.0, delays
-    if lies_at_bound(radius, settings.max_root_radius):
-        failed.append(INSIDE_BOUND)
-    if len(residuals) > 2 and np.isfinite(residuals).all():
-        tests = [_ljung_box(e, bounds, states.order) for e in residuals.T]
-        whiteness = min(tests)
-        if structure not in OF_SIMULATION and whiteness < SIGNIFICANCE / len(tests):
-            failed.append(WHITE)
+@dataclass(frozen=True, eq=False)
+class _Residuals:
+    """Residuals, (N, l), and the inputs of the same samples, (N, m), of all stretches."""
+
+    residuals: Array
+    inputs: Array
+    bounds: list[int]  # first residual of each stretch, and N
+
+    @classmethod
+    def of(cls, stretches: Sequence[Segment], parts: Sequence[Array]) -> _Residuals:
+        inputs = [s.inputs[s.samples - len(e) :] for s, e in zip(stretches, parts, strict=True)]
+        bounds = np.cumsum([0, *map(len, parts)]).tolist()
+        return cls(np.concatenate(parts), np.concatenate(inputs), bounds)
+
+    def whiteness_lags(self, fitted: int) -> int:
+        return ljung_box_lags(len(self.residuals), fitted, min(LAGS, len(self.residuals) - 1))
+
+    def checks(self, structure: str, p_values: Sequence[float]) -> CandidateChecks:
+        """Whiteness of each output, and independence of each pair, by Bonferroni's bound."""
+        if not (np.ptp(self.residuals) > 0.0 and np.isfinite(self.residuals).all()):
+            return CandidateChecks((), 1.0, 0.0)
+        failed = []
+        own = [autocorrelation_of(e, LAGS, self.bounds) for e in self.residuals.T]
+        shares = [each.where(each.lag > 0).share_inside for each in own]
+        white = [
+            are_white(p_value, share, len(own[0].lag) - 1, len(own)) is not False
+            for p_value, share in zip(p_values, shares, strict=True)
+        ]
+        failed += [] if all(white) or structure in OF_SIMULATION else [WHITE]
         pairs = [
-            correlation_with_input(e, u, LAGS, bounds)
-            for u in inputs.T
-            for e in residuals.T
+            correlation_with_input(e, u, bounds=self.bounds)
+            for u in self.inputs.T
+            for e in self.residuals.T
             if np.ptp(u) > 0.0 and np.ptp(e) > 0.0
         ]
-        allowed = largest_by_chance(sum(len(each.lag) for each in pairs))
-        correlation = max((each.largest_ratio for each in pairs), default=0.0)
-        least_share = min((each.share_inside for each in pairs), default=1.0)
-        if correlation > allowed or least_share < MIN_CROSS_CORRELATION_SHARE:
-            failed.append(INDEPENDENT_OF_INPUT)
-        earlier = _earlier_delays(residuals, inputs, bounds, delays)
-    return CandidateChecks(tuple(failed), whiteness, correlation, earlier_delays=earlier)
+        independent = [
+            are_independent(each.largest_ratio, each.share_inside, int(each.lag[-1]), len(pairs))
+            for each in pairs
+        ]
+        failed += [] if all(independent) else [INDEPENDENT_OF_INPUT]
+        largest = max((each.largest_ratio for each in pairs), default=0.0)
+        return CandidateChecks(tuple(failed), min(p_values), largest)
 
 
-def _ljung_box(residuals: Array, bounds: Sequence[int], fitted: int) -> float:
-    """p-value with as many degrees of freedom as lags, less what was fitted."""
-    samples = len(residuals)
-    lags = ljung_box_lags(samples, fitted, min(LAGS, samples // 3))
-    if lags < 1 or not np.ptp(residuals) > 0.0:
-        return 1.0
-    return whiteness_test(residuals, lags, bounds, fitted).p_value
-
-
-def _earlier_delays(
-    residuals: Array, inputs: Array, bounds: Sequence[int], delays: tuple[int, ...]
-) -> tuple[int, ...]:
+def _earlier_delays(tested: _Residuals, delays: tuple[int, ...]) -> tuple[int, ...]:
     """The delays, earlier where residuals depend on samples of an input before its delay.
 
     A dependence on later samples is one of the response, and no fault of the delay.
     """
+    residuals, inputs, bounds = tested.residuals, tested.inputs, tested.bounds
     allowed, earlier = largest_by_chance(residuals.shape[1] * sum(delays)), list(delays)
     for column, delay in enumerate(delays):
         for e in residuals.T if delay else ():

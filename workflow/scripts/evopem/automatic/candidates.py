@@ -17,10 +17,9 @@ from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import refit
 from evopem.config.channels import of_each
-from evopem.config.settings import OrderRanges
+from evopem.config.settings import OrderRanges, Range
 from evopem.config.structures import STRUCTURES, varied_order
 from evopem.errors import NoModelError
-from evopem.estimation.order_scan import nearest
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.polynomial import PolynomialModel, of_signals
@@ -48,32 +47,50 @@ class OrderLimits:
         """Whether a structure, with orders if it is a polynomial one, may be chosen."""
         if self.structure not in (None, structure):
             return False
-        return orders is None or self._clamped(structure, orders) == orders
+        return orders is None or self.clamped(structure, orders) == orders
 
     def within(self, structure: str, path: Iterable[list[Orders]]) -> Iterator[list[Orders]]:
         """A path of orders moved inside the limits, without repetitions."""
         known: set[Orders] = set()
         for step in path:
-            moved = dict.fromkeys(self._clamped(structure, orders) for orders in step)
+            moved = dict.fromkeys(self.clamped(structure, orders) for orders in step)
             new = [orders for orders in moved if orders not in known]
             known.update(new)
             if new:
                 yield new
 
-    def _clamped(self, structure: str, orders: Orders) -> Orders:
+    def at_upper_ends(self, orders: Orders) -> tuple[str, ...]:
+        """The orders that lie at the upper end of a range of several, such as "nb of hot"."""
+        return tuple(
+            f"{name} of {self.names[place]}" if name in PER_INPUT else name
+            for name in STRUCTURES[orders.structure]
+            if name != "nk"
+            for place, (order, limits) in enumerate(self._each(name, orders))
+            if limits is not None and limits[0] < limits[1] == order
+        )
+
+    def clamped(self, structure: str, orders: Orders) -> Orders:
+        """The nearest orders that are allowed, of those that the structure has."""
         given = {name: getattr(orders, name) for name in STRUCTURES["general"]}
-        count = orders.inputs
-        names = self.names if len(self.names) == count else tuple(map(str, range(count)))
         for name in STRUCTURES[structure]:
             # The degree of the plant follows the joint one.
             varied = structure != "fir" and name == varied_order("joint", structure)
-            joint, own = self.ranges.joint if varied else None, getattr(self.ranges, name)
-            if name in PER_INPUT:
-                pairs = zip(given[name], of_each(own, names, f"orders.{name}"), strict=True)
-                given[name] = tuple(nearest(order, each or joint) for order, each in pairs)
-            else:
-                given[name] = nearest(given[name], own or joint)
+            joint = self.ranges.joint if varied else None
+            near = tuple(_nearest(order, own or joint) for order, own in self._each(name, orders))
+            given[name] = near if name in PER_INPUT else near[0]
         return Orders(**given)
+
+    def _each(self, name: str, orders: Orders) -> list[tuple[int, Range | None]]:
+        """An order, or that of each input, with its limits; InputError for those of others."""
+        value, own = getattr(orders, name), getattr(self.ranges, name)
+        if name not in PER_INPUT:
+            return [(value, own)]
+        key = f"{'delay' if name == 'nk' else 'orders'}.{name}"
+        return list(zip(value, of_each(own, self.names, key), strict=True))
+
+
+def _nearest(order: int, limits: Range | None) -> int:
+    return order if limits is None else min(max(order, limits[0]), limits[1])
 
 
 @dataclass(frozen=True)
@@ -125,7 +142,7 @@ class Candidate:
             return f"{self.structure}, {self.order} state{'s' * (self.order > 1)}"
         orders = self.orders
         if orders.inputs > 1:
-            return str(orders)
+            return str(replace(orders, structure=self.structure))
         shown = {n: getattr(orders.single, n) for n in ("na", "nb", "nc", "nd", "nf", "nk")}
         words = [f"{n}={order}" for n, order in shown.items() if order or n == "nk"]
         return f"{self.structure} {' '.join(words)}"
@@ -230,7 +247,7 @@ class Scorer:
         if key not in self._known:
             if not self.limits.allow(structure, orders):
                 return None
-            if orders.parameters + orders.single.nf + orders.noise_states > self.most_parameters:
+            if orders.parameters + sum(orders.nf) + orders.noise_states > self.most_parameters:
                 return None
             try:
                 found = fit(self.stretches, orders, self.settings, models, own_starts, structure)
@@ -284,7 +301,7 @@ class Scorer:
     ) -> Model:
         """The optimum of other stretches that a descent from a candidate's model ends at."""
         model, structure = candidate.model, candidate.structure
-        if isinstance(model, PolynomialModel) and model.inputs <= 1:
+        if isinstance(model, PolynomialModel):
             stages = FOLD_STAGES if on_folds else SWEEP_STAGES
             return fit(
                 *(stretches, model.orders, self.settings, [model], False, structure, stages)

@@ -20,7 +20,7 @@ from evopem.config.settings import FitSettings as FocusAndConstraints
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.errors import InputError, NoModelError
 from evopem.estimation.estimate import estimate_polynomial
-from evopem.estimation.order_scan import OrderLimits, joint_orders, refitted_estimate
+from evopem.estimation.order_scan import joint_orders, refitted_estimate
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe, searched_objective
@@ -104,14 +104,13 @@ def _polynomials(
     fit: FocusAndConstraints | None,
     log: Log | None,
 ) -> tuple[PolynomialEstimate, tuple[str, ...]]:
-    names = estimation.input_names
-    limits = OrderLimits.of(scorer.limits.ranges, names)
     orders, model = replace(candidate.orders, structure=candidate.structure), candidate.polynomials
     assert model is not None
     if fit is not None:
         constraints = fit.constraints
         if constraints is not None and not _allowed(constraints, orders, estimation):
-            orders = joint_orders(candidate.structure, candidate.order, candidate.delays, limits)
+            joint = joint_orders(candidate.structure, candidate.order, candidate.delays)
+            orders = scorer.limits.clamped(candidate.structure, joint)
         estimate = estimate_polynomial(
             *(estimation, orders),
             settings=search,
@@ -133,7 +132,7 @@ def _polynomials(
             ) from None
         if search.evaluations:
             estimate = _searched(estimate, estimation, orders, search, log)
-    return estimate, limits.at_upper_ends(orders, names)
+    return estimate, scorer.limits.at_upper_ends(orders)
 
 
 def _searched(

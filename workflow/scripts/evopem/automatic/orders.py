@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -17,21 +17,13 @@ from evopem.automatic.candidates import (
 )
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
-from evopem.automatic.state_space import (
-    Log,
-    fits_in_state_space,
-    fits_of_several_inputs,
-    recording_of,
-    search_settings,
-)
+from evopem.automatic.state_space import Log, fits_in_state_space
 from evopem.config.channels import of_each
-from evopem.config.settings import InputRanges, OrderRanges
+from evopem.config.settings import InputRanges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
-from evopem.errors import InputError
 from evopem.estimation.delays import ORDERS, delays_by_criterion, longest_delay
-from evopem.estimation.order_scan import OrderLimits, joint_orders, reduced_orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders
+from evopem.models.structures import PER_INPUT, Orders
 from evopem.signals.recording import Segment
 
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something.
@@ -45,9 +37,6 @@ GAIN, BIC_GAIN = 0.005, 0.002
 MOST_WORK = 1_100_000
 # Structures whose optima serve as starts of others.
 NESTED: Mapping[str, tuple[str, ...]] = AUTOMATIC_STRUCTURES
-# Of polynomials of several inputs: largest order, and largest number of coefficients of B_i, in
-# steps of two, of a model without poles.
-MOST_POLES, MOST_TAPS = 10, 40
 # Largest number of states, and the one above which they are tried in steps of two.
 MOST_STATES, SINGLE_STEPS = 40, 10
 # Output values of the smallest training part for each parameter of models of several channels.
@@ -57,32 +46,30 @@ VALUES_PER_PARAMETER = 5
 def search_structure(
     scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None = None
 ) -> StructureSearch:
-    """Orders of one structure, from small to large as long as they bring something.
-
-    Raises InputError when the record is too short for any order of state-space models or of several
-    inputs.
-    """
-    if is_polynomial(structure) and scorer.is_single:
-        candidates = _along_path(scorer, structure, smaller)
-    else:
-        candidates = _order_by_order(scorer, structure, log)
+    """Orders of one structure, from small to large as long as they bring something."""
+    for each in smaller.values():
+        scorer.remember(each.candidates)
+    search = _along_path if is_polynomial(structure) else _by_states
+    candidates = search(scorer, structure, smaller, log)
     return StructureSearch(structure, tuple(candidates), _decision(structure, candidates))
 
 
 def _along_path(
-    scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch]
+    scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None
 ) -> list[Candidate]:
-    """Candidates of one input, as long as their scores or their BIC fall."""
+    """Candidates of polynomials, as long as their scores or their BIC fall."""
     candidates: list[Candidate] = []
     without_gain, work, best, best_bic = 0, 0, np.inf, np.inf
     previous: list[PolynomialModel] = []
-    for orders_of_step in scorer.limits.within(structure, _path(structure, scorer.delays[0])):
+    for orders_of_step in scorer.limits.within(structure, _path(structure, scorer.delays)):
         tried: list[Candidate] = []
         for orders in orders_of_step:
             starts = [*previous, *_same_plant(orders, structure, smaller)]
             candidate = scorer.candidate(structure, orders, starts)
             if candidate is not None:
                 tried.append(candidate)
+                if log is not None:
+                    log(f"{candidate.name}: BIC {candidate.bic:.6g}")
         if not tried:
             break
         candidates.extend(tried)
@@ -98,22 +85,22 @@ def _along_path(
     return candidates
 
 
-def _order_by_order(scorer: Scorer, structure: str, log: Log | None) -> list[Candidate]:
-    """Candidates until their BIC rises, with scores up to the order of the lowest one.
+def _by_states(
+    scorer: Scorer, structure: str, _: Mapping[str, StructureSearch], log: Log | None
+) -> list[Candidate]:
+    """Candidates in state space until their BIC rises, with scores up to the lowest one's order.
 
     Errors that are not white raise the order of BIC, but never lower it.
     """
-    delays, settings = scorer.delays, scorer.settings
-    if is_polynomial(structure):
-        orders = orders_of_several_inputs(scorer, structure)
-        fits = fits_of_several_inputs(scorer.stretches, orders, settings, log)
-    else:
-        states = numbers_of_states(scorer)
-        fits = fits_in_state_space(scorer.stretches, structure, states, delays, settings, log)
-    candidates = [scorer.described(structure, found, order) for order, found in fits]
-    if not candidates:
+    states = numbers_of_states(scorer)
+    if not states:
         return []
-    last = min(candidates, key=lambda each: each.bic).order
+    given = scorer.stretches, structure, states, scorer.delays, scorer.settings
+    candidates = [
+        scorer.described(structure, found, order)
+        for order, found in fits_in_state_space(*given, log)
+    ]
+    last = min(candidates, key=lambda each: each.bic).order if candidates else 0
     scored = []
     for each in candidates:
         if each.order <= last and log is not None:
@@ -134,45 +121,10 @@ def numbers_of_states(scorer: Scorer) -> tuple[int, ...]:
     # Each stretch has an initial state of its own.
     values = scorer.plan.least_training(samples) * ny // VALUES_PER_PARAMETER
     affordable = min(values // (nu + 2 * ny + len(scorer.stretches)), samples // 12)
-    if affordable < low:
-        raise InputError(
-            "orders.nx",
-            f"{samples} estimation samples are too few for {low} state{'s' if low > 1 else ''} with"
-            f" {nu} inputs and {ny} outputs",
-            "record longer, lower orders.nx, or leave channels out",
-        )
     high = min(high, affordable)
     if limits is None and high > SINGLE_STEPS:
         return tuple(range(2, high + 1, 2))
     return tuple(range(low, high + 1))
-
-
-def orders_of_several_inputs(scorer: Scorer, structure: str) -> dict[int, Orders]:
-    """The orders that are tried, by a number k that all of them follow within their limits."""
-    ranges, delays = scorer.limits.ranges, scorer.delays
-    limits = OrderLimits.of(ranges, scorer.limits.names)
-    without_poles = structure == "fir"
-    low, high = ranges.joint or (1, max(MOST_TAPS if without_poles else MOST_POLES, limits.largest))
-    steps = 2 if without_poles and ranges == OrderRanges(nk=ranges.nk) else 1
-    tried: dict[int, Orders] = {}
-    for k in range(max(low, steps), high + 1, steps):
-        orders = joint_orders(structure, k, delays, limits)
-        # Each further stretch has initial states of its own.
-        states = (sum(orders.nf) + orders.noise_states) * (len(scorer.stretches) - 1)
-        values = VALUES_PER_PARAMETER * (orders.parameters + states)
-        if values > scorer.plan.least_training(scorer.samples):
-            break
-        if orders not in tried.values():
-            tried[k] = orders
-    if not tried:
-        inputs = len(delays)
-        raise InputError(
-            "orders.joint",
-            f"{scorer.samples} estimation samples are too few for joint order {low} with"
-            f" {inputs} input{'s' * (inputs > 1)}",
-            "record longer, or lower orders.joint and the lower ends of other orders",
-        )
-    return tried
 
 
 def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
@@ -187,35 +139,35 @@ def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
     return Decision(f"orders of {structure}", name, alternatives, "BIC", sentence)
 
 
-def _path(structure: str, delay: int) -> Iterator[list[Orders]]:
+def _path(structure: str, delays: Sequence[int]) -> Iterator[list[Orders]]:
     """Orders from small to large; those of a step are alternatives of about the same size."""
-    o = partial(Orders, nk=delay)
-    earlier = partial(Orders, nk=max(delay - 1, 0))
+
+    def o(nb: int, less: int = 0, **others: Any) -> Orders:
+        nk = [max(delay - less, 0) for delay in delays]
+        return Orders(nb=(nb,) * len(delays), nk=tuple(nk), **others)
+
     build: Callable[[int], list[Orders]] = {
-        "fir": lambda n: [o(nb=n)],
-        "arx": lambda n: [o(na=n, nb=n), earlier(na=n, nb=2 * n)],
-        "armax": lambda n: [o(na=n, nb=n, nc=n)],
-        "ararx": lambda n: [o(na=n, nb=n, nd=max(n // 2, 1))],
-        "ararmax": lambda n: [o(na=n, nb=n, nc=max(n // 2, 1), nd=1)],
-        "oe": lambda n: [o(nb=n, nf=n), earlier(nb=n + 1, nf=n)],
-        "bj": lambda n: [o(nb=n, nd=1, nf=n), o(nb=n, nc=2, nd=2, nf=n)],
+        "fir": lambda n: [o(n)],
+        "arx": lambda n: [o(n, na=n), o(2 * n, less=1, na=n)],
+        "armax": lambda n: [o(n, na=n, nc=n)],
+        "ararx": lambda n: [o(n, na=n, nd=max(n // 2, 1))],
+        "ararmax": lambda n: [o(n, na=n, nc=max(n // 2, 1), nd=1)],
+        "oe": lambda n: [o(n, nf=n), o(n + 1, less=1, nf=n)],
+        "bj": lambda n: [o(n, nd=1, nf=n), o(n, nc=2, nd=2, nf=n)],
+        "general": lambda n: [o(n, na=1, nc=min(n, 4), nd=min(n, 4), nf=n)],
     }[structure]
     for n in LONG_PATH if structure == "fir" else PATH:
         yield build(n)
     if structure == "arx":
-        yield from ([o(na=n, nb=n)] for n in (30, 40))
+        yield from ([o(n, na=n)] for n in (30, 40))
 
 
 def _same_plant(
     orders: Orders, structure: str, smaller: Mapping[str, StructureSearch]
 ) -> list[PolynomialModel]:
     """Models of nested structures with as many poles."""
-    nested = (smaller[name].candidates for name in NESTED[structure] if name in smaller)
-    return [
-        _polynomials(each)
-        for each in chain(*nested)
-        if max(each.orders.na, each.orders.single.nf) == max(orders.na, orders.single.nf)
-    ]
+    nested = (smaller[name].candidates for name in NESTED.get(structure, ()) if name in smaller)
+    return [_polynomials(each) for each in chain(*nested) if each.orders.plant == orders.plant]
 
 
 def _polynomials(candidate: Candidate) -> PolynomialModel:
@@ -226,14 +178,7 @@ def _polynomials(candidate: Candidate) -> PolynomialModel:
 def refine_orders(
     scorer: Scorer, start: Candidate, score: Callable[[Candidate], float], rounds: int = 2
 ) -> list[Candidate]:
-    """Change one order after the other as long as a score falls; all that was tried, best last.
-
-    Of several inputs those of lower BIC (:func:`.reduced_orders`); the number of states stays.
-    """
-    if start.polynomials is None:
-        return [start]
-    if not scorer.is_single:
-        return [start, *_reduced(scorer, start)]
+    """Change one order after the other as long as a score falls; all that was tried, best last."""
     best, tried, work = start, [start], 0
     for _ in range(rounds):
         for orders in _neighbours(best.orders):
@@ -250,31 +195,34 @@ def refine_orders(
     return [*tried, best]
 
 
-def _reduced(scorer: Scorer, start: Candidate) -> list[Candidate]:
-    """The candidate with smaller orders of lower BIC, each input its own, if there is one."""
-    limits = OrderLimits.of(scorer.limits.ranges, scorer.limits.names)
-    settings = search_settings(scorer.settings)
-    stretches = recording_of(scorer.stretches)
-    reduced = reduced_orders(stretches, start.orders, settings, limits)
-    if reduced == start.orders:
-        return []
-    fits = fits_of_several_inputs(scorer.stretches, {start.order: reduced}, scorer.settings)
-    return [scorer.scored(scorer.described(start.structure, found)) for _, found in fits]
-
-
 def _neighbours(o: Orders) -> list[Orders]:
-    given = {name: getattr(o.single, name) for name in ORDER_NAMES}
-    nb, nk = given["nb"], given["nk"]
-    changes = [{"nb": nb + 1}, {"nb": nb + 3}, {"nk": nk + 1}]
-    if nb > 1:
-        changes += [{"nb": nb - 1}, {"nk": nk + 1, "nb": nb - 1}]
-    if nk > 0:
-        changes += [{"nk": nk - 1, "nb": nb + 1}, {"nk": nk - 1}]
-    for name in ("na", "nc", "nd", "nf"):
-        order = given[name]
-        changes += [{name: order + 1}] if order else []
-        changes += [{name: order - 1}] if order > 1 else []
-    return [Orders(**(given | change)) for change in changes]
+    """Orders of which one, or B and the delay of one input, are a little larger or smaller."""
+    found = []
+    for place, (nb, nk) in enumerate(zip(o.nb, o.nk, strict=True)):
+        changes = [{"nb": 1}, {"nb": 3}, {"nk": 1}]
+        changes += [{"nb": -1}, {"nk": 1, "nb": -1}] if nb > 1 else []
+        changes += [{"nk": -1, "nb": 1}, {"nk": -1}] if nk > 0 else []
+        # Inputs that begin with the same orders may need fewer poles and zeros, each its own.
+        surplus = o.inputs > 1 and min(nb, o.nf[place]) > 1
+        changes += [{"nf": -1, "nb": -1}] if surplus else []
+        found += [changed(o, place, **each) for each in changes]
+    for place, name in [(0, "na"), (0, "nc"), (0, "nd"), *((i, "nf") for i in range(o.inputs))]:
+        order = o.nf[place] if name == "nf" else getattr(o, name)
+        found += [changed(o, place, **{name: 1})] if order else []
+        found += [changed(o, place, **{name: -1})] if order > 1 else []
+    return found
+
+
+def changed(orders: Orders, place: int | None = None, **differences: int) -> Orders:
+    """Larger or smaller orders, of one input or of all, of the smallest structure that has them."""
+    given: dict[str, Any] = {name: getattr(orders, name) for name in ORDER_NAMES}
+    for name, difference in differences.items():
+        given[name] = (
+            tuple(n + difference * (place in (None, i)) for i, n in enumerate(given[name]))
+            if name in PER_INPUT
+            else given[name] + difference
+        )
+    return Orders(**given)
 
 
 # Alternatives of each input that are recorded.

@@ -10,11 +10,10 @@ from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Trial
 from evopem.automatic.remedy_orders import (
     DELAY,
+    IN_STATE_SPACE,
     LENGTH,
-    MOST_OF_SEVERAL,
     MOST_TRIALS,
-    OF_ONE_CHANNEL,
-    OF_SEVERAL,
+    OF_POLYNOMIALS,
     TOLERATED,
     earlier_delays,
     with_noise_models,
@@ -46,13 +45,12 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
     Cancelling roots, roots at the bound, and more coefficients than the input excites: fewer poles
     and zeros.  First coefficients of B that are not significant: a longer delay; last ones: a
     shorter B.  Coloured residuals: a noise model of larger order.  Residuals that depend on past
-    inputs: more coefficients of B.  Of several channels: earlier delays, larger orders, and other
+    inputs: more coefficients of B.  In state space: earlier delays, larger orders, and other
     structures with a noise model, of those that were ``searched``.
     """
     first = current = choice.candidate
     scorer.remember([current])
-    by_orders = scorer.is_single and current.polynomials is not None
-    groups, left = (OF_ONE_CHANNEL, MOST_TRIALS) if by_orders else (OF_SEVERAL, MOST_OF_SEVERAL)
+    groups, left = IN_STATE_SPACE if current.polynomials is None else OF_POLYNOMIALS, MOST_TRIALS
     trials: list[Trial] = []
     tried: list[tuple[str, Candidate]] = []
     for checks, remedies in groups:
@@ -152,15 +150,11 @@ def _trial(
 
 
 def _has_coloured_plant(scorer: Scorer, candidate: Candidate) -> bool:
-    """Whether residuals of one channel are coloured, and the plant has poles of its own."""
-    if candidate.polynomials is None or not scorer.is_single:
+    """Whether residuals of polynomials are coloured, and the plant has poles of its own."""
+    if candidate.polynomials is None:
         return False
-    orders = candidate.orders
-    return (
-        orders.single.nf > 0
-        and orders.na == 0
-        and scorer.checks(candidate).whiteness < SIGNIFICANCE
-    )
+    own_poles = any(candidate.orders.nf) and candidate.orders.na == 0
+    return own_poles and scorer.checks(candidate).whiteness < SIGNIFICANCE
 
 
 def _with_another_noise_model(
@@ -184,7 +178,7 @@ def _with_another_noise_model(
             return described, True
     if candidate.structure == "oe":
         return candidate, False
-    o = candidate.orders.single
+    o = candidate.orders
     orders = Orders(nb=o.nb, nf=o.nf, nk=o.nk)
     models = [candidate.polynomials] if candidate.polynomials else []
     alone = scorer.candidate("oe", orders, models)

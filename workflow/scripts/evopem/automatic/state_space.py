@@ -1,20 +1,16 @@
-"""Models that are estimated order by order: in state space, and polynomials of several inputs."""
+"""Models in state space, estimated order by order."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
 from evopem.automatic.fit import Fit, FitSettings
 from evopem.automatic.held_out.folds import LONG, is_large
-from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.config.structures import OF_ABSOLUTE_ERRORS, STATE_SPACE_FORMS
-from evopem.estimation import order_scan
-from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.state_space.estimate import RISES, estimates_of_orders
 from evopem.estimation.state_space.local_estimates import (
     StateSpaceEstimate,
@@ -24,12 +20,10 @@ from evopem.estimation.state_space.local_estimates import (
 from evopem.estimation.state_space.problem import STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH
 from evopem.estimation.state_space.starting_models import USUAL_ORDER
-from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
 
 Log = Callable[[str], None]
-Estimate = TypeVar("Estimate", StateSpaceEstimate, PolynomialEstimate)
 
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
 # and steps of these descents; also of those on folds of long records, from the optimum of all.
@@ -87,64 +81,41 @@ def fits_in_state_space(
         log=log,
     )
     first = max(delays, default=0)
-    for order, each in until_bic_rises((each.order, each) for each in estimates).items():
+    for each in until_bic_rises(estimates):
         residuals = tuple(e[np.isfinite(e).all(axis=1)] for e in each.residuals)
-        yield order, Fit(each.model, each.parameters, residuals, first)
+        yield each.order, Fit(each.model, each.parameters, residuals, first)
 
 
-def fits_of_several_inputs(
-    stretches: Sequence[Segment],
-    orders: Mapping[int, Orders],
-    settings: FitSettings,
-    log: Log | None = None,
-) -> Iterator[tuple[int, Fit]]:
-    """Fits of polynomials of several inputs, of ascending orders until their BIC rises."""
-    search = search_settings(settings)
-    estimates = order_scan.scanned_orders(recording_of(stretches), orders, search, log)
-    ends = np.cumsum([each.samples for each in stretches])[:-1]
-    for order, each in until_bic_rises(estimates).items():
-        residuals = tuple(
-            e[np.isfinite(e)][:, None] for e in np.split(np.asarray(each.residuals), ends)
-        )
-        levels = each.levels or (each.model.level,)
-        count = each.model.orders.parameters + len(levels)
-        yield order, Fit(each.model, count, residuals, each.window.residual_start, levels)
-
-
-def until_bic_rises(estimates: Iterable[tuple[int, Estimate]]) -> dict[int, Estimate]:
+def until_bic_rises(estimates: Iterable[StateSpaceEstimate]) -> Iterator[StateSpaceEstimate]:
     """The estimates by ascending order, up to where the BIC has risen so often that a search ends.
 
     From the usual largest order on it ends with the first rise, also of the BIC with the colour of
     the errors: states that only describe coloured errors would be added without end.
     """
-    found: dict[int, Estimate] = {}
     lowest = lowest_coloured = np.inf
     rises = 0
-    for order, estimate in estimates:
-        found[order] = estimate
+    for estimate in estimates:
+        yield estimate
         rises = 0 if estimate.bic < lowest else rises + 1
         falls = rises == 0 and estimate.coloured_bic < lowest_coloured
-        if rises >= RISES or (order >= USUAL_ORDER and not falls):
-            break
+        if rises >= RISES or (estimate.order >= USUAL_ORDER and not falls):
+            return
         lowest = min(lowest, estimate.bic)
         lowest_coloured = min(lowest_coloured, estimate.coloured_bic)
-    return found
 
 
 def refit(
-    model: Model,
+    model: StateSpaceModel,
     structure: str,
     stretches: Sequence[Segment],
     delays: tuple[int, ...],
     settings: FitSettings,
     whole: Sequence[Segment],
-) -> Model:
+) -> StateSpaceModel:
     """The optimum of stretches, parts of whole ones, that a descent from a model ends at.
 
     Raises ValueError when they are too short, or the descent finds no stable model.
     """
-    if isinstance(model, PolynomialModel):
-        return order_scan.refitted(model, recording_of(stretches), search_settings(settings))
     estimation = recording_of(stretches)
     steps = LARGE_STEPS if is_large(whole, LONG) else STEPS
     task = task_of(recording_of(whole), structure, delays, settings)

@@ -13,7 +13,6 @@ from evopem.automatic.candidate_checks import feedback_probability, heaviness
 from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.orders import refine_orders
-from evopem.automatic.subspace_comparison import with_subspace_estimate
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
@@ -108,7 +107,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     if scorer.has_input:
         level, about_level = _level_of(candidates)
         score = score_of(_kind_of(level))
-        for finalist in _finalists(scorer, candidates, score):
+        for finalist in _finalists(candidates, score):
             candidates.extend(refine_orders(scorer, finalist, score))
         candidates = list(dict.fromkeys(candidates))
         simulation, about = _for_simulation(scorer, candidates, _kind_of(level))
@@ -133,12 +132,6 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
         ),
         _named("structure for modes", modes, candidates, BIC, "BIC"),
     ]
-    if scorer.has_input and scorer.is_single:
-        about = with_subspace_estimate(
-            *(scorer.stretches, scorer.plan, scorer.settings.objective, simulation.name),
-            *(simulation.scores, level == "state"),
-        )
-        decisions.append(about)
     return Comparison(tuple(choices), tuple(candidates), tuple(decisions))
 
 
@@ -158,16 +151,18 @@ def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
     return level, Decision("level", level, alternatives, criterion, sentence)
 
 
-def _finalists(scorer: Scorer, candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
-    """The best of the best structures; of several inputs the best polynomials as well."""
-    names = dict.fromkeys(each.structure for each in candidates)
-    best = sorted(
-        (min((c for c in candidates if c.structure == n), key=score) for n in names), key=score
-    )
-    finalists = best[:FINALISTS]
-    if not scorer.is_single:
-        finalists += [each for each in best[FINALISTS:] if each.polynomials is not None][:1]
-    return finalists
+def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
+    """The best of the best structures of polynomials, and of several inputs the likeliest.
+
+    Several inputs begin with the same orders, also in a model that is taken for its likelihood.
+    """
+    polynomials = [each for each in candidates if each.polynomials is not None]
+    names = dict.fromkeys(each.structure for each in polynomials)
+    best = (min((c for c in polynomials if c.structure == n), key=score) for n in names)
+    finalists = sorted(best, key=score)[:FINALISTS]
+    if polynomials and polynomials[0].orders.inputs > 1:
+        finalists.append(min(polynomials, key=BIC))
+    return list(dict.fromkeys(finalists))
 
 
 def _for_simulation(
@@ -265,10 +260,16 @@ def _without_evidence(
 
 
 def _smallest(scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score) -> Candidate:
-    """The fewest failed checks, then parameters, of those without strong evidence against them."""
+    """The fewest failed checks, then parameters, of those without strong evidence against them.
+
+    Of as many parameters polynomials, whose orders may be refined one by one.
+    """
     return min(
         _without_evidence(scorer, candidates, *criteria),
-        key=lambda each: (len(scorer.checks(each).failed), each.parameters, criteria[0](each)),
+        key=lambda each: (
+            *(len(scorer.checks(each).failed), each.parameters, each.polynomials is None),
+            criteria[0](each),
+        ),
     )
 
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from evopem.config.channels import are_one
 from evopem.config.constraints import Constraints
-from evopem.config.settings import DatasetSettings
+from evopem.config.settings import DatasetSettings, OrderRanges
 from evopem.errors import InputError
 
 # The orders that each structure has, in the order of MATLAB's tuples (Ljung 1999, chapter 4).
@@ -44,15 +44,13 @@ AUTOMATIC_STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def searched_structures(wanted: str | None) -> tuple[str, ...]:
-    """The structures that are searched for one of them, itself last; all of them for None."""
-    if wanted is None:
-        return tuple(AUTOMATIC_STRUCTURES)
+def searched_structures(wanted: str) -> tuple[str, ...]:
+    """The structures of polynomials that are searched for one of them, itself last."""
     needed = {wanted}
     for structure in reversed(list(AUTOMATIC_STRUCTURES)):
         if structure in needed:
             needed.update(AUTOMATIC_STRUCTURES[structure])
-    return tuple(each for each in AUTOMATIC_STRUCTURES if each in needed)
+    return (*(each for each in AUTOMATIC_STRUCTURES if each in needed - {wanted}), wanted)
 
 
 def has_input(structure: str) -> bool:
@@ -152,10 +150,12 @@ def searched_forms(dataset: DatasetSettings) -> tuple[str, ...]:
     own, channels = dataset.automatic, dataset.channels
     if own is None:
         return ()
-    if dataset.is_single_channel:
-        return searched_structures(own.structure)
     if own.structure is not None and is_polynomial(own.structure):
-        return (own.structure,)
+        return searched_structures(own.structure)
+    if dataset.is_single_channel:
+        # Ranges of orders of polynomials ask for these.
+        open_orders = own.orders.of_polynomials == OrderRanges(nk=own.orders.nk)
+        return (*AUTOMATIC_STRUCTURES, "ss") if open_orders else tuple(AUTOMATIC_STRUCTURES)
     forms: tuple[str, ...] = ("ss",)
     if channels.inputs:
         forms = tuple(form for form in STATE_SPACE_FORMS if own.form in (None, form))

@@ -331,14 +331,16 @@ class StateSpaceModel:
         }
 
     def _delayed(self, inputs: ArrayLike) -> Array:
-        """Inputs shifted by their delays, (N, nu); zero before the record."""
+        """Inputs, (N, nu), or (N,) of one, shifted by their delays; zero before the record."""
         u = np.asarray(inputs, dtype=float)
+        u = u[:, None] if u.ndim == 1 else u
         if u.ndim != 2 or u.shape[1] != self.inputs:
             raise ValueError(f"inputs must be (N, {self.inputs}), not {u.shape}")
         return delayed(u, self._delays)
 
     def _signals(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[Array, Array]:
         u, y = self._delayed(inputs), np.asarray(outputs, dtype=float)
+        y = y[:, None] if y.ndim == 1 else y
         if y.shape != (len(u), self.outputs):
             raise ValueError(f"outputs must be ({len(u)}, {self.outputs}), not {y.shape}")
         return u, y

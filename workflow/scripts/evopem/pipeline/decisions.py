@@ -14,7 +14,6 @@ from evopem.automatic.orders import DelayChoice
 from evopem.automatic.preparation.plan import PreparationPlan
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice, Comparison
-from evopem.automatic.subspace_comparison import SUBJECT
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.candidate import Candidate as PhaseCandidate
 from evopem.estimation.candidate import PhaseSelection
@@ -146,18 +145,12 @@ def collect_decisions(
         load(Decision, files.decision("search")),
     )
     choice = remedied.choice
-    remarks = *_remarks(files, choice.level), *_worse_than_estimate(comparison)
+    remarks = _remarks(files, choice.level)
     record = DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
         *((*remarks, *remedied.statements), other),
     )
     save(record, files.decisions)
-
-
-def _worse_than_estimate(comparison: Comparison) -> tuple[str, ...]:
-    """What is to be said where a short method simulates clearly better than the chosen model."""
-    compared = [each for each in comparison.decisions if each.subject == SUBJECT]
-    return tuple(each.sentence for each in compared if each.choice != each.alternatives[0].name)
 
 
 def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:

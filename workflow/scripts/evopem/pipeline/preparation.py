@@ -49,7 +49,6 @@ def prepare_samples(
     requirements: SampleRequirements | None = None,
     fit: tuple[FitSettings, OrderGrid] | None = None,
     delays: InputRanges = None,
-    of_polynomials: bool = True,
 ) -> None:
     """Make all channels stationary, and divide the samples for estimation and validation.
 
@@ -83,7 +82,7 @@ def prepare_samples(
     if given is not None:
         stretches, names = load_record(files).stretches, prepared.estimation.input_names
         with errors_name_dataset(files), one_blas_thread():
-            save(decide_folds(stretches, of_polynomials), files.decision("folds"))
+            save(decide_folds(stretches), files.decision("folds"))
             save(decide_delays(stretches, names, delays), files.decision("delay"))
 
 

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 # Designs of folds: number of folds, and blocks of each.  Long blocks show errors of the gain and of
 # slow poles, many folds leave more samples to fit, interleaved blocks compare like with like.
 DESIGNS = ((2, 1), (5, 1), (2, 3))
-# Of several channels and in state space, where models take longer to fit, and of large records.
+# Of several channels, where models take longer to fit, and of large records.
 OF_SEVERAL, OF_LARGE = ((5, 1),), ((2, 1),)
 # For records whose excitation moves over the bands, such as a chirp.
 INTERLEAVED = ((2, 3), (2, 6))
@@ -89,15 +89,12 @@ def is_large(segments: Sequence[Segment], values: int = LARGE) -> bool:
     return sum(each.inputs.size + each.outputs.size for each in segments) > values
 
 
-def decide_folds(stretches: Sequence[Segment], of_polynomials: bool = True) -> FoldPlan:
-    """Choose the designs of folds whose parts have common input spectra, and judge repetitions.
-
-    Polynomials of one input take less time than other models, and have more folds.
-    """
+def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
+    """Choose the designs of folds whose parts have common input spectra, and judge repetitions."""
     samples = total_samples(stretches)
     channels = stretches[0].inputs.shape[1], stretches[0].outputs.shape[1]
     designs: tuple[tuple[int, int], ...] = DESIGNS
-    if channels != (1, 1) or not of_polynomials:
+    if channels != (1, 1):
         designs = OF_LARGE if is_large(stretches) else OF_SEVERAL
 
     def possible(some: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:

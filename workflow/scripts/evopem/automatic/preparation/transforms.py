@@ -1,4 +1,4 @@
-"""Transforms of recordings, decided: trends, and Box-Cox of the output.
+"""The transform of recordings, decided: a trend taken away, or Box-Cox of the output.
 
 Each alternative is scored by simulations of held-out samples in recorded units.  Removing a trend
 is not safe as a rule: a transform is taken only where every fold gains by it.
@@ -51,7 +51,6 @@ SPREAD_ORDER = 4
 # Lags of the ARX model with which a drift is estimated, and the sum of its output coefficients that
 # leaves a level.
 DRIFT_ORDER, LEAST_DECAY = 4, 1e-3
-Slopes = Callable[[Sequence[Segment]], tuple[float, float]]
 CRITERION = "simulation error on held-out samples in recorded units, % of the output"
 # Box-Cox parameters this near to 1 change nothing.
 LEAST_CURVATURE = 0.1
@@ -59,9 +58,10 @@ LEAST_CURVATURE = 0.1
 
 @dataclass(frozen=True)
 class TransformPlan:
-    """The transforms that are taken."""
+    """The transform that is taken, and the decision behind it."""
 
     box_cox: float | None = None  # parameter of the output's Box-Cox transform
+    shift: float = 0.0  # of the output before it
     input_trend: float = 0.0  # slopes that are taken from the channels, in their units per sample
     output_trend: float = 0.0
     decisions: tuple[Decision, ...] = ()
@@ -77,6 +77,11 @@ class TransformPlan:
         return self.box_cox is not None or self.has_trend
 
 
+PlanOf = Callable[[Sequence[Segment]], TransformPlan]
+Transform = tuple[str, PlanOf]
+_NONE: Transform = ("none", lambda _: TransformPlan())
+
+
 def decide_transforms(
     stretches: Sequence[Segment],
     begins: Sequence[int],
@@ -84,61 +89,69 @@ def decide_transforms(
     trend: bool = False,
     continued: bool = True,
 ) -> TransformPlan:
-    """Decide the transforms of stretches between breaks, in recorded units, of one input.
+    """Decide the transform of stretches between breaks, in recorded units, of one input.
 
     ``begins`` are their first samples in their recordings.  ``box_cox`` and ``trend`` tell whether
     the configuration says what is done, ``continued`` whether the validation samples continue the
     estimation samples, and their trend.
     """
+    if box_cox and trend:
+        return TransformPlan(decisions=(given_by_configuration("transform", "as written"),))
     kept = [
         replace(each, inputs=np.column_stack([each.inputs, begin + np.arange(each.samples)]))
         for each, begin in zip(stretches, begins, strict=True)
     ]
     kept = list(first_samples(kept, MOST_SAMPLES))
-    folds = _folds(kept)
-    plain = None
-    if folds and not ((trend or not continued) and box_cox):
-        plain = _errors(folds)
-    slopes, about_trend = (0.0, 0.0), _not_tried("trend", "none")
-    if trend:
-        about_trend = given_by_configuration("trend", "none")
+    folds, tried, sentences = _folds(kept), [_NONE], []
+    if not folds:
+        sentences.append("The record is too short for folds.")
+    elif trend:
+        sentences.append("The configuration says of trends what is done.")
     elif not continued:
-        about_trend = _not_tried("trend", "none", "The validation samples are of other recordings.")
-    elif plain is not None:
-        slopes, about_trend = _decide_trend(kept, folds, plain)
-    parameter, about_box_cox = None, _not_tried("Box-Cox", "none")
-    if box_cox:
-        about_box_cox = given_by_configuration("Box-Cox", "as written")
-    elif plain is not None and not any(slopes):
-        parameter, about_box_cox = _decide_box_cox(kept, folds, plain)
-    return TransformPlan(parameter, *slopes, decisions=(about_trend, about_box_cox))
-
-
-def _decide_trend(
-    stretches: Sequence[Segment], folds: Sequence[Fold], plain: Array
-) -> tuple[tuple[float, float], Decision]:
-    """The slopes of input and output: lines through both, or a drift estimated with a model."""
-    kinds = {"line of each channel": _lines, "drift of the output": _drift}
-    errors = {name: _errors(folds, _plans_by(slopes)) for name, slopes in kinds.items()}
+        sentences.append("The validation samples are of other recordings: no trend is tried.")
+    else:
+        tried += [("line of each channel", _lines), ("drift of the output", _drift)]
+    if folds and not box_cox:
+        bent, sentence = _box_cox(kept)
+        tried += bent
+        sentences.append(sentence)
+    errors = [_errors(folds, plan_of) for _, plan_of in tried] if tried[1:] else []
+    better = [k for k, found in enumerate(errors) if _gains(found, errors[0])]
+    chosen = min(better, key=lambda k: _together(errors[k]), default=0)
+    if errors:
+        simulated = "every part of the held-out samples is simulated better, in recorded units."
+        sentences.append(f"With this transform {simulated}" if chosen else f"With none {simulated}")
     alternatives = tuple(
-        Alternative(name, _together(found)) for name, found in ({"none": plain} | errors).items()
+        Alternative(name, _together(errors[k]) if errors else np.nan)
+        for k, (name, _) in enumerate(tried)
     )
-    better = [name for name, found in errors.items() if _gains(found, plain)]
-    if not better:
-        sentence = (
-            "No trend that is taken away simulates every part of the held-out samples better, its"
-            " continuation included."
-        )
-        return (0.0, 0.0), Decision("trend", "none", alternatives, CRITERION, sentence)
-    name = min(better, key=lambda each: _together(errors[each]))
+    name, plan_of = tried[chosen]
+    about = Decision("transform", name, alternatives, CRITERION, " ".join(sentences))
+    return replace(plan_of(kept), decisions=(about,))
+
+
+def _box_cox(stretches: Sequence[Segment]) -> tuple[list[Transform], str]:
+    """The Box-Cox transform that is tried, if any, and why."""
+    probability = spread_test([_transformed(each) for each in stretches])
+    depends = probability < SPREAD_LEVEL
     sentence = (
-        "Without this trend every part of the held-out samples is simulated better, its"
-        " continuation included."
+        f"The spread of the residuals of an ARX model {'depends' if depends else 'does not depend'}"
+        f" on the level of the output (p = {probability:.2g} of the correlation of their ranks)."
     )
-    return kinds[name](stretches), Decision("trend", name, alternatives, CRITERION, sentence)
+    if not depends:
+        return [], sentence
+    outputs = [each.output for each in stretches]
+    shift = positive_shift(*outputs)
+    try:
+        parameter = round(likeliest_box_cox(np.concatenate(outputs), shift), 2)
+    except InputError:
+        return [], sentence
+    plan = TransformPlan(parameter, shift)
+    bends = abs(parameter - 1.0) >= LEAST_CURVATURE
+    return [(f"Box-Cox, λ = {parameter:g}", lambda _: plan)] if bends else [], sentence
 
 
-def _lines(stretches: Sequence[Segment]) -> tuple[float, float]:
+def _lines(stretches: Sequence[Segment]) -> TransformPlan:
     """Slopes of the lines through input and output, with a level for each recording."""
     u, t = np.concatenate([each.inputs for each in stretches]).T
     y = np.concatenate([each.output for each in stretches])
@@ -146,10 +159,10 @@ def _lines(stretches: Sequence[Segment]) -> tuple[float, float]:
     levels = [owner == number for number in dict.fromkeys(owner.tolist())]
     columns = np.column_stack([t - t.mean(), *levels]).astype(float)
     solution = np.linalg.lstsq(columns, np.column_stack([u, y]), rcond=None)[0]
-    return float(solution[0, 0]), float(solution[0, 1])
+    return TransformPlan(input_trend=float(solution[0, 0]), output_trend=float(solution[0, 1]))
 
 
-def _drift(stretches: Sequence[Segment]) -> tuple[float, float]:
+def _drift(stretches: Sequence[Segment]) -> TransformPlan:
     """Slope of the output's drift, estimated along with an ARX model."""
     n, rows, target = DRIFT_ORDER, [], []
     for each in (long for long in stretches if long.samples > 2 * DRIFT_ORDER):
@@ -160,43 +173,11 @@ def _drift(stretches: Sequence[Segment]) -> tuple[float, float]:
         rows.append(np.column_stack([*lagged, t[n:], np.ones(len(y) - n)]))
         target.append(y[n:])
     if not rows:
-        return 0.0, 0.0
+        return TransformPlan()
     solution = np.linalg.lstsq(np.vstack(rows), np.concatenate(target), rcond=1e-10)[0]
     gain = 1.0 - float(np.sum(solution[:n]))
-    return 0.0, float(solution[-2]) / gain if abs(gain) > LEAST_DECAY else 0.0
-
-
-def _decide_box_cox(
-    stretches: Sequence[Segment], folds: Sequence[Fold], plain: Array
-) -> tuple[float | None, Decision]:
-    probability = spread_test([_transformed(each) for each in stretches])
-    spread = (
-        "The spread of the residuals of an ARX model {} on the level of the output"
-        f" (p = {probability:.2g} of the correlation of their ranks)"
-    )
-    none = Alternative("none", _together(plain))
-    if not probability < SPREAD_LEVEL:
-        sentence = spread.format("does not depend") + "."
-        return None, Decision("Box-Cox", "none", (none,), CRITERION, sentence)
-    outputs = [each.output for each in stretches]
-    shift = positive_shift(*outputs)
-    try:
-        parameter = round(likeliest_box_cox(np.concatenate(outputs), shift), 2)
-    except InputError:
-        parameter = 1.0
-    transformed = np.full_like(plain, LARGEST_ERROR)
-    if abs(parameter - 1.0) >= LEAST_CURVATURE:
-        transformed = _errors(folds, lambda _: TransformPlan(parameter), shift)
-    alternatives = none, Alternative(f"λ = {parameter:g}", _together(transformed))
-    taken = _gains(transformed, plain)
-    sentence = spread.format("depends") + (
-        f", {'and' if taken else 'yet'} models of the transformed output"
-        f" {'simulate' if taken else 'do not simulate'} every part of the held-out samples better"
-        " in recorded units."
-    )
-    choice = alternatives[int(taken)].name
-    return (parameter if taken else None), Decision(
-        "Box-Cox", choice, alternatives, CRITERION, sentence
+    return TransformPlan(
+        output_trend=float(solution[-2]) / gain if abs(gain) > LEAST_DECAY else 0.0
     )
 
 
@@ -228,42 +209,34 @@ def _folds(stretches: Sequence[Segment]) -> list[Fold]:
     ]
 
 
-def _plans_by(slopes_of: Slopes) -> Callable[[Sequence[Segment]], TransformPlan]:
-    """Plans with the slopes of training samples, which are taken from the held-out ones, too."""
-    return lambda training: TransformPlan(None, *slopes_of(training))
-
-
-def _transformed(
-    stretch: Segment, plan: TransformPlan = TransformPlan(), shift: float = 0.0
-) -> Segment:
+def _transformed(stretch: Segment, plan: TransformPlan = TransformPlan()) -> Segment:
     """A stretch, whose second input is the time, by a plan."""
     u, t = stretch.inputs.T
     y = stretch.output - plan.output_trend * t
     if plan.box_cox is not None and len(y):
-        y = box_cox(y, plan.box_cox, shift)
+        y = box_cox(y, plan.box_cox, plan.shift)
     return replace(stretch, inputs=u - plan.input_trend * t, outputs=y)
 
 
-def _errors(
-    folds: Sequence[Fold],
-    plan_of: Callable[[Sequence[Segment]], TransformPlan] = lambda _: TransformPlan(),
-    shift: float = 0.0,
-) -> Array:
-    """Error of each probe in each fold, (probes, folds), as a share of the output's deviation."""
+def _errors(folds: Sequence[Fold], plan_of: PlanOf) -> Array:
+    """Error of each probe in each fold, (probes, folds), as a share of the output's deviation.
+
+    Slopes of the training samples are taken from the held-out ones, too.
+    """
     errors = np.full((len(PROBES), len(folds)), LARGEST_ERROR)
     for (column, fold), (row, orders) in product(enumerate(folds), enumerate(PROBES)):
         outputs = [each.output - each.output.mean() for each in fold.held_out]
         power = float(np.mean(np.concatenate(outputs) ** 2))
         try:
             plan = plan_of(fold.training)
-            fitted = [_transformed(each, plan, shift) for each in fold.training]
+            fitted = [_transformed(each, plan) for each in fold.training]
             model = fit(fitted, orders, FitSettings(), stages=FOLD_STAGES).model
             left = []
             for parts in zip(fold.before, fold.held_out, strict=True):
-                past, stretch = (_transformed(each, plan, shift) for each in parts)
+                past, stretch = (_transformed(each, plan) for each in parts)
                 found = simulated_on(model, past, stretch, fitted_level=True)[:, 0]
                 if plan.box_cox is not None:
-                    found = invert_box_cox(found, plan.box_cox, shift)
+                    found = invert_box_cox(found, plan.box_cox, plan.shift)
                 u_and_t, y = (each[-len(found) :] for each in (parts[1].inputs, parts[1].output))
                 left.append(found + plan.output_trend * u_and_t[:, 1] - y)
         except (NoModelError, InputError):
@@ -289,10 +262,3 @@ def _gains(errors: Array, plain: Array) -> bool:
     best = np.mean(np.log(errors.min(axis=0) / plain.min(axis=0)))
     gain = np.log(1.0 - LEAST_GAIN)
     return bool(np.all(ratios < 0.0) and np.mean(ratios) < gain and best <= 0.0)
-
-
-def _not_tried(subject: str, choice: str, reason: str = "") -> Decision:
-    reason = reason or "The record is too short for folds, or another transform is taken."
-    return Decision(
-        subject, choice, (Alternative(choice, np.nan),), CRITERION, f"Not tried. {reason}"
-    )

@@ -66,8 +66,8 @@ def wanted(task: Task) -> tuple[str, ...]:
 
 def _nested(task: Task) -> tuple[str, ...]:
     """The structures whose models are starts of a search."""
-    single = task.settings.is_single_channel
-    return AUTOMATIC_STRUCTURES[task.values["structure"]] if single else ()
+    nested = AUTOMATIC_STRUCTURES.get(task.values["structure"], ())
+    return tuple(each for each in nested if each in searched_forms(task.settings))
 
 
 def purposes(task: Task) -> tuple[str, ...]:
@@ -162,7 +162,6 @@ ARGUMENTS: Mapping[str, Value] = {
     "is_validated": lambda task: holds("source.validation_files", task.settings),
     "given": lambda task: order_grid.given_preparation(task.settings),
     "requirements": _of_chapter(order_grid.sample_requirements),
-    "of_polynomials": "is_single_channel",
     "nested": _nested,
     "structures": LISTS["structures"],
     "phases": LISTS["phases"],

@@ -63,7 +63,7 @@ STAGES = (
         "preparing the samples",
         inputs=("recording", _OTHER),
         outputs=_SCORED,
-        given=("is_validated", "given", "requirements", "of_polynomials"),
+        given=("is_validated", "given", "requirements"),
         settings={
             "settings": "preparation",
             "recorded": "source.all_files",
