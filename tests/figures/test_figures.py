@@ -10,16 +10,15 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
-from identified import with_model, with_output_name, without_covariance
+from identified import with_model, with_outcome, with_output_name, without_covariance
 
 from evopem.figures import REPORT_FIGURES
 from evopem.figures.chart import Chart, Curve, Panel, rows_of
 from evopem.figures.draw import draw, unwrapped_gaps
-from evopem.figures.frequency_domain import complex_plane
+from evopem.figures.frequency_domain import complex_plane, residual_spectra
 from evopem.figures.orders import convergence, delay, phases, stabilization
 from evopem.figures.style import svg_text
 from evopem.figures.time_domain import settling_part, shown_samples
-from evopem.figures.view import View, view_of
 from evopem.models.mode_matching import PoleOfOrder
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.layout import FIGURES
@@ -32,14 +31,9 @@ def results(identified):
     return identified.results
 
 
-@pytest.fixture(scope="module")
-def view(results):
-    return view_of(results)
-
-
-def drawn(view, name):
+def drawn(results, name):
     """The axes of a figure, as matplotlib draws it."""
-    return draw(REPORT_FIGURES[name].chart(view)).axes
+    return draw(REPORT_FIGURES[name].chart(results)).axes
 
 
 def lines(axes):
@@ -62,9 +56,9 @@ def words(figure):
     return " ".join("".join(e.itertext()) for e in root.iter("{http://www.w3.org/2000/svg}text"))
 
 
-def test_record_before_and_after(results, view):
+def test_record_before_and_after(results):
     recording, prepared = results.recording, results.prepared
-    before_u, after_u, before_y, after_y = drawn(view, "record")
+    before_u, after_u, before_y, after_y = drawn(results, "record")
     rate, fitted = recording.sampling_rate, prepared.estimation.samples
     time_axis = np.arange(recording.samples) / rate
     for axes, values in ((before_u, recording.input), (before_y, recording.output)):
@@ -82,7 +76,7 @@ def test_record_before_and_after(results, view):
 def test_units_are_shown_where_the_transforms_leave_them(results):
     linear = replace(results.model, transforms=replace(results.model.transforms, box_cox=None))
     named = replace(results.recording, output_names=("tip",), output_units=("m/s²",))
-    _, _, before, after = drawn(view_of(replace(results, model=linear, recording=named)), "record")
+    _, _, before, after = drawn(replace(results, model=linear, recording=named), "record")
     assert before.get_ylabel() == "tip (m/s²)"
     assert after.get_ylabel().replace("\n", " ") == "second difference of tip (m/s²)"
 
@@ -100,8 +94,8 @@ def test_a_million_samples_draw_quickly_and_small():
     assert (line.get_ydata().min(), line.get_ydata().max()) == (values.min(), values.max())
 
 
-def test_spectrum_with_band_peaks_and_truth(results, view):
-    (axes,) = drawn(view, "spectrum")
+def test_spectrum_with_band_peaks_and_truth(results):
+    (axes,) = drawn(results, "spectrum")
     shown, peaks = results.spectrum.iloc[1:], results.spectrum_summaries[0].peaks
     density = lines(axes)["estimate with 95 % band"].get_ydata()
     assert density.max() == pytest.approx(shown["density"].max())
@@ -117,8 +111,8 @@ def test_spectrum_with_band_peaks_and_truth(results, view):
         assert mode.frequency_hz in marked
 
 
-def test_frequency_response_with_band_data_and_coherence(results, view):
-    gain, phase, coherence = drawn(view, "frequency_response")
+def test_frequency_response_with_band_data_and_coherence(results):
+    gain, phase, coherence = drawn(results, "frequency_response")
     table = results.frequency_response.iloc[1:]
     model = lines(gain)["model G with 95 % band"].get_ydata()
     assert model.max() == pytest.approx(table["gain"].max())
@@ -137,8 +131,8 @@ def test_a_phase_breaks_where_it_wraps():
     assert np.nanmax(np.abs(y)) <= 180
 
 
-def test_poles_with_ellipses_and_modes_with_intervals(results, view):
-    circle, damping = drawn(view, "poles_zeros")
+def test_poles_with_ellipses_and_modes_with_intervals(results):
+    circle, damping = drawn(results, "poles_zeros")
     model, modes = results.model.model, results.model.modes
     poles = lines(circle)["poles"]
     found = np.sort_complex(poles.get_xdata() + 1j * poles.get_ydata())
@@ -155,23 +149,25 @@ def test_poles_with_ellipses_and_modes_with_intervals(results, view):
 
 def test_without_covariance_no_ellipse_is_drawn(results):
     unknown = replace(results, model=without_covariance(results.model))
-    circle, _ = drawn(view_of(unknown), "poles_zeros")
+    circle, _ = drawn(unknown, "poles_zeros")
     assert len(circle.patches) == 0
 
 
-class WithPoles(View):
-    """A view with three orders of poles."""
+POLES = (
+    PoleOfOrder(4, 10.0, 0.1, "new"),
+    PoleOfOrder(5, 10.0, 0.1, "frequency"),
+    PoleOfOrder(6, 10.0, 0.1, "stable"),
+    PoleOfOrder(6, 30.0, 0.1, "new"),
+)
 
-    poles_of_orders = (
-        PoleOfOrder(4, 10.0, 0.1, "new"),
-        PoleOfOrder(5, 10.0, 0.1, "frequency"),
-        PoleOfOrder(6, 10.0, 0.1, "stable"),
-        PoleOfOrder(6, 30.0, 0.1, "new"),
-    )
+
+def with_poles(results, poles):
+    """The results with other poles of the models of all orders."""
+    return with_outcome(results, modes=replace(results.validation.modes, poles=poles))
 
 
 def test_stabilization_marks_each_status_and_the_selected_order(results):
-    (axes,) = draw(stabilization(WithPoles(results))).axes
+    (axes,) = draw(stabilization(with_poles(results, POLES))).axes
     found = lines(axes)
     assert list(found["new"].get_xdata()) == [10.0, 30.0]
     assert list(found["new"].get_ydata()) == [4, 6]
@@ -180,15 +176,15 @@ def test_stabilization_marks_each_status_and_the_selected_order(results):
     assert list(found["selected"].get_ydata()) == 2 * [results.validation.modes.order]
 
 
-def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(results, view):
+def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(results):
     table, rate = results.validation_tables.simulation, results.model.sampling_rate
-    (axes,) = drawn(view, "measured_and_simulated")
+    (axes,) = drawn(results, "measured_and_simulated")
     shown = table[table["simulated_output"].notna()].iloc[
         : shown_samples(results.model.modes, rate)
     ]
     for column in ("output", "simulated"):
         assert_drawn(axes, shown["time_s"], shown[f"{column}_output"])
-    (axes,) = drawn(view, "gain")
+    (axes,) = drawn(results, "gain")
     # The response has more points than are drawn: its extremes are.
     gain = lines(axes)["model G with 95 % band"].get_ydata()
     assert gain.max() == pytest.approx(results.frequency_response["gain"].iloc[1:].max())
@@ -196,10 +192,10 @@ def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(result
     assert marked == [mode.frequency_hz for mode in results.validation.modes.trusted]
 
 
-def test_step_and_impulse_are_those_of_the_transfer_function(results, view):
+def test_step_and_impulse_are_those_of_the_transfer_function(results):
     from scipy.signal import dlti, dstep
 
-    model, table = results.model.model, settling_part(view)
+    model, table = results.model.model, settling_part(results)
     numerator = np.zeros(max(len(model.delayed_b()), len(model.A)))
     denominator = np.zeros_like(numerator)
     numerator[: len(model.delayed_b())] = model.delayed_b()
@@ -209,7 +205,7 @@ def test_step_and_impulse_are_those_of_the_transfer_function(results, view):
     np.testing.assert_allclose(table["time_s"], times)
     impulse = table["impulse"].abs()
     assert impulse.iloc[-5:].max() < 0.02 * impulse.max()
-    for axes, column in zip(drawn(view, "step_and_impulse"), ("step", "impulse"), strict=True):
+    for axes, column in zip(drawn(results, "step_and_impulse"), ("step", "impulse"), strict=True):
         assert_drawn(axes, table["time_s"], table[column])
         band = axes.collections[0].get_paths()[0].vertices[:, 1]
         assert band.max() == pytest.approx(table[f"{column}_upper"].max())
@@ -229,7 +225,7 @@ def of_noise_alone(results):
     simulation = tables.simulation.assign(
         simulated_output=np.nan, simulation_error_output=np.nan, recorded_simulated_output=np.nan
     )
-    without = replace(
+    return replace(
         results,
         model=plain,
         settings=replace(
@@ -242,14 +238,13 @@ def of_noise_alone(results):
         time_response=in_time,
         validation_tables=replace(tables, simulation=simulation),
     )
-    return view_of(without)
 
 
 def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise_alone):
     charts = {name: figure.chart(of_noise_alone) for name, figure in REPORT_FIGURES.items()}
     shown = {name: chart for name, chart in charts.items() if not chart.nothing}
     assert set(FIGURES) - set(shown) == {"nyquist", "delay"}
-    noise = of_noise_alone.results.frequency_response["noise_gain"].iloc[1:]
+    noise = of_noise_alone.frequency_response["noise_gain"].iloc[1:]
     gain = shown["gain"].table
     assert set(gain["source"]) == {"noise filter"}
     assert gain["gain"].max() == noise.max()
@@ -262,9 +257,9 @@ def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise
 
 
 @pytest.mark.parametrize("kind", ["with input", "without"])
-def test_every_curve_has_its_columns_and_rows(view, of_noise_alone, kind):
+def test_every_curve_has_its_columns_and_rows(results, of_noise_alone, kind):
     """The page draws a panel from these columns of the figure's own table or of a named one."""
-    shown = view if kind == "with input" else of_noise_alone
+    shown = results if kind == "with input" else of_noise_alone
     charts = {name: figure.chart(shown) for name, figure in REPORT_FIGURES.items()}
     curves = 0
     for name, chart in charts.items():
@@ -277,31 +272,31 @@ def test_every_curve_has_its_columns_and_rows(view, of_noise_alone, kind):
     assert curves > 30
 
 
-def test_the_nyquist_diagram_shows_the_frequency_response_in_the_complex_plane(results, view):
+def test_the_nyquist_diagram_shows_the_frequency_response_in_the_complex_plane(results):
     table = results.frequency_response
     response = results.model.model.frequency_response(table["frequency_hz"])[:, 0, 0]
     parts = complex_plane(table["gain"], table["phase_deg"])
     np.testing.assert_allclose(parts[:, 0] + 1j * parts[:, 1], response, rtol=1e-6, atol=1e-9)
-    (axes,) = drawn(view, "nyquist")
+    (axes,) = drawn(results, "nyquist")
     x, y = lines(axes)["model G"].get_data()
     assert np.abs(response[:, None] - (x + 1j * y)).min(axis=0).max() < 1e-5
     assert axes.get_xlim() == axes.get_ylim()
 
 
-def test_the_level_of_white_noise_goes_through_the_residual_spectrum(view):
-    table = view.residual_spectrum
-    errors = view.results.validation_tables.simulation["prediction_error_output"].dropna()
+def test_the_level_of_white_noise_goes_through_the_residual_spectrum(results):
+    table = residual_spectra(results)
+    errors = results.validation_tables.simulation["prediction_error_output"].dropna()
     step = table["frequency_hz"].iloc[1]
     assert table["density"].sum() * step == pytest.approx(errors.var(ddof=0), rel=1e-6)
     assert table["density"].mean() == pytest.approx(table["white_level"].iloc[0], rel=0.01)
-    (axes,) = drawn(view, "residual_spectrum")
+    (axes,) = drawn(results, "residual_spectrum")
     level = lines(axes)["white noise of the same variance"].get_ydata()
     np.testing.assert_allclose(level, table["white_level"].iloc[0])
 
 
-def test_the_simulation_is_drawn_in_recorded_units(results, view):
+def test_the_simulation_is_drawn_in_recorded_units(results):
     table = results.validation_tables.simulation
-    (axes,) = drawn(view, "simulation_as_recorded")
+    (axes,) = drawn(results, "simulation_as_recorded")
     for line, column in zip(
         axes.get_lines(),
         ("recorded_output", "recorded_predicted", "recorded_simulated"),
@@ -310,56 +305,55 @@ def test_the_simulation_is_drawn_in_recorded_units(results, view):
         assert np.nanmax(line.get_ydata()) == pytest.approx(table[f"{column}_output"].max())
 
 
-def test_residuals_beyond_their_bounds_stand_out(view):
-    own, crossed = drawn(view, "residuals")
-    table = view.results.validation_tables.cross_correlation
+def test_residuals_beyond_their_bounds_stand_out(results):
+    own, crossed = drawn(results, "residuals")
+    table = results.validation_tables.cross_correlation
     outside = table[table["cross_correlation"].abs() > table["bound95"]]
     dots = [line for line in crossed.get_lines() if line.get_marker() == "."]
     np.testing.assert_allclose(dots[0].get_xdata(), outside["lag"])
     assert 0 not in lines(own)["inside"].get_xdata()
 
 
-def test_convergence_ends_where_the_search_did(results, view):
+def test_convergence_ends_where_the_search_did(results):
     history = results.phases["nb"].selected.diagnostics.convergence
-    figure = draw(convergence(view))
+    figure = draw(convergence(results))
     evaluations, best = zip(*history, strict=True)
     assert_drawn(figure.axes[0], evaluations, best)
     assert f"{best[-1]:.6g}" in words(figure)
 
 
-class WithSearch(View):
-    """A view with another history of the search."""
-
-    convergence = ((1000, 3.5903), (2000, 3.5902))
+def with_history(results, *history):
+    """The results with another history of the search."""
+    search = results.model.search
+    found = replace(search, diagnostics=replace(search.diagnostics, convergence=history))
+    return replace(results, model=replace(results.model, search=found))
 
 
 def test_the_last_digits_of_a_search_are_not_enlarged(results):
-    low, high = draw(convergence(WithSearch(results))).axes[0].get_ylim()
+    low, high = (
+        draw(convergence(with_history(results, (1000, 3.5903), (2000, 3.5902)))).axes[0].get_ylim()
+    )
     assert high - low == pytest.approx(0.01 * 3.5902)
     assert low < 3.5902 < 3.5903 < high
 
 
 def test_what_is_missing_is_said(results):
     of_nb = results.candidates[results.candidates["phase"] == "nb"]
-    view = view_of(replace(results, candidates=of_nb))
-    assert "no candidates of the delay search" in words(draw(delay(view)))
-    assert len(draw(phases(view)).axes) == 6
-    view = WithSearch(results)
-    view.convergence = ()
-    assert "is empty" in words(draw(convergence(view)))
-    view = WithPoles(results)
-    view.poles_of_orders = []
-    assert "No candidate" in words(draw(stabilization(view)))
+    results = replace(results, candidates=of_nb)
+    assert "no candidates of the delay search" in words(draw(delay(results)))
+    assert len(draw(phases(results)).axes) == 6
+    assert "is empty" in words(draw(convergence(with_history(results))))
+    assert "No candidate" in words(draw(stabilization(with_poles(results, ()))))
 
 
 def test_hostile_names_are_drawn_as_text(results):
-    view = view_of(with_output_name(results, HOSTILE, output_units=("V",)))
+    results = with_output_name(results, HOSTILE, output_units=("V",))
     for name in ("record", "simulation"):
-        figure = draw(REPORT_FIGURES[name].chart(view))
+        figure = draw(REPORT_FIGURES[name].chart(results))
         assert "<script" not in svg_text(figure)
         # A long label is folded over several lines, of which three are kept.
         assert "".join(HOSTILE.split())[:20] in "".join(words(figure).split())
-    assert "$x^2$" in words(draw(REPORT_FIGURES["record"].chart(view)))
+    assert "$x^2$" in words(draw(REPORT_FIGURES["record"].chart(results)))
 
 
 PROGRAM = """
@@ -388,11 +382,11 @@ def test_equal_data_give_equal_bytes_in_another_process():
     assert "<svg" in run.stdout
 
 
-def test_the_settings_of_matplotlib_are_restored(view):
+def test_the_settings_of_matplotlib_are_restored(results):
     import matplotlib as mpl
 
     before = dict(mpl.rcParams)
-    drawn(view, "convergence")
+    drawn(results, "convergence")
     assert dict(mpl.rcParams) == before
 
 

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from evopem.figures import style
+from evopem.figures.chart import FAMILY, FAMILY_MARKERS
+from evopem.results.channels import Channel, gain_unit, with_unit
 
 
 @given(
@@ -64,12 +66,12 @@ def test_labels_of_logarithmic_axes(value, label):
     ],
 )
 def test_unit_of_a_gain(output, given, unit):
-    assert style.ratio_unit(output, given) == unit
+    assert gain_unit(Channel("", "", "", output), Channel("", "", "", given)) == unit
 
 
 def test_labels_are_printable():
-    assert style.with_unit("torque\x00\n", "N m") == "torque\ufffd\ufffd (N m)"
-    assert style.with_unit("torque", "") == "torque"
+    assert with_unit("torque\x00\n", "N m") == "torque\ufffd\ufffd (N m)"
+    assert with_unit("torque", "") == "torque"
 
 
 def luminance(colour):
@@ -78,10 +80,16 @@ def luminance(colour):
 
 
 def test_every_role_has_a_colour_of_its_own():
-    roles = [style.INK, style.MUTED, style.GRID, style.PAPER, *style.FAMILY[:5]]
+    roles = [
+        style.INK,
+        style.MUTED,
+        style.GRID,
+        style.PAPER,
+        *(style.COLOURS[role] for role in FAMILY[:5]),
+    ]
     assert len(set(roles)) == len(roles)
     # Curves drawn together also differ in marker.
-    assert len(set(style.FAMILY_MARKERS)) == len(style.FAMILY)
+    assert len(set(FAMILY_MARKERS)) == len(FAMILY)
     # Text and model stand out from the paper in greyscale too.
     assert luminance(style.PAPER) - luminance(style.ERROR) > 100
     assert luminance(style.PAPER) - luminance(style.MODEL) > 100

@@ -18,7 +18,6 @@ from browsing import (
 from evopem.figures import REPORT_FIGURES, svg_texts
 from evopem.figures.draw import draw as drawn_chart
 from evopem.figures.style import svg_text
-from evopem.figures.view import view_of
 from evopem.report import build_report
 
 __all__ = ["browser", "comparison", "hostile", "index", "report", "several", "summary", "thousand"]
@@ -39,8 +38,7 @@ def draw(figures):
     """Function that draws some of the figures anew from other results: SVG texts of all by name."""
 
     def drawn(results, *names):
-        view = view_of(results)
-        anew = {name: svg_text(drawn_chart(REPORT_FIGURES[name].chart(view))) for name in names}
+        anew = {name: svg_text(drawn_chart(REPORT_FIGURES[name].chart(results))) for name in names}
         return figures | anew
 
     return drawn

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 from browsing import told
 
-from evopem.figures.view import view_of
 from evopem.report.numbers import count, percent
 
 
@@ -48,14 +47,14 @@ def with_search(results, **changes):
     ],
 )
 def test_diagnostics_of_the_search_in_words(results, changes, sentence):
-    (text,) = told("convergence", view_of(with_search(results, **changes)))
+    (text,) = told("convergence", with_search(results, **changes))
     assert sentence in text
-    (unchanged,) = told("convergence", view_of(results))
+    (unchanged,) = told("convergence", results)
     assert sentence not in unchanged
 
 
 def test_the_search_of_all_candidates_in_words(results):
-    (text,) = told("convergence", view_of(results))
+    (text,) = told("convergence", results)
     table = results.candidates
     assert text.startswith(
         f"The search of {len(table)} candidates took"

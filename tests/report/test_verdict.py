@@ -8,7 +8,6 @@ from by_scores import chosen_by_scores
 from identified import with_model, with_outcome, without_modes
 
 from evopem.automatic.decision import DecisionRecord
-from evopem.figures.view import view_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.verdict import DESIRABLE, ESSENTIAL, mode_lines, verdict
 from evopem.validation.checks import Check
@@ -246,7 +245,7 @@ def test_nothing_good_is_said_plainly(results, monkeypatch):
 
 
 def test_every_mode_has_one_line(results):
-    lines = mode_lines(view_of(results))
+    lines = mode_lines(results)
     assert [line.mode.pole for line in lines] == [mode.pole for mode in results.model.modes]
     trusted = {mode.pole for mode in results.validation.modes.trusted}
     assert [line.trusted for line in lines] == [line.mode.pole in trusted for line in lines]

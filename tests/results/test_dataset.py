@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.results.dataset import read_results
-from evopem.config.structures import phases_of
 from evopem.results.layout import DatasetFiles
 
 PHASES = phases_of("armax")

@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 from identified import finish
 
-from evopem.config.structures import phases_of
 from evopem.errors import InputError
 from evopem.files.atomic import write_parquet, write_table
 from evopem.files.job import job
@@ -23,8 +22,8 @@ from evopem.results.fleet import (
     without_formulas,
 )
 from evopem.results.identity import IncompleteDataset
-from evopem.validation.checks import Check
 from evopem.results.layout import OVERVIEW, DatasetFiles
+from evopem.validation.checks import Check
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
 SENTENCE = "x.csv, line 51: is not a number; correct it."

@@ -10,7 +10,6 @@ from evopem.report.index_page import followed_charts, movements
 from evopem.report.templates import template_folder
 from evopem.results.followed_modes import follow_modes, followed_table, group_of
 
-
 TEMPLATES = template_folder()
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from evopem.config.defaults import complete
 from evopem.files.checksums import sha256_of_file
-from evopem.results.layout import DatasetFiles
 from evopem.results.identity import mark_replaced_recordings, was_read_from
+from evopem.results.layout import DatasetFiles
 
 BOTH = {"file": "x.csv", "validation_file": "v.csv"}
 

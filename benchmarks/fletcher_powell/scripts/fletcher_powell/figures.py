@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from evopem.figures.chart import FAMILY as ROLES
+from evopem.figures.chart import FAMILY_MARKERS
 from evopem.figures.style import (
+    COLOURS,
     ERROR,
-    FAMILY,
-    FAMILY_MARKERS,
     INK,
     LABEL_BOX,
     MODEL,
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+FAMILY = tuple(COLOURS[role] for role in ROLES)
 FAMILY_LINES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), "-.", (0, (7, 2)), ":")
 BASELINES = (
     MULTI_START,

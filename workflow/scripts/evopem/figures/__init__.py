@@ -10,7 +10,6 @@ from evopem.figures import frequency_domain, orders, time_domain
 from evopem.figures.chart import Chart
 from evopem.figures.draw import draw
 from evopem.figures.style import svg_text
-from evopem.figures.view import View, view_of
 from evopem.results.dataset import DatasetResults
 
 RESPONSES = ("frequency_response.csv", "spectrum.csv")
@@ -21,7 +20,7 @@ class ReportFigure(NamedTuple):
     """One figure of the report; ``captions.html.j2`` has its title and caption."""
 
     part: str  # the part of the page that it stands in
-    chart: Callable[[View], Chart]  # of a view; the page leaves out one with nothing to draw
+    chart: Callable[[DatasetResults], Chart]  # the page leaves out one with nothing to draw
     data: tuple[str, ...]  # names of the files of the results that hold what is drawn
 
 
@@ -52,7 +51,6 @@ REPORT_FIGURES = {
 """By their names, in the order of :data:`evopem.results.layout.FIGURES`."""
 
 
-def svg_texts(results: DatasetResults | View) -> dict[str, str]:
+def svg_texts(results: DatasetResults) -> dict[str, str]:
     """Every figure of one data set as SVG by name, with a sentence where one does not apply."""
-    view = view_of(results)
-    return {name: svg_text(draw(each.chart(view))) for name, each in REPORT_FIGURES.items()}
+    return {name: svg_text(draw(each.chart(results))) for name, each in REPORT_FIGURES.items()}

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
-from evopem.figures.style import FAMILY_MARKERS
-
-if TYPE_CHECKING:
-    from evopem.figures.view import View
+from evopem.results.channels import Channel
+from evopem.results.dataset import DatasetResults
 
 Role = Literal["ink", "muted", "model", "error", "truth", "fourth", "fifth"]
 Kind = Literal["line", "points", "stems", "steps"]
@@ -25,6 +23,7 @@ Plane = Literal["", "z", "complex"]
 
 # Roles of the curves of a family.
 FAMILY: tuple[Role, ...] = ("model", "error", "truth", "fourth", "fifth", "muted")
+FAMILY_MARKERS = ("o", "s", "^", "D", "v", "P")
 # Panels beyond this number are drawn once, and not again by the page.
 MOST_LIVE = 30
 FREQUENCY = "Frequency (Hz)"
@@ -128,6 +127,12 @@ def nothing(sentence: str) -> Chart:
     return Chart(pd.DataFrame(), (Panel("", "", "", "", ()),), nothing=sentence)
 
 
+def of_pair(output: Channel, source: Channel | None = None) -> Where:
+    """The rows of an output, or of an output and an input, in a table."""
+    found = (("output", output.name),)
+    return found if source is None else (*found, ("input", source.name))
+
+
 def rows_of(table: pd.DataFrame, where: Where) -> pd.DataFrame:
     """The rows with these values in these columns, compared as text."""
     for column, value in where:
@@ -167,10 +172,10 @@ def around(values: pd.Series, factor: float = 4.0) -> tuple[float, ...]:
 MOST_PANELS = 60
 
 
-def columns_of(view: View, panels: Sequence[Panel]) -> int:
+def columns_of(results: DatasetResults, panels: Sequence[Panel]) -> int:
     """Panels of a row: one for each input, else as many as leave them room."""
-    if 2 <= len(view.inputs) <= 4 and len(panels) % len(view.inputs) == 0:
-        return len(view.inputs)
+    if 2 <= len(results.inputs) <= 4 and len(panels) % len(results.inputs) == 0:
+        return len(results.inputs)
     return across(panels)
 
 

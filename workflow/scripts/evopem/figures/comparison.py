@@ -22,14 +22,15 @@ from evopem.figures.chart import (
     around,
     family,
     nothing,
+    of_pair,
     rows_of,
 )
 from evopem.figures.frequency_domain import GAIN_BINS, model_source
-from evopem.figures.style import extremes, with_unit
+from evopem.figures.style import extremes
 from evopem.figures.time_domain import shown_samples
-from evopem.figures.view import Channel, Pair, View, view_of
 from evopem.models.mode_matching import matched_modes
 from evopem.models.modes import Mode
+from evopem.results.channels import Channel, Pair, gain_unit, with_unit
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, mode_values
 from evopem.validation.checks import failed_checks
@@ -59,7 +60,7 @@ class Comparison:
     """Models side by side, of the channels that all of them have."""
 
     labels: tuple[str, ...]  # one for each model, all different
-    views: tuple[View, ...]
+    models: tuple[DatasetResults, ...]
 
     @classmethod
     def of(cls, results: Sequence[DatasetResults], labels: Sequence[str] = ()) -> Self:
@@ -71,12 +72,11 @@ class Comparison:
         if not 2 <= len(results) <= MOST:
             problem = f"there are {len(results)} models"
             raise InputError("compare", problem, f"give 2 to {MOST} of them")
-        views = tuple(map(view_of, results))
-        chosen = tuple(labels) or _labels(views)
-        if len(chosen) != len(views) or len(set(chosen)) != len(chosen):
+        chosen = tuple(labels) or _labels(results)
+        if len(chosen) != len(results) or len(set(chosen)) != len(chosen):
             problem = "they are not one for each model, all different"
             raise InputError("labels", problem, "correct them")
-        compared = cls(chosen, views)
+        compared = cls(chosen, tuple(results))
         if not compared.outputs:
             problem = "the models have no output in common"
             raise InputError("compare", problem, "compare models of one system")
@@ -85,21 +85,26 @@ class Comparison:
     @cached_property
     def outputs(self) -> list[tuple[Channel, ...]]:
         """Each common output as every model has it, found by name; a single one by whatever."""
-        return _common([{each.name: each for each in view.outputs} for view in self.views])
+        return _common([{each.name: each for each in results.outputs} for results in self.models])
 
     @cached_property
     def pairs(self) -> list[tuple[Pair, ...]]:
         """Each common pair of output and input as every model has it."""
         return _common(
-            [{(o.name, s.name if s else ""): (o, s) for o, s in view.pairs} for view in self.views]
+            [
+                {(o.name, s.name if s else ""): (o, s) for o, s in results.pairs}
+                for results in self.models
+            ]
         )
 
     @property
     def has_same_validation(self) -> bool:
         """Whether all models were validated on the same samples, at the same rate."""
         first, *others = (
-            view.simulation[["time_s", *(f"output_{each[place].name}" for each in self.outputs)]]
-            for place, view in enumerate(self.views)
+            results.validation_tables.simulation[
+                ["time_s", *(f"output_{each[place].name}" for each in self.outputs)]
+            ]
+            for place, results in enumerate(self.models)
         )
         return all(
             first.shape == other.shape and np.allclose(first, other, rtol=1e-9, equal_nan=True)
@@ -113,30 +118,30 @@ class Comparison:
             MatchedMode(
                 row,
                 tuple(
-                    mode is not None and view.evidence[mode.pole].trusted
-                    for mode, view in zip(row, self.views, strict=True)
+                    mode in results.validation.modes.trusted
+                    for mode, results in zip(row, self.models, strict=True)
                 ),
             )
-            for row in matched_modes([view.modes for view in self.views])
+            for row in matched_modes([results.modes for results in self.models])
         ]
 
     @property
     def table(self) -> pd.DataFrame:
         """A row for each model: its orders, errors, criteria and checks."""
         rows = []
-        for view in self.views:
-            model, validation = view.results.model, view.results.validation
+        for results in self.models:
+            model, validation = results.model, results.validation
             rows.append(
                 {
-                    "model": view.model_text,
+                    "model": model.text,
                     "parameters": model.model.parameters.size,
                     "estimation_samples": model.transforms.estimation_samples,
                     "sampling_rate_hz": model.sampling_rate,
                     "simulation_error_percent": validation.simulation_error_percent,
                     "prediction_error_percent": validation.prediction_error_percent,
                     "bic": model.bic,
-                    "failed_checks": len(failed_checks(view.checks)),
-                    "trusted_modes": sum(view.trusted),
+                    "failed_checks": len(failed_checks(results.checks)),
+                    "trusted_modes": len(validation.modes.trusted),
                 }
             )
         return pd.DataFrame(rows, index=pd.Index(self.labels, name="data set"))
@@ -161,11 +166,11 @@ def _common(named: Sequence[Mapping[Any, T]]) -> list[tuple[T, ...]]:
     return [tuple(each[key] for each in named) for key in keys]
 
 
-def _labels(views: Sequence[View]) -> tuple[str, ...]:
+def _labels(models: Sequence[DatasetResults]) -> tuple[str, ...]:
     """Names; with the orders where names agree, and a number where these agree as well."""
-    names = [view.name for view in views]
+    names = [each.name for each in models]
     if len(set(names)) < len(names):
-        names = [f"{view.name}, {view.model_text}" for view in views]
+        names = [f"{each.name}, {each.model.text}" for each in models]
     return tuple(
         f"{name} ({names[:place].count(name) + 1})" if names.count(name) > 1 else name
         for place, name in enumerate(names)
@@ -175,24 +180,24 @@ def _labels(views: Sequence[View]) -> tuple[str, ...]:
 def compared_responses(comparison: Comparison) -> Chart:
     """Gain and phase of every model and common pair, with the 95 % bands of the gains."""
     columns = ["frequency_hz", "gain", "gain_lower", "gain_upper", "phase_deg"]
-    highest = max(view.sampling_rate for view in comparison.views) / 2
+    highest = max(each.model.sampling_rate for each in comparison.models) / 2
     tables, gains, phases = [], [], []
     for place, pair in enumerate(comparison.pairs[: MOST_PANELS // 2]):
         units = set()
-        for number, (view, (output, source)) in enumerate(
-            zip(comparison.views, pair, strict=True), start=1
+        for number, (results, (output, source)) in enumerate(
+            zip(comparison.models, pair, strict=True), start=1
         ):
-            table = view.frequency_response
-            where = (("source", model_source(view)[0]), *view.where(output, source))
+            table = results.responses
+            where = (("source", model_source(results)[0]), *of_pair(output, source))
             rows = rows_of(table[table["frequency_hz"] > 0], where)
             kept = rows.iloc[extremes(rows["gain"], GAIN_BINS)][columns]
             tables.append(kept.assign(model=number, pair=place))
-            units.add(view.gain_unit(output, source))
+            units.add(gain_unit(output, source))
         models = [
             (label, role, (("model", str(number)), ("pair", str(place))))
             for number, (label, role) in enumerate(zip(comparison.labels, FAMILY, strict=False), 1)
         ]
-        title = comparison.views[0].pair_title(*pair[0])
+        title = comparison.models[0].pair_title(*pair[0])
         gain = Panel(
             *(title, "frequency_hz", FREQUENCY),
             with_unit("Gain", units.pop() if len(units) == 1 else ""),
@@ -201,7 +206,7 @@ def compared_responses(comparison: Comparison) -> Chart:
                 for label, role, where in models
             ),
             scale="logarithmic",
-            limits=around(pd.concat(tables[-len(comparison.views) :])["gain"]),
+            limits=around(pd.concat(tables[-len(comparison.models) :])["gain"]),
             highest=highest,
             height=260,
             linked="frequency",
@@ -227,17 +232,21 @@ def compared_simulations(comparison: Comparison) -> Chart:
     """Validation samples, measured and simulated by every model; without an input, predicted."""
     if not comparison.has_same_validation:
         return nothing("The models were validated on different samples.")
-    first = comparison.views[0]
-    kind = "simulated" if first.has_input else "predicted"
-    table, panels = first.simulation[["time_s"]], []
-    kept = shown_samples(first.modes, first.sampling_rate)
+    first = comparison.models[0]
+    kind = "simulated" if first.model.has_input else "predicted"
+    table, panels = first.validation_tables.simulation[["time_s"]], []
+    kept = shown_samples(first.modes, first.model.sampling_rate)
     for place, outputs in enumerate(comparison.outputs[:MOST_PANELS], start=1):
         measured = f"output_{place}"
-        table = table.assign(**{measured: first.simulation[f"output_{outputs[0].name}"]})
+        table = table.assign(
+            **{measured: first.validation_tables.simulation[f"output_{outputs[0].name}"]}
+        )
         curves = [Curve("measured", measured, "ink")]
-        for number, (view, output) in enumerate(zip(comparison.views, outputs, strict=True)):
+        for number, (results, output) in enumerate(zip(comparison.models, outputs, strict=True)):
             column = f"simulated_{place}_{number + 1}"
-            table = table.assign(**{column: view.simulation[f"{kind}_{output.name}"]})
+            table = table.assign(
+                **{column: results.validation_tables.simulation[f"{kind}_{output.name}"]}
+            )
             label, role = comparison.labels[number], FAMILY[number]
             curves.append(Curve(label, column, role, dashed=True))
         label = outputs[0].label
@@ -268,7 +277,7 @@ def compared_modes(comparison: Comparison) -> Chart:
     panel = Panel(
         *("", "frequency_hz", "Natural frequency (Hz)", "Damping ratio (%)", tuple(curves)),
         limits=limits,
-        highest=max(view.sampling_rate for view in comparison.views) / 2,
+        highest=max(each.model.sampling_rate for each in comparison.models) / 2,
         height=250,
     )
     return Chart(table, (panel,), live=False)

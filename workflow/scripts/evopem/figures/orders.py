@@ -29,7 +29,7 @@ from evopem.figures.chart import (
 )
 from evopem.figures.draw import FRAME
 from evopem.figures.frequency_domain import true_modes
-from evopem.figures.view import View
+from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, mode_values
 
 CRITERIA = (("rss", "RSS (%)"), ("bic", "BIC"))
@@ -78,35 +78,36 @@ def _scores(
     return Panel("", *x, label, curves, **{"scale": scale_of(table[column]), **options}, whole=True)
 
 
-def delay(view: View) -> Chart:
+def delay(results: DatasetResults) -> Chart:
     """RSS and BIC against the order, one line for each delay."""
-    table = view.candidates
-    table = pd.DataFrame() if table is None else table[table["phase"] == "delay"]
-    if table.empty:
+    if "delay" not in set(results.candidates.get("phase", ())):
         return nothing("There are no candidates of the delay search.")
-    order = plant_order(view.structure)
+    order = plant_order(results.model.structure)
+    table = results.candidates[results.candidates["phase"] == "delay"]
     table = table.sort_values(["nk", order])
-    x = order, f"Order k, {tied_text(view.structure)}"
+    x = order, f"Order k, {tied_text(results.model.structure)}"
     rows: dict[str, Where] = {f"nk = {nk}": (("nk", str(nk)),) for nk in table["nk"].unique()}
     panels = tuple(_scores(table, x, score, rows) for score in CRITERIA)
     return Chart(table[[*ORDERS, "rss", "bic", "selected"]], panels, columns=2)
 
 
-def phases(view: View) -> Chart:
+def phases(results: DatasetResults) -> Chart:
     """What the orders were selected by: scores or criteria, the selection marked."""
-    if view.candidates is None:
-        return _held_out(view)
-    table = view.candidates[view.candidates["phase"] != "delay"]
+    if not results.phases:
+        return _held_out(results)
+    table = results.candidates[results.candidates["phase"] != "delay"]
     tables = {
-        phase: table[table["phase"] == phase].sort_values(varied_order(phase, view.structure))
-        for phase in phases_of(view.structure)
+        phase: table[table["phase"] == phase].sort_values(
+            varied_order(phase, results.model.structure)
+        )
+        for phase in phases_of(results.model.structure)
         if phase != "delay"
     }
-    plant = f"Plant order: {tied_text(view.structure)}"
+    plant = f"Plant order: {tied_text(results.model.structure)}"
     panels = tuple(
         replace(
             _scores(
-                *(rows, (varied_order(phase, view.structure), "k"), score),
+                *(rows, (varied_order(phase, results.model.structure), "k"), score),
                 {"": (("phase", phase),)},
                 height=180,
             ),
@@ -123,9 +124,9 @@ def _by_structure(table: pd.DataFrame) -> dict[str, Where]:
     return {name: (("structure", name),) for name in dict.fromkeys(table["structure"])}
 
 
-def _held_out(view: View) -> Chart:
+def _held_out(results: DatasetResults) -> Chart:
     """Errors on held-out samples and BIC over the order; a line joins the best of a structure."""
-    table = view.scores.sort_values(["structure", "order"])
+    table = results.scores.sort_values(["structure", "order"])
     if table["order"].nunique() < 2:
         return nothing("No orders were compared.")
     errors = table["error_percent"]
@@ -149,11 +150,12 @@ def _held_out(view: View) -> Chart:
     return Chart(table, panels, columns=2)
 
 
-def convergence(view: View) -> Chart:
+def convergence(results: DatasetResults) -> Chart:
     """Lowest objective after each generation and each final descent."""
-    if not view.convergence:
+    history = results.model.search.diagnostics.convergence
+    if not history:
         return nothing("The history of the search is empty.")
-    table = pd.DataFrame(view.convergence, columns=["evaluations", "lowest_objective"])
+    table = pd.DataFrame(history, columns=["evaluations", "lowest_objective"])
     table["last"] = ""
     table.loc[table.index[-1], "last"] = f"{table['lowest_objective'].iloc[-1]:.6g}"
     best = table["lowest_objective"]
@@ -174,22 +176,25 @@ def convergence(view: View) -> Chart:
     return Chart(table, (panel,))
 
 
-def stabilization(view: View) -> Chart:
+def stabilization(results: DatasetResults) -> Chart:
     """Natural frequencies over the model order, the spectrum of the output behind."""
-    table = view.stabilization
+    columns = ["order", "frequency_hz", "damping_ratio", "status"]
+    poles = [vars(pole) for pole in results.validation.modes.poles]
+    table = pd.DataFrame(poles, columns=columns)
     if table.empty:
         return nothing("No candidate has an oscillating mode.")
+    table.insert(2, "damping_percent", 100 * table.pop("damping_ratio"))
     panel = Panel(
         *(
             "",
             "frequency_hz",
             "Natural frequency (Hz)",
-            "Order of the plant" if view.results.model.orders else "Order n",
+            "Order of the plant" if results.model.orders else "Order n",
         ),
         (
             *(
                 (Curve("spectrum of the output", "density", "muted", source="spectrum"),)
-                if len(view.outputs) == 1
+                if len(results.outputs) == 1
                 else ()
             ),
             *(
@@ -198,9 +203,9 @@ def stabilization(view: View) -> Chart:
             ),
         ),
         height=280,
-        highest=view.sampling_rate / 2,
-        marks=true_modes(view),
-        levels=(Mark(float(view.results.validation.modes.order), "selected", "error"),),
+        highest=results.model.sampling_rate / 2,
+        marks=true_modes(results),
+        levels=(Mark(float(results.validation.modes.order), "selected", "error"),),
         counted=True,
         linked="frequency",
     )
@@ -219,11 +224,11 @@ KINDS: tuple[tuple[str, str, Role, str], ...] = (
 ELLIPSE = ("variance_real", "variance_imag", "covariance")
 
 
-def poles_zeros(view: View) -> Chart:
+def poles_zeros(results: DatasetResults) -> Chart:
     """Roots with 95 % ellipses, and damping over frequency with 95 % intervals."""
-    rate = view.sampling_rate
-    table = pd.concat([view.roots, _modes_table(view)], ignore_index=True)
-    kinds = set(view.roots["kind"])
+    rate = results.model.sampling_rate
+    table = pd.concat([results.roots, _modes_table(results)], ignore_index=True)
+    kinds = set(results.roots["kind"])
     roots = tuple(
         Curve(
             *(label, "imag", colour, "points"),
@@ -234,7 +239,7 @@ def poles_zeros(view: View) -> Chart:
         for kind, label, colour, marker in KINDS
         if kind in kinds
     )
-    beyond = int((view.roots[["real", "imag"]].abs().max(axis="columns") > FRAME).sum())
+    beyond = int((results.roots[["real", "imag"]].abs().max(axis="columns") > FRAME).sum())
     outside = f" ({beyond} root{'s' if beyond > 1 else ''} outside)" if beyond else ""
     circle = Panel(
         *("", "real", f"Real part{outside}", "Imaginary part", roots),
@@ -254,7 +259,7 @@ def poles_zeros(view: View) -> Chart:
     damping = Panel(
         *("Modes, with 95 % intervals", "frequency_hz", "Natural frequency (Hz)"),
         "Damping ratio (%)",
-        (estimate, truth) if view.truth and view.truth.modes else (estimate,),
+        (estimate, truth) if results.true_modes else (estimate,),
         scale="logarithmic" if len(modes) and modes["damping_percent"].min() > 0 else "linear",
         highest=1.04 * rate / 2,
         height=300,
@@ -262,8 +267,8 @@ def poles_zeros(view: View) -> Chart:
     return Chart(table, (circle, damping) if len(modes) else (circle,), 2 if len(modes) else 1)
 
 
-def _modes_table(view: View) -> pd.DataFrame:
-    both = {"mode": view.modes, "true mode": view.truth.modes if view.truth else ()}
+def _modes_table(results: DatasetResults) -> pd.DataFrame:
+    both = {"mode": results.modes, "true mode": results.true_modes}
     rows = [(kind, *mode_values(mode)) for kind, modes in both.items() for mode in modes]
     table = pd.DataFrame(rows, columns=["kind", *MODE_COLUMNS])
     return table.replace([np.inf, -np.inf], np.nan)

@@ -30,8 +30,6 @@ ERROR = "#c64b05"  # errors, bounds exceeded, selections
 TRUTH = "#0b8f6a"  # the known truth of a synthetic recording
 FOURTH = "#8b5aa8"  # a further curve of a family
 FIFTH = "#9a7b00"
-FAMILY = (MODEL, ERROR, TRUTH, FOURTH, FIFTH, MUTED)
-FAMILY_MARKERS = ("o", "s", "^", "D", "v", "P")
 COLOURS = {
     "ink": INK,
     "muted": MUTED,
@@ -113,21 +111,6 @@ def svg_text(figure: Figure) -> str:
     return re.sub(
         r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), stream.getvalue()
     )
-
-
-def with_unit(name: str, unit: str) -> str:
-    """Label of an axis: name and unit, with unprintable characters replaced."""
-    shown = f"{name} ({unit})" if unit else name
-    return "".join(character if character.isprintable() else "\ufffd" for character in shown)
-
-
-def ratio_unit(output_unit: str, input_unit: str) -> str:
-    """Unit of a gain, empty where either unit is not stated."""
-    if not output_unit or not input_unit:
-        return ""
-    numerator = f"({output_unit})" if " " in output_unit else output_unit
-    denominator = f"({input_unit})" if re.search(r"[ /·]", input_unit) else input_unit
-    return f"{numerator}/{denominator}"
 
 
 def extremes(y: ArrayLike, bins: int = 1000) -> NDArray[np.intp]:

@@ -22,12 +22,13 @@ from evopem.figures.chart import (
     columns_of,
     family,
     nothing,
+    of_pair,
     scale_of,
     small,
 )
-from evopem.figures.style import with_unit
-from evopem.figures.view import View
 from evopem.models.modes import Mode
+from evopem.results.channels import gain_unit, with_unit
+from evopem.results.dataset import DatasetResults
 
 # So many periods of the lowest mode are shown, between the two limits in samples.
 PERIODS = 12
@@ -54,26 +55,28 @@ def shown_samples(modes: Sequence[Mode], sampling_rate: float) -> int | None:
     return min(max(round(PERIODS * sampling_rate / lowest), FEWEST_SAMPLES), MOST_SAMPLES)
 
 
-def _curves(view: View, kinds: Sequence[tuple[str, str, Role]], name: str) -> tuple[Curve, ...]:
+def _curves(
+    results: DatasetResults, kinds: Sequence[tuple[str, str, Role]], name: str
+) -> tuple[Curve, ...]:
     """Curves of an output by label, kind of column and role; without an input none simulated."""
     return tuple(
         Curve(label, f"{kind}_{name}", role, dashed=role == "error")
         for label, kind, role in kinds
-        if view.has_input or not kind.startswith(("simul", "recorded_simul"))
+        if results.model.has_input or not kind.startswith(("simul", "recorded_simul"))
     )
 
 
-def measured_and_simulated(view: View) -> Chart:
+def measured_and_simulated(results: DatasetResults) -> Chart:
     """First validation samples of every output, the worst one first."""
-    computed = "simulated" if view.has_input else "predicted"
-    outputs = [output for output, _ in view.worst_first[:MOST_PANELS]]
+    computed = "simulated" if results.model.has_input else "predicted"
+    outputs = [output for output, _ in results.worst_first[:MOST_PANELS]]
     is_one = len(outputs) == 1
     panels = tuple(
         Panel(
-            *(view.pair_title(output), "time_s", VALIDATION_TIME if is_one else TIME),
-            output.label if view.is_single else output.prepared_unit,
+            *(results.pair_title(output), "time_s", VALIDATION_TIME if is_one else TIME),
+            output.label if results.is_single else output.prepared_unit,
             _curves(
-                *(view, (("measured", "output", "ink"), (computed, computed, "error"))),
+                *(results, (("measured", "output", "ink"), (computed, computed, "error"))),
                 output.name,
             ),
             height=210 if is_one else 150,
@@ -82,13 +85,13 @@ def measured_and_simulated(view: View) -> Chart:
         for output in outputs
     )
     columns = [curve.column for panel in panels for curve in panel.curves]
-    return Chart(_first_samples(view, columns), panels, across(panels))
+    return Chart(_first_samples(results, columns), panels, across(panels))
 
 
-def _first_samples(view: View, columns: list[str]) -> pd.DataFrame:
+def _first_samples(results: DatasetResults, columns: list[str]) -> pd.DataFrame:
     """The first scored samples; of several held-out recordings as many of each, with gaps."""
-    table = view.simulation
-    kept = shown_samples(view.modes, view.sampling_rate)
+    table = results.validation_tables.simulation
+    kept = shown_samples(results.modes, results.model.sampling_rate)
     scored = table[table[columns].notna().all(axis="columns")]
     if "recording" not in table:
         return scored[["time_s", *columns]].iloc[:kept]
@@ -97,7 +100,7 @@ def _first_samples(view: View, columns: list[str]) -> pd.DataFrame:
     gap = scored.iloc[:1] * np.nan
     parts = [part for each in recordings for part in (each.iloc[:own], gap)][:-1]
     together = pd.concat(parts, ignore_index=True)
-    time = np.arange(len(together)) / view.sampling_rate
+    time = np.arange(len(together)) / results.model.sampling_rate
     return together.assign(time_s=time)[["time_s", *columns]]
 
 
@@ -113,56 +116,60 @@ ERRORS: tuple[tuple[str, str, Role], ...] = (
 AS_RECORDED = tuple((label, f"recorded_{kind}", role) for label, kind, role in SIGNALS)
 
 
-def simulation(view: View) -> Chart:
+def simulation(results: DatasetResults) -> Chart:
     """Measured, simulated and predicted samples, and the errors."""
-    kept = shown_samples(view.modes, view.sampling_rate)
-    until = float(view.simulation["time_s"].iloc[: kept or len(view.simulation)].max())
+    kept = shown_samples(results.modes, results.model.sampling_rate)
+    until = float(
+        results.validation_tables.simulation["time_s"]
+        .iloc[: kept or len(results.validation_tables.simulation)]
+        .max()
+    )
     return _validated(
-        view,
+        results,
         *(
             Panel(
                 *(title, "time_s", VALIDATION_TIME, label),
-                _curves(view, kinds, output.name),
+                _curves(results, kinds, output.name),
                 height=height,
                 shown=until if until == until else 0.0,
             )
-            for output, _ in view.worst_first[:MOST_OUTPUTS]
+            for output, _ in results.worst_first[:MOST_OUTPUTS]
             for title, label, height, kinds in (
-                (view.pair_title(output), output.label, 240, SIGNALS),
+                (results.pair_title(output), output.label, 240, SIGNALS),
                 ("Errors", "", 200, ERRORS),
             )
         ),
-        columns=1 if len(view.outputs) == 1 else 2,
+        columns=1 if len(results.outputs) == 1 else 2,
     )
 
 
-def simulation_as_recorded(view: View) -> Chart:
+def simulation_as_recorded(results: DatasetResults) -> Chart:
     """The same in the units of the recording."""
-    if not view.changes_output:
+    if not results.model.transforms.changes_output:
         return nothing("The output was not transformed.")
     panels = [
         Panel(
-            *(view.pair_title(output), "time_s", VALIDATION_TIME),
+            *(results.pair_title(output), "time_s", VALIDATION_TIME),
             with_unit(output.name, output.unit),
-            _curves(view, AS_RECORDED, output.name),
+            _curves(results, AS_RECORDED, output.name),
             height=240,
         )
-        for output, _ in view.worst_first[:MOST_OUTPUTS]
+        for output, _ in results.worst_first[:MOST_OUTPUTS]
     ]
-    return _validated(view, *panels, columns=min(len(panels), 2))
+    return _validated(results, *panels, columns=min(len(panels), 2))
 
 
-def _validated(view: View, *panels: Panel, columns: int) -> Chart:
+def _validated(results: DatasetResults, *panels: Panel, columns: int) -> Chart:
     """Panels of all validation samples, which show the same part of them."""
     shown = [curve.column for panel in panels for curve in panel.curves]
     linked = tuple(replace(panel, linked="validation") for panel in panels)
-    return Chart(view.simulation[["time_s", *shown]], linked, columns)
+    return Chart(results.validation_tables.simulation[["time_s", *shown]], linked, columns)
 
 
-def record(view: View) -> Chart:
+def record(results: DatasetResults) -> Chart:
     """Every channel as recorded and as used."""
-    table = view.signals
-    channels = [*(("input", u) for u in view.inputs), *(("output", y) for y in view.outputs)]
+    table = _signals(results)
+    channels = [*(("input", u) for u in results.inputs), *(("output", y) for y in results.outputs)]
     half = MOST_CHANNELS // 2
     start = float(table.loc[table["stage"] == "validation", "time_s"].min())
     panels: list[Panel] = []
@@ -186,40 +193,61 @@ def record(view: View) -> Chart:
     return Chart(table, tuple(panels), 2)
 
 
-def responses_of(view: View) -> tuple[tuple[str, str], ...]:
+def _signals(results: DatasetResults) -> pd.DataFrame:
+    """All channels as recorded and as used."""
+    prepared, inputs, outputs = results.prepared, results.inputs, results.outputs
+    begin = prepared.estimation.samples / prepared.estimation.sampling_rate
+    names = [*(f"input_{each.name}" for each in inputs), *(f"output_{o.name}" for o in outputs)]
+    tables = []
+    for stage, part, first in (
+        ("recorded", results.recording, 0.0),
+        ("estimation", prepared.estimation, 0.0),
+        ("validation", prepared.validation, begin),
+    ):
+        columns = np.column_stack([part.inputs[:, : len(inputs)], part.outputs])
+        table = pd.DataFrame(columns, columns=names)
+        table.insert(0, "time_s", first + np.arange(part.samples) / part.sampling_rate)
+        table.insert(0, "stage", stage)
+        tables.append(table)
+    return pd.concat(tables, ignore_index=True)
+
+
+def responses_of(results: DatasetResults) -> tuple[tuple[str, str], ...]:
     """Column and title of each response that a model has."""
-    return OF_PLANT if view.has_input else OF_NOISE
+    return OF_PLANT if results.model.has_input else OF_NOISE
 
 
-def step_and_impulse(view: View) -> Chart:
+def step_and_impulse(results: DatasetResults) -> Chart:
     """Responses to a unit step and to one sample of 1, of every pair."""
-    if view.results.time_response.empty:
+    if results.time_response.empty:
         return nothing("The model has no response to show.")
-    count = len(view.pairs)
+    count = len(results.pairs)
     panels = tuple(
         Panel(
-            title if count == 1 else f"{view.pair_title(*pair)}: {column}",
-            *("time_s", TIME, with_unit("Response", view.gain_unit(*pair))),
+            title if count == 1 else f"{results.pair_title(*pair)}: {column}",
+            *("time_s", TIME, with_unit("Response", gain_unit(*pair))),
             (
                 Curve(
                     *("response", column, "model"),
                     band=(f"{column}_lower", f"{column}_upper"),
-                    where=view.where(*pair),
+                    where=of_pair(*pair),
                 ),
             ),
-            height=small(view.pairs, 190),
+            height=small(results.pairs, 190),
             linked="response",
         )
-        for column, title in responses_of(view)
-        for pair in view.pairs
+        for column, title in responses_of(results)
+        for pair in results.pairs
     )[:MOST_PANELS]
-    return Chart(settling_part(view), panels, 1 if count == 1 else columns_of(view, panels[:count]))
+    return Chart(
+        settling_part(results), panels, 1 if count == 1 else columns_of(results, panels[:count])
+    )
 
 
-def settling_part(view: View) -> pd.DataFrame:
+def settling_part(results: DatasetResults) -> pd.DataFrame:
     """The responses and their 95 % intervals until every impulse response stays small."""
-    table = view.results.time_response
-    names = [name for name, _ in responses_of(view)]
+    table = results.time_response
+    names = [name for name, _ in responses_of(results)]
     pairs = [name for name in ("output", "input") if name in table]
     settled = 0
     for _, rows in table.groupby(pairs, sort=False):
@@ -234,26 +262,26 @@ def settling_part(view: View) -> pd.DataFrame:
 LAG = "Lag (samples)"
 
 
-def residuals(view: View) -> Chart:
+def residuals(results: DatasetResults) -> Chart:
     """Autocorrelations of all outputs, and cross-correlations with all inputs."""
     # Lag 0 is 1 by definition and would flatten all other lags.
-    computed = view.results.validation_tables
+    computed = results.validation_tables
     own = computed.residual_autocorrelation[computed.residual_autocorrelation["lag"] > 0]
     tables = [own.rename(columns={"autocorrelation": "correlation"}).assign(input="")]
-    if view.has_input:
+    if results.model.has_input:
         crossed = computed.cross_correlation
         tables.append(crossed.rename(columns={"cross_correlation": "correlation"}))
     table = pd.concat(tables, ignore_index=True)
     table = table[["output", "input", "lag", "correlation", "bound95"]]
     titles = [
-        *((output, None, "Autocorrelation of the residuals") for output in view.outputs),
-        *((*pair, "Cross-correlation of residuals and input") for pair in view.pairs if pair[1]),
+        *((output, None, "Autocorrelation of the residuals") for output in results.outputs),
+        *((*pair, "Cross-correlation of residuals and input") for pair in results.pairs if pair[1]),
     ]
     panels = []
     for output, source, title in titles[:MOST_PANELS]:
         where = (("output", output.name), ("input", source.name if source else ""))
-        if not view.is_single:
-            title = view.pair_title(output, source) + ("" if source else ", residuals")
+        if not results.is_single:
+            title = results.pair_title(output, source) + ("" if source else ", residuals")
         curves = (
             Curve("correlation", "correlation", "ink", "stems", where=where, bounds="bound95"),
             Curve("95 % bounds", "bound95", "model", dashed=True, where=where),
@@ -261,22 +289,22 @@ def residuals(view: View) -> Chart:
         )
         height = small(titles, 200)
         panels.append(Panel(title, "lag", LAG, "Correlation", curves, height=height))
-    return Chart(table, tuple(panels), 1 if view.is_single else columns_of(view, panels))
+    return Chart(table, tuple(panels), 1 if results.is_single else columns_of(results, panels))
 
 
-def horizons(view: View) -> Chart:
+def horizons(results: DatasetResults) -> Chart:
     """Errors of k-step predictions by k, with that of the simulation."""
-    table = view.horizons
+    table = results.validation_tables.horizons
     if table.empty:
         return nothing("No predictions of several steps were computed.")
-    single = len(view.outputs) == 1
+    single = len(results.outputs) == 1
     rows = {
-        "k-step prediction" if single else output.name: view.where(output)
-        for output in view.outputs
+        "k-step prediction" if single else output.name: of_pair(output)
+        for output in results.outputs
     }
     levels = tuple(
         Mark(each.simulation_error_percent, "simulation", "error")
-        for each in view.results.validation.outputs
+        for each in results.validation.outputs
         if math.isfinite(each.simulation_error_percent) and single
     )
     panel = Panel(

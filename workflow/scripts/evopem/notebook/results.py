@@ -24,7 +24,6 @@ from evopem.figures.comparison import (
 )
 from evopem.figures.draw import draw, panels_of
 from evopem.figures.style import PARAMETERS
-from evopem.figures.view import View, view_of
 from evopem.files.atomic import files_below, write_page
 from evopem.files.checksums import check_replaceable, checksummed, delete_results, write_checksums
 from evopem.files.json_form import load
@@ -67,7 +66,7 @@ def _plot(name: str, kind: str = "") -> Callable[..., Any]:
     chart_of = REPORT_FIGURES[name].chart
 
     def plot(self: Results, axes: Axes | Sequence[Axes] | None = None) -> Axes | list[Axes]:
-        chart = chart_of(self._view)
+        chart = chart_of(self.results)
         if kind and not (chart := chart.only(kind)).panels:
             raise InputError(plot.__name__, "the model has no input", "take plot_impulse_response")
         own = _drawn(chart, axes)
@@ -177,10 +176,6 @@ class Results:
 
     def _repr_html_(self) -> str:
         return results_html(self.name, self.verdict, self.summary)
-
-    @cached_property
-    def _view(self) -> View:
-        return view_of(self.results)
 
     plot_measured_and_simulated = _plot("measured_and_simulated")
     """First validation samples, measured and simulated from the input alone."""

@@ -21,13 +21,11 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.pipeline.structures import load_record
-from evopem.results.dataset import searched_range
+from evopem.results.dataset import evidence_of
 from evopem.results.fleet import summarize
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import total_samples
 from evopem.signals.recording_info import RecordingInfo
-from evopem.validation.checks import Evidence
-from evopem.validation.checks.search import ranges_of_phases
 from evopem.validation.validation import Validation
 
 COLUMNS = (
@@ -200,17 +198,12 @@ def summarize_dataset(
     files: DatasetFiles, phases: tuple[str, ...], structures: tuple[str, ...]
 ) -> None:
     """Check the model of one data set, and write the summary."""
-    record = load(ModelRecord, files.model)
-    ranges = ranges_of_phases({phase: load(PhaseSelection, files.phase(phase)) for phase in phases})
-    if not phases:
-        chosen = load(Remedied, files.decision("remedies")).choice.candidate
-        searches = [load(StructureSearch, files.search(each)) for each in structures]
-        ranges = searched_range(chosen, searches)
-    evidence = Evidence(
-        record,
+    evidence = evidence_of(
+        load(ModelRecord, files.model),
         load(Validation, files.validation),
         load(RecordingInfo, files.recording_info),
-        ranges,
-        not phases,
+        {phase: load(PhaseSelection, files.phase(phase)) for phase in phases},
+        [load(StructureSearch, files.search(each)) for each in structures],
+        None if phases else load(Remedied, files.decision("remedies")).choice,
     )
     save(summarize(evidence), files.summary)

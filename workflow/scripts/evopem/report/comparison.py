@@ -88,8 +88,8 @@ def build_comparison(
     from evopem.report.figures import DrawnFigure
     from evopem.report.templates import environment
 
-    sentences = [verdict(view).sentence for view in comparison.views]
-    outcomes = [{check.name: check.word for check in view.checks} for view in comparison.views]
+    sentences = [verdict(each).sentence for each in comparison.models]
+    outcomes = [{check.name: check.word for check in each.checks} for each in comparison.models]
     names = dict.fromkeys(name for outcome in outcomes for name in outcome)
     name, sections = "-".join(comparison.labels)[:80], []
     for figure, title, caption, chart_of in FIGURES[0 if comparison.has_same_validation else 1 :]:

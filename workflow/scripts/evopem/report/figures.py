@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from evopem.figures import REPORT_FIGURES, style
 from evopem.figures.chart import Chart
-from evopem.figures.view import View
+from evopem.results.dataset import DatasetResults
 
 if TYPE_CHECKING:
     from jinja2.environment import TemplateModule
@@ -77,16 +77,16 @@ class DrawnFigure:
 
 
 def drawn_figures(
-    view: View, drawings: Mapping[str, str], captions: TemplateModule, part: str
+    results: DatasetResults, drawings: Mapping[str, str], captions: TemplateModule, part: str
 ) -> dict[str, DrawnFigure]:
     """The figures of a part of the report by name; `drawings` are SVG texts by name."""
     found = {}
     for name, figure in REPORT_FIGURES.items():
-        if figure.part == part and not (chart := figure.chart(view)).nothing:
-            title, _, caption = str(getattr(captions, name)(view)).strip().partition("\n")
+        if figure.part == part and not (chart := figure.chart(results)).nothing:
+            title, _, caption = str(getattr(captions, name)(results)).strip().partition("\n")
             found[name] = DrawnFigure.of(
-                *(chart, drawings[name], (name, title, caption), view.name, figure.data),
-                most_cells=MOST_CELLS // (2 - view.is_single),
+                *(chart, drawings[name], (name, title, caption), results.name, figure.data),
+                most_cells=MOST_CELLS // (2 - results.is_single),
             )
     return found
 

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from evopem.figures.view import View, view_of
 from evopem.report.figures import drawn_figures
 from evopem.report.sections import PHASE_NAMES, SECTIONS
 from evopem.report.templates import environment
@@ -50,24 +49,22 @@ def build_report(
     commit: str = "unknown",
 ) -> str:
     """One HTML page that loads no other file; `drawings`: SVG texts by name; times in seconds."""
-    view = view_of(results)
     templates = environment(template_directory)
     page, captions = map(templates.get_template, ("report.html.j2", "captions.html.j2"))
     return page.render(
-        view=view,
         results=results,
         sections=[
             {
                 "id": section.id,
-                "title": section.title(view),
+                "title": section.title(results),
                 "template": f"section_{section.id if section.content else 'figures'}.html.j2",
-                "content": section.content(view) if section.content else {},
-                "figures": drawn_figures(view, drawings, captions.module, section.id),
+                "content": section.content(results) if section.content else {},
+                "figures": drawn_figures(results, drawings, captions.module, section.id),
             }
             for section in SECTIONS
-            if section.applies(view)
+            if section.applies(results)
         ],
-        stages=stages(view, wall_clock),
+        stages=stages(results, wall_clock),
         versions=listed(installed(REPORT_LIBRARIES)),
         command=command(commit),
         commit=commit,
@@ -85,13 +82,11 @@ class Stage:
     evaluations: int | None = None
 
 
-def stages(view: View, wall_clock: Mapping[str, float]) -> list[Stage]:
+def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[Stage]:
     """Seconds of every stage from the start to the end of its jobs; the searches in their order."""
     left = dict(wall_clock)
     searches = []
-    for phase, tried in (
-        () if view.candidates is None else view.candidates.groupby("phase", sort=False)
-    ):
+    for phase, tried in results.candidates.groupby("phase", sort=False) if results.phases else ():
         seconds = left.pop(phase, None)
         name = f"Search of {PHASE_NAMES.get(phase, phase)}"
         searches.append(Stage(name, seconds, len(tried), int(tried["evaluations"].sum())))

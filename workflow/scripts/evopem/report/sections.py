@@ -22,7 +22,6 @@ from evopem.config.settings import DatasetSettings
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import FitRecord
 from evopem.figures.shapes import ShapeDrawing
-from evopem.figures.view import View
 from evopem.models.mode_matching import deviations, matched_modes
 from evopem.models.modes import Mode
 from evopem.models.structures import armax_orders
@@ -72,17 +71,17 @@ class Section:
     """A part of the page."""
 
     id: str
-    title: Callable[[View], str]  # its heading
-    content: Callable[[View], dict[str, Any]] | None = None  # None for figures alone
-    applies: Callable[[View], bool] = lambda _: True  # whether the page has it
+    title: Callable[[DatasetResults], str]  # its heading
+    content: Callable[[DatasetResults], dict[str, Any]] | None = None  # None for figures alone
+    applies: Callable[[DatasetResults], bool] = lambda _: True  # whether the page has it
 
 
-def _summary(view: View) -> dict[str, Any]:
-    return {"verdict": verdict(view), "evidence": mode_lines(view), "checks": view.checks}
+def _summary(results: DatasetResults) -> dict[str, Any]:
+    return {"verdict": verdict(results), "evidence": mode_lines(results), "checks": results.checks}
 
 
-def _model(view: View) -> dict[str, Any]:
-    record = view.results.model
+def _model(results: DatasetResults) -> dict[str, Any]:
+    record = results.model
     return {
         "polynomials": record.polynomials if record.orders else None,
         "written": equations,
@@ -129,27 +128,29 @@ def _shown(value: Any, unit: str = "") -> str:
     return number(value) if is_number(value) else str(value or "none")
 
 
-def _modes(view: View) -> dict[str, Any]:
+def _modes(results: DatasetResults) -> dict[str, Any]:
     """The table of modes, their lines of evidence, and the shapes of several outputs."""
-    stand_in = stands_in_for_the_chapter(view.results.settings)
-    true_modes = view.truth.modes if view.truth else ()
+    stand_in = stands_in_for_the_chapter(results.settings)
+    true_modes = results.true_modes
     of_chapter = CHAPTER_MODES if stand_in else ()
-    geometry, names = view.results.settings.geometry, tuple(each.name for each in view.outputs)
+    geometry, names = results.settings.geometry, tuple(each.name for each in results.outputs)
     drawing = ShapeDrawing(geometry, names) if geometry is not None else None
-    labels = [f"Shape of mode {k} at {hertz(m.frequency_hz)}" for k, m in enumerate(view.modes, 1)]
+    labels = [
+        f"Shape of mode {k} at {hertz(m.frequency_hz)}" for k, m in enumerate(results.modes, 1)
+    ]
     return {
-        "rows": mode_rows(view.modes, true_modes, of_chapter),
-        "lines": {line.mode.pole: line for line in mode_lines(view)},
+        "rows": mode_rows(results.modes, true_modes, of_chapter),
+        "lines": {line.mode.pole: line for line in mode_lines(results)},
         "labels": labels if len(names) > 1 else [],
         "drawn": [
             (
                 Markup(drawing.drawn(mode.shape, label)),
                 Markup(drawing.drawn(mode.shape, f"{label}, moving", moving=True)),
             )
-            for mode, label in zip(view.modes, labels, strict=True)
+            for mode, label in zip(results.modes, labels, strict=True)
             if drawing and len(names) > 1
         ],
-        "assurance": view.results.validation.modes.assurance,
+        "assurance": results.validation.modes.assurance,
         "has_truth": bool(true_modes),
         "chapter_orders": CHAPTER_ORDERS if stand_in else None,
     }
@@ -206,17 +207,17 @@ def recording_rows(results: DatasetResults) -> list[tuple[str, int, int, int, fl
 PHASE_NAMES = {"joint": "plant order"}
 
 
-def _selection(view: View) -> dict[str, Any]:
-    record, validation = view.results.decisions, view.results.validation
-    decisions = record.decisions if record else map(phase_decision, view.results.phases.values())
+def _selection(results: DatasetResults) -> dict[str, Any]:
+    record, validation = results.decisions, results.validation
+    decisions = record.decisions if record else map(phase_decision, results.phases.values())
     other = record.other if record else None
     model = OtherModel(
-        *(record.purpose if record else "", view.model_text),
+        *(record.purpose if record else "", results.model.text),
         *(validation.prediction_error_percent, validation.simulation_error_percent),
     )
     return {
         "record": record,
-        "candidates": [] if view.candidates is None else view.candidates.to_dict("records"),
+        "candidates": results.candidates.to_dict("records") if results.phases else [],
         "decisions": [(each, rivals(each)) for each in decisions],
         "purposes": [model, other] if other else [],
     }
@@ -252,27 +253,30 @@ SECTIONS = (
     Section("model", lambda _: "Model", _model),
     Section(
         "modes",
-        lambda view: "Modes beside the truth" if view.truth and view.truth.modes else "Modes",
+        lambda results: "Modes beside the truth" if results.true_modes else "Modes",
         _modes,
     ),
-    Section("response", lambda view: "Response to the input" if view.has_input else "Noise filter"),
+    Section(
+        "response",
+        lambda results: "Response to the input" if results.model.has_input else "Noise filter",
+    ),
     Section(
         "errors",
-        lambda view: "Prediction and simulation" if view.has_input else "Prediction",
-        lambda view: {"recordings": recording_rows(view.results)},
+        lambda results: "Prediction and simulation" if results.model.has_input else "Prediction",
+        lambda results: {"recordings": recording_rows(results)},
     ),
     Section("residual_tests", lambda _: "Residuals"),
     Section("recording", lambda _: "Recording"),
     Section(
         "selection",
-        lambda view: f"Choice of {'structure and ' if view.results.decisions else 'the '}orders",
+        lambda results: f"Choice of {'structure and ' if results.decisions else 'the '}orders",
         _selection,
     ),
     Section(
         "chapter",
         lambda _: "Comparison with the chapter",
-        lambda view: {"rows": compare_with_chapter(view.results)},
-        lambda view: stands_in_for_the_chapter(view.results.settings),
+        lambda results: {"rows": compare_with_chapter(results)},
+        lambda results: stands_in_for_the_chapter(results.settings),
     ),
     Section("provenance", lambda _: "Provenance", lambda _: {}),
 )

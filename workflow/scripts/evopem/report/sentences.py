@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from evopem.figures.chart import rows_of
+from evopem.figures.chart import of_pair, rows_of
 from evopem.figures.frequency_domain import model_source
-from evopem.figures.view import View
 from evopem.models.mode_matching import persistent_frequencies
 from evopem.models.modes import Mode
+from evopem.results.dataset import DatasetResults
 from evopem.signals.peaks import line_spacing
 from evopem.signals.prepared_data import Transforms
 
@@ -31,9 +31,9 @@ def difference_gain(transforms: Transforms, frequency: float) -> float:
     return float(abs(2 * math.sin(math.pi * frequency / transforms.sampling_rate)) ** surplus)
 
 
-def time_constants(view: View, mode: Mode) -> float:
+def time_constants(results: DatasetResults, mode: Mode) -> float:
     """Length of the estimation samples in time constants of a mode."""
-    duration = view.results.model.transforms.estimation_samples / view.sampling_rate
+    duration = results.model.transforms.estimation_samples / results.model.sampling_rate
     return 2 * math.pi * mode.frequency_hz * mode.damping_ratio * duration
 
 
@@ -42,9 +42,9 @@ def evaluations_to_near(history: Sequence[tuple[int, float]]) -> int:
     return next(spent for spent, value in history if value <= NEAR * history[-1][1])
 
 
-def counted_roots(view: View) -> dict[str, Any]:
+def counted_roots(results: DatasetResults) -> dict[str, Any]:
     """Numbers of poles and zeros, and how far out the outermost ones are."""
-    record, kinds = view.results.model, view.roots["kind"]
+    record, kinds = results.model, results.roots["kind"]
     slowest = float(np.abs(record.poles).max(initial=0.0))
     zeros = np.concatenate([*record.zeros, np.empty(0)])
     stable = 0 < slowest < 1
@@ -52,26 +52,26 @@ def counted_roots(view: View) -> dict[str, Any]:
         "poles": record.poles.size,
         "real": int(np.sum(record.poles.imag == 0)),
         "slowest": slowest,
-        "decay_s": -1 / (view.sampling_rate * math.log(slowest)) if stable else math.nan,
+        "decay_s": -1 / (results.model.sampling_rate * math.log(slowest)) if stable else math.nan,
         "zeros": zeros.size,
         "outside": int(np.sum(np.abs(zeros) > 1)),
-        "unknown": int(view.roots["variance_real"].isna().sum() - (kinds == "true pole").sum()),
+        "unknown": int(results.roots["variance_real"].isna().sum() - (kinds == "true pole").sum()),
         "noise_zero": float(np.abs(record.noise_zeros).max()) if record.noise_zeros.size else None,
     }
 
 
-def gains_in_words(view: View) -> Iterator[dict[str, Any]]:
+def gains_in_words(results: DatasetResults) -> Iterator[dict[str, Any]]:
     """Where the gain of each pair is largest, and its medians at both ends of the band."""
-    kind, label = model_source(view)
-    table = view.frequency_response
+    kind, label = model_source(results)
+    table = results.responses
     table = table[(table["source"] == kind) & (table["frequency_hz"] > 0)]
-    for pair in view.pairs:
-        rows = rows_of(table, view.where(*pair))
+    for pair in results.pairs:
+        rows = rows_of(table, of_pair(*pair))
         gain, top = rows["gain"].to_numpy(), int(np.nanargmax(rows["gain"]))
         tenth = max(len(gain) // 10, 1)
         low, high = float(np.median(gain[:tenth])), float(np.median(gain[-tenth:]))
         yield {
-            "name": view.pair_title(*pair) or label,
+            "name": results.pair_title(*pair) or label,
             "at": float(rows["frequency_hz"].iloc[top]),
             "largest": float(gain[top]),
             "ratio": high / low if low > 0 and high > 0 else None,

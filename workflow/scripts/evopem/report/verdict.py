@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
+from evopem.estimation.model_record import ModelRecord
 from evopem.figures.frequency_domain import model_source
-from evopem.figures.view import Channel, View, view_of
 from evopem.models.modes import Mode
 from evopem.report.numbers import (
     THIN,
@@ -22,9 +22,11 @@ from evopem.report.numbers import (
     percent,
     plural,
 )
+from evopem.results.channels import Channel
 from evopem.results.dataset import DatasetResults
 from evopem.validation.checks import Check
-from evopem.validation.checks.inputs import RESTING
+from evopem.validation.checks.inputs import RESTING, input_rests
+from evopem.validation.checks.residuals import white
 from evopem.validation.mode_evidence import ModeEvidence
 
 Answer = Literal["good", "care", "no"]
@@ -94,17 +96,16 @@ class Verdict:
         return [use for use in self.uses if use.answer == answer]
 
 
-def verdict(results: DatasetResults | View) -> Verdict:
+def verdict(results: DatasetResults) -> Verdict:
     """Judge every use of a model by its errors on validation samples and by its checks.
 
     A model without input cannot be simulated; it is judged by its prediction and its spectrum.
     """
-    view = view_of(results)
-    outcome = {check.name: check for check in view.checks}
-    uses = [_prediction(view, outcome), _frequency_response(view, outcome)]
-    if view.has_input:
-        uses = [*_simulations(view, outcome), *uses]
-    uses += [_modes(view), _intervals(view, outcome)]
+    outcome = {check.name: check for check in results.checks}
+    uses = [_prediction(results, outcome), _frequency_response(results, outcome)]
+    if results.model.has_input:
+        uses = [*_simulations(results, outcome), *uses]
+    uses += [_modes(results), _intervals(results, outcome)]
     return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
 
 
@@ -161,22 +162,22 @@ def plural_of(noun: str, things: Sequence[object]) -> str:
     return noun if len(things) == 1 else f"{noun}s"
 
 
-def _simulations(view: View, outcome: Mapping[str, Check]) -> list[Use]:
+def _simulations(results: DatasetResults, outcome: Mapping[str, Check]) -> list[Use]:
     """The simulation; where transforms make it another quantity, also in recorded units."""
-    validation, recorded = view.results.validation, view.recorded
-    outputs, several = plural_of("output", view.outputs), len(view.outputs) > 1
+    validation, recorded = results.validation, results.recorded
+    outputs, several = plural_of("output", results.outputs), len(results.outputs) > 1
     owner, samples = "outputs’" if several else "output’s", count(validation.samples)
     told = f" of the {owner} deviation on {samples} validation samples"
     checked = _by_checks("simulation", outcome)
     worst_of: Finding = "good", ""
     if several:
-        worst, own = view.worst_first[0]
+        worst, own = results.worst_first[0]
         largest = own.simulation_error_percent
         told += f", by {percent(largest)} at {worst.prepared}"
         worst_of = ("care" if _by_error(largest)[0] != "good" else "good", "")
     of_error = _by_error(validation.simulation_error_percent, told)
     found: dict[str, tuple[Finding, ...]]
-    found = {f"simulation from the {plural_of('input', view.inputs)}": (of_error, worst_of)}
+    found = {f"simulation from the {plural_of('input', results.inputs)}": (of_error, worst_of)}
     if recorded is not None:
         error = recorded.simulation_error_percent
         summed = recorded.integrations and _by_error(error)[0] != "good"
@@ -185,48 +186,48 @@ def _simulations(view: View, outcome: Mapping[str, Check]) -> list[Use]:
             f"simulation of the transformed {outputs}": (of_error, worst_of),
             f"simulation of the {outputs} as recorded": (_by_error(error, undone),),
         }
-    if view.input_rests:
+    if input_rests(validation):
         return [Use(name, "no", f"not tested: {RESTING}") for name in found]
     return [_use(name, *findings, checked) for name, findings in found.items()]
 
 
-def _prediction(view: View, outcome: Mapping[str, Check]) -> Use:
-    validation, several = view.results.validation, len(view.outputs) > 1
+def _prediction(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
+    validation, several = results.validation, len(results.outputs) > 1
     where = " on average over the outputs" if several else " on validation samples"
     # Without a noise model it is a simulation, and is as good as one.
-    good = BELOW_MEAN if view.has_noise_model else GOOD_SIMULATION
+    good = BELOW_MEAN if results.model.has_noise_model else GOOD_SIMULATION
     findings = [_by_error(validation.prediction_error_percent, where, good)]
     if several:
         errors = [each.prediction_error_percent for each in validation.outputs]
         largest = float(np.nanmax([*errors, -math.inf]))
         told = f"by up to {percent(largest)}"
         if largest >= ERROR_OF_MEAN:
-            worst = view.outputs[errors.index(largest)].prepared
+            worst = results.outputs[errors.index(largest)].prepared
             told = f"by {percent(largest)} at {worst}, no better than its mean"
         findings.append(("care" if largest >= ERROR_OF_MEAN else "good", told))
-    if not view.has_noise_model and view.white is not True:
+    if not results.model.has_noise_model and white(results.validation) is not True:
         findings.append(("care", "the residuals are coloured, which no noise model uses"))
     return _use("one-step prediction", *findings, _by_checks("prediction", outcome))
 
 
-def _frequency_response(view: View, outcome: Mapping[str, Check]) -> Use:
+def _frequency_response(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
     """The response of the plant; of a model without input, the spectrum that its noise has."""
-    validation = view.results.validation
-    name, rests_on = f"the {plural_of('frequency response', view.pairs)}", "response"
+    validation = results.validation
+    name, rests_on = f"the {plural_of('frequency response', results.pairs)}", "response"
     error, computed = validation.simulation_error_percent, "simulates"
-    if not view.has_input:
-        name, rests_on = f"the spectrum of the {plural_of('output', view.outputs)}", "spectrum"
+    if not results.model.has_input:
+        name, rests_on = f"the spectrum of the {plural_of('output', results.outputs)}", "spectrum"
         error, computed = validation.prediction_error_percent, "predicts"
     checked = _by_checks(rests_on, outcome)
     if is_number(error) and error >= ERROR_OF_MEAN:
         told = f"it {computed} no better than the mean, off by {percent(error)}"
         return _use(name, ("no", told), checked)
-    table = view.frequency_response
-    table = table[table["source"] == model_source(view)[0]]
+    table = results.responses
+    table = table[table["source"] == model_source(results)[0]]
     inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
     width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
     half = 100 * float(np.median(width)) if len(inside) else math.nan
-    over = "all pairs and frequencies" if len(view.pairs) > 1 else "frequency"
+    over = "all pairs and frequencies" if len(results.pairs) > 1 else "frequency"
     band: Finding = (
         "good",
         f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})",
@@ -238,15 +239,15 @@ def _frequency_response(view: View, outcome: Mapping[str, Check]) -> Use:
     elif half > WIDE_BAND:
         band = "care", band[1]
     tested: Finding = ("good", "")
-    if view.has_input and is_number(error) and error >= USABLE_SIMULATION:
+    if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
         tested = "care", f"simulations are off by {percent(error)}, which hides errors of the gain"
     return _use(name, band, tested, checked)
 
 
-def _modes(view: View) -> Use:
-    trusted = [line for line in mode_lines(view) if line.trusted]
-    others = len(view.modes) - len(trusted)
+def _modes(results: DatasetResults) -> Use:
+    trusted = [line for line in mode_lines(results) if line.trusted]
+    others = len(results.modes) - len(trusted)
     if not trusted:
         reason = "none passes every test" if others else "the model has no oscillating mode"
         return Use("modes", "no", reason)
@@ -256,11 +257,11 @@ def _modes(view: View) -> Use:
         places = enumeration([*shown, f"{len(trusted) - MOST_NAMED} more"])
     name = f"the {plural_of('mode', trusted)} at {places}"
     reason = "seen in validation samples"
-    if all(view.evidence[each.mode.pole].stable for each in trusted):
+    if all(each.stable for each in results.validation.modes.modes if each.trusted):
         reason += " and at most other orders"
     against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
     findings: list[Finding] = [("good", reason), ("good", against)]
-    if len(view.outputs) > 1:
+    if len(results.outputs) > 1:
         name += " (with shapes)"
         mixed = sum(bool(each.shape_doubt) for each in trusted)
         if mixed:
@@ -268,8 +269,16 @@ def _modes(view: View) -> Use:
     return _use(name, *findings)
 
 
-def _intervals(view: View, outcome: Mapping[str, Check]) -> Use:
-    checked, errors = _by_checks("intervals", outcome), view.standard_errors
+def standard_errors(record: ModelRecord) -> np.ndarray:
+    """Of the coefficients of polynomials, or of the entries of a state-space model."""
+    if record.parameter_standard_errors is not None:
+        return np.asarray(record.parameter_standard_errors)
+    known = record.orders is None and record.model.covariance is not None
+    return np.full(record.model.parameters.size, 0.0 if known else np.nan)
+
+
+def _intervals(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
+    checked, errors = _by_checks("intervals", outcome), standard_errors(results.model)
     findings: list[Finding] = []
     unknown = int((~np.isfinite(errors)).sum())
     if unknown == len(errors):
@@ -277,11 +286,11 @@ def _intervals(view: View, outcome: Mapping[str, Check]) -> Use:
     elif unknown:
         told = f"not known of {unknown} of {plural(len(errors), 'coefficient')}"
         findings.append(("care", told))
-    if view.is_chosen_by_scores:
+    if len(results.scores) > 1:
         # Intervals of models that the automatic recipe chose cover less (docs/report.md).
         findings.append(("care", "they leave out the choice of structure and orders"))
     if not findings and checked[0] == "good":
-        coloured = not view.has_noise_model and view.white is not True
+        coloured = not results.model.has_noise_model and white(results.validation) is not True
         told = "the colour of the residuals is taken into account"
         findings.append(("good", told if coloured else "white residuals"))
     return _use("standard errors", *findings, checked)
@@ -297,34 +306,34 @@ class ModeLine:
     shape_doubt: str = ""  # reason not to trust its shape; empty where there is none
 
 
-def mode_lines(view: View) -> list[ModeLine]:
+def mode_lines(results: DatasetResults) -> list[ModeLine]:
     """Every mode of the plant with what the data say about it, then the noise filter's own.
 
     A pole of D is no part of the response to the inputs, and only modes of the plant are tested.
     """
+    shared = {mode.pole for mode in results.model.modes}
     return [
-        *(_line(view, mode) for mode in view.modes),
+        *(_line(results, evidence) for evidence in results.validation.modes.modes),
         *(
             ModeLine(mode, False, "of the noise filter alone, and not tested on validation samples")
-            for mode in view.noise_modes
+            for mode in results.model.noise_modes
+            if mode.pole not in shared
         ),
     ]
 
 
-def _line(view: View, mode: Mode) -> ModeLine:
-    evidence = view.evidence.get(mode.pole)
-    if evidence is None:
-        return ModeLine(mode, False, "could not be tested on validation samples")
+def _line(results: DatasetResults, evidence: ModeEvidence) -> ModeLine:
+    mode = evidence.mode
     reasons = list(evidence.doubts)
-    words = reasons or [_origin(view, evidence)]
-    if reasons and len(view.inputs) > 1 and evidence.origin == "input":
-        words.append(_origin(view, evidence))
-    if len(view.outputs) > 1:
+    words = reasons or [_origin(results, evidence)]
+    if reasons and len(results.inputs) > 1 and evidence.origin == "input":
+        words.append(_origin(results, evidence))
+    if len(results.outputs) > 1:
         shares, least = mode.output_shares, percent(100.0 * NEGLIGIBLE, 1)
-        seen = f"seen at {_strongest(view.outputs, shares)}"
+        seen = f"seen at {_strongest(results.outputs, shares)}"
         is_seen = shares.max() >= NEGLIGIBLE
         words.append(seen if is_seen else f"below {least} of the energy of every output")
-    if evidence.order != view.results.validation.modes.order:
+    if evidence.order != results.validation.modes.order:
         words.append(f"of the model of order {evidence.order}")
     if not reasons and is_number(evidence.recurrence):
         share = fixed(100 * evidence.recurrence, 0)
@@ -335,18 +344,18 @@ def _line(view: View, mode: Mode) -> ModeLine:
     return ModeLine(mode, not reasons, "; ".join(words), shape)
 
 
-def _origin(view: View, evidence: ModeEvidence) -> str:
+def _origin(results: DatasetResults, evidence: ModeEvidence) -> str:
     """What drives a mode, and where there are several inputs, which of them."""
-    if not view.has_input:
+    if not results.model.has_input:
         return "it improves the prediction of validation samples"
     if evidence.origin != "input":
-        return f"disturbances drive it, not the {'input' if len(view.inputs) == 1 else 'inputs'}"
-    if len(view.inputs) == 1:
+        return f"disturbances drive it, not the {'input' if len(results.inputs) == 1 else 'inputs'}"
+    if len(results.inputs) == 1:
         return "the input drives it"
-    deviations = view.results.prepared.estimation.inputs.std(axis=0)
+    deviations = results.prepared.estimation.inputs.std(axis=0)
     driven = np.abs(evidence.mode.input_participation) * deviations
     shares = driven / max(float(driven.sum()), 1e-300)
-    return f"driven by {_strongest(view.inputs, shares)}"
+    return f"driven by {_strongest(results.inputs, shares)}"
 
 
 def _strongest(channels: Sequence[Channel], shares: np.ndarray) -> str:

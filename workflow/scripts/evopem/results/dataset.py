@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from evopem.automatic.candidates import Candidate as ScoredCandidate
@@ -17,12 +18,13 @@ from evopem.automatic.structures import Choice
 from evopem.config.defaults import read_settings
 from evopem.config.order_grid import phases_of_dataset
 from evopem.config.settings import DatasetSettings
-from evopem.config.structures import searched_forms
+from evopem.config.structures import searched_forms, structure_name
 from evopem.errors import InputError
-from evopem.estimation.candidate import Candidate, PhaseSelection
-from evopem.estimation.model_record import ModelRecord, load_record
+from evopem.estimation.candidate import PhaseSelection
+from evopem.estimation.model_record import FORMS, ModelRecord, load_record
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
+from evopem.results.channels import Channel, Pair
 from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
@@ -32,7 +34,22 @@ from evopem.signals.spectrum_summary import SpectrumSummary
 from evopem.synthesis.armax import Truth
 from evopem.validation.checks import Check, Evidence, OrderRange, checks
 from evopem.validation.checks.search import ranges_of_phases
-from evopem.validation.validation import Validation, ValidationTables
+from evopem.validation.validation import (
+    OutputValidation,
+    RecordedErrors,
+    Validation,
+    ValidationTables,
+)
+
+ROOTS = (
+    ("a", "pole"),
+    ("f", "pole of the plant"),
+    ("b", "zero"),
+    ("c", "root of C"),
+    ("d", "pole of the noise filter"),
+)
+UNKNOWN = np.full((2, 2), np.nan)
+_RESPONSE = ("gain", "gain_lower", "gain_upper", "phase_deg")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,22 +92,149 @@ class DatasetResults:
     @property
     def evidence(self) -> Evidence:
         """What the checks of the model judge."""
-        ranges = ranges_of_phases(self.phases)
-        if self.choice is not None:
-            ranges = searched_range(self.choice.candidate, self.searches)
-        return Evidence(
-            *(self.model, self.validation, self.recording_info, ranges),
-            self.decisions is not None,
+        return evidence_of(
+            *(self.model, self.validation, self.recording_info),
+            *(self.phases, self.searches, self.choice),
         )
 
-    @property
+    @cached_property
     def checks(self) -> list[Check]:
         """The checks of the model."""
         return checks(self.evidence)
 
+    @cached_property
+    def outputs(self) -> tuple[Channel, ...]:
+        """The outputs as recorded and as prepared."""
+        named = zip(self.recording.output_names, self.recording.output_units, strict=True)
+        return tuple(Channel.of_output(*each, self.model.transforms) for each in named)
 
-def searched_range(
-    chosen: ScoredCandidate, searches: Sequence[StructureSearch]
+    @cached_property
+    def inputs(self) -> tuple[Channel, ...]:
+        """The inputs of the model alike."""
+        named = zip(self.recording.input_names, self.recording.input_units, strict=True)
+        found = tuple(Channel.of_input(*each, self.model.transforms) for each in named)
+        return found[: self.model.model.inputs]
+
+    @property
+    def is_single(self) -> bool:
+        """Whether there is one output and at most one input."""
+        return len(self.outputs) == 1 and len(self.inputs) <= 1
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """Every output with every input; each output alone where there is no input."""
+        sources = self.inputs or (None,)
+        return [(output, source) for output in self.outputs for source in sources]
+
+    def pair_title(self, output: Channel, source: Channel | None = None) -> str:
+        """What a panel of a pair is called; empty where there is one pair."""
+        if len(self.pairs) == 1:
+            return ""
+        return output.name if source is None else f"{output.name} ← {source.name}"
+
+    @property
+    def modes(self) -> list[Mode]:
+        """The modes that the validation has judged."""
+        return [each.mode for each in self.validation.modes.modes]
+
+    @property
+    def true_modes(self) -> tuple[Mode, ...]:
+        """The modes of the truth, where there is one."""
+        return self.truth.modes if self.truth else ()
+
+    @property
+    def recorded(self) -> RecordedErrors | None:
+        """Errors of the only output in recorded units, where these are others."""
+        shown = self.model.transforms.changes_output and self.is_single
+        return self.validation.outputs[0].recorded if shown else None
+
+    @property
+    def worst_first(self) -> list[tuple[Channel, OutputValidation]]:
+        """The outputs by decreasing error of the simulation, without an input of the prediction."""
+        kind = "simulation" if self.model.has_input else "prediction"
+
+        def severity(pair: tuple[Channel, OutputValidation]) -> float:
+            error = getattr(pair[1], f"{kind}_error_percent")
+            return -error if np.isfinite(error) else -np.inf
+
+        return sorted(zip(self.outputs, self.validation.outputs, strict=True), key=severity)
+
+    @cached_property
+    def scores(self) -> pd.DataFrame:
+        """Errors on held-out samples by structure and order, the choice of the recipe selected."""
+        if self.choice is None:
+            return pd.DataFrame()
+        error = f"{self.choice.kind}_error_percent"
+        table = self.candidates
+        table = table[(table["step"] != "remedy") & table[error].notna()]
+        table = table.rename(columns={error: "error_percent"}).reset_index(drop=True)
+        names = {name: FORMS.get(name) or structure_name(name) for name in set(table["structure"])}
+        columns = ["structure", "order", "model", "error_percent", "bic", "selected"]
+        return table.replace({"structure": names})[columns]
+
+    @cached_property
+    def responses(self) -> pd.DataFrame:
+        """Of the model, its noise filter and the data; without an input of the noise filter."""
+        table = self.frequency_response
+        noise = _response(table, "noise filter", "noise_")
+        if not self.inputs:
+            return noise.drop(columns=["input", "coherence"])
+        measured = _response(self.spectrum, "measured", "frequency_response_")
+        model = _response(table, "model", "").assign(coherence=np.nan)
+        return pd.concat([model, noise.assign(coherence=np.nan), measured], ignore_index=True)
+
+    @cached_property
+    def roots(self) -> pd.DataFrame:
+        """Roots of polynomials of one input with covariances, else poles of model and predictor."""
+        record = self.model
+        if record.orders is not None and record.model.inputs <= 1:
+            found = [
+                (kind, *root)
+                for letter, kind in ROOTS
+                for root in record.polynomials.uncertain_roots(letter)
+            ]
+        else:
+            model = record.state_space
+            kinds = {"pole": model.poles()}
+            if record.has_noise_model:
+                kinds["root of C"] = model.noise_zeros()
+            found = [(kind, root, UNKNOWN) for kind, values in kinds.items() for root in values]
+        for mode in self.true_modes:
+            found += [("true pole", z, UNKNOWN) for z in (mode.pole, mode.pole.conjugate())]
+        rows = [
+            (kind, root.real, root.imag, abs(root), c[0, 0], c[1, 1], c[0, 1])
+            for kind, root, c in found
+        ]
+        columns = ["kind", "real", "imag", "radius", "variance_real", "variance_imag", "covariance"]
+        return pd.DataFrame(rows, columns=columns)
+
+
+def _response(table: pd.DataFrame, source: str, prefix: str) -> pd.DataFrame:
+    """The columns of one response of a table, whose names begin with a prefix."""
+    own = [name for name in ("output", "input", "frequency_hz", "coherence") if name in table]
+    values = [f"{prefix}{name}" for name in _RESPONSE if f"{prefix}{name}" in table]
+    found = table[[*own, *values]].rename(columns=lambda name: name.removeprefix(prefix))
+    columns = ["source", "output", "input", "frequency_hz", *_RESPONSE, "coherence"]
+    return found.assign(source=source).reindex(columns=columns)
+
+
+def evidence_of(
+    model: ModelRecord,
+    validation: Validation,
+    recording: RecordingInfo,
+    phases: Mapping[str, PhaseSelection],
+    searches: Iterable[StructureSearch],
+    choice: Choice | None,
+) -> Evidence:
+    """What the checks of a model judge; without phases it is the choice of the automatic recipe."""
+    ranges = ranges_of_phases(phases)
+    if choice is not None:
+        ranges = _searched_range(choice.candidate, searches)
+    return Evidence(model, validation, recording, ranges, choice is not None)
+
+
+def _searched_range(
+    chosen: ScoredCandidate, searches: Iterable[StructureSearch]
 ) -> tuple[OrderRange, ...]:
     """The range of the orders of a structure that were searched; none where it came of a remedy.
 
@@ -138,8 +282,12 @@ def read_results(files: DatasetFiles) -> DatasetResults:
         truth=load(Truth, files.truth) if Path(files.truth).exists() else None,
         decisions=load(DecisionRecord, files.decisions) if is_automatic else None,
         spectrum_summaries=load(tuple[SpectrumSummary, ...], files.spectrum_summary),
-        phases={phase: load(PhaseSelection, files.phase(phase)) for phase in phases_of_dataset(settings)},
-        searches=tuple(load(StructureSearch, files.search(name)) for name in searched_forms(settings)),
+        phases={
+            phase: load(PhaseSelection, files.phase(phase)) for phase in phases_of_dataset(settings)
+        },
+        searches=tuple(
+            load(StructureSearch, files.search(name)) for name in searched_forms(settings)
+        ),
         choice=load(Remedied, files.decision("remedies")).choice if is_automatic else None,
     )
 

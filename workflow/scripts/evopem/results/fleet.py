@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evopem.config.structures import ORDER_NAMES
 from evopem.errors import InputError
-from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
 from evopem.models.structures import Orders

@@ -19,8 +19,14 @@ from numpy.typing import NDArray
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
 from evopem.results.fleet import MODE_COLUMNS, mode_values
-from evopem.validation.level_changes import Drift, constant_probability, find_drift
-from evopem.validation.level_changes import FEWEST, Levels, find_levels
+from evopem.validation.level_changes import (
+    FEWEST,
+    Drift,
+    Levels,
+    constant_probability,
+    find_drift,
+    find_levels,
+)
 
 if TYPE_CHECKING:
     import pandas as pd

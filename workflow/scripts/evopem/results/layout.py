@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evopem.config.source_checks import RESULTS_FOLDER as FOLDER
-from evopem.config.structures import PHASES, phases_of
 from evopem.errors import InputError
 
 FIGURES = (
@@ -159,12 +158,16 @@ class DatasetFiles:
         """Time and memory of a job."""
         return f"{self.folder}/benchmarks/{job}.tsv"
 
+
 def check_folders(names: Iterable[str]) -> None:
     """Refuse files, and links to nothing, where the folders of results must be."""
     for folder in (FOLDER, *(DatasetFiles.of_dataset(name).folder for name in names)):
         path = Path(folder)
         if path.is_symlink() and not path.exists():
-            problem, remedy = "is a link to a folder that does not exist", "make it, or the link anew"
+            problem, remedy = (
+                "is a link to a folder that does not exist",
+                "make it, or the link anew",
+            )
             raise InputError(folder, problem, remedy)
         if path.exists() and not path.is_dir():
             problem = "is a file, and the results need a folder of this name"
