@@ -177,11 +177,9 @@ def test_stabilization_marks_each_status_and_the_selected_order(results):
 
 
 def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(results):
-    table, rate = results.validation_tables.simulation, results.model.sampling_rate
+    table = results.validation_tables.simulation
     (axes,) = drawn(results, "measured_and_simulated")
-    shown = table[table["simulated_output"].notna()].iloc[
-        : shown_samples(results.model.modes, rate)
-    ]
+    shown = table[table["simulated_output"].notna()].iloc[: shown_samples(results)]
     for column in ("output", "simulated"):
         assert_drawn(axes, shown["time_s"], shown[f"{column}_output"])
     (axes,) = drawn(results, "gain")

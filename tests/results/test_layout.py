@@ -7,8 +7,9 @@ from pathlib import Path, PurePosixPath
 import pytest
 
 from evopem.config.defaults import complete
+from evopem.config.structures import PHASES
 from evopem.errors import InputError
-from evopem.results.layout import FIGURES, OVERVIEW, PHASES, DatasetFiles
+from evopem.results.layout import FIGURES, OVERVIEW, DatasetFiles
 
 ROOT = Path(__file__).parents[2]
 FILES = DatasetFiles.of_dataset("arm")

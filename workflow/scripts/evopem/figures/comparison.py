@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from statistics import fmean
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -13,24 +14,19 @@ import pandas as pd
 from evopem.errors import InputError
 from evopem.figures.chart import (
     FAMILY,
-    FREQUENCY,
     MOST_PANELS,
-    VALIDATION_TIME,
     Chart,
     Curve,
     Panel,
-    around,
+    across,
     family,
     nothing,
-    of_pair,
-    rows_of,
 )
-from evopem.figures.frequency_domain import GAIN_BINS, model_source
-from evopem.figures.style import extremes
-from evopem.figures.time_domain import shown_samples
+from evopem.figures.frequency_domain import gain_panels, phase_panels, thinned
+from evopem.figures.time_domain import VALIDATION_TIME, shown_samples
 from evopem.models.mode_matching import matched_modes
 from evopem.models.modes import Mode
-from evopem.results.channels import Channel, Pair, gain_unit, with_unit
+from evopem.results.channels import Channel, Pair
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, mode_values
 from evopem.validation.checks import failed_checks
@@ -40,19 +36,10 @@ MOST = 6
 """More models than colours that can be told apart are not compared."""
 
 
-@dataclass(frozen=True)
-class MatchedMode:
-    """One mode as each model has it."""
-
-    modes: tuple[Mode | None, ...]  # in the order of the models; None where a model has none
-    trusted: tuple[bool, ...]
-
-    @property
-    def spread_percent(self) -> float:
-        """Largest less smallest frequency, in percent of their mean; NaN for one model."""
-        found = [mode.frequency_hz for mode in self.modes if mode is not None]
-        spread = 100.0 * (max(found) - min(found)) / float(np.mean(found))
-        return spread if len(found) > 1 else float("nan")
+def spread_percent(modes: Sequence[Mode | None]) -> float:
+    """Largest less smallest frequency, in percent of their mean; NaN for one model."""
+    found = [mode.frequency_hz for mode in modes if mode is not None]
+    return 100.0 * (max(found) - min(found)) / fmean(found) if len(found) > 1 else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,26 +72,21 @@ class Comparison:
     @cached_property
     def outputs(self) -> list[tuple[Channel, ...]]:
         """Each common output as every model has it, found by name; a single one by whatever."""
-        return _common([{each.name: each for each in results.outputs} for results in self.models])
+        return _common([{output.name: output for output in each.outputs} for each in self.models])
 
     @cached_property
     def pairs(self) -> list[tuple[Pair, ...]]:
         """Each common pair of output and input as every model has it."""
         return _common(
-            [
-                {(o.name, s.name if s else ""): (o, s) for o, s in results.pairs}
-                for results in self.models
-            ]
+            [{(o.name, s.name if s else ""): (o, s) for o, s in each.pairs} for each in self.models]
         )
 
     @property
     def has_same_validation(self) -> bool:
         """Whether all models were validated on the same samples, at the same rate."""
         first, *others = (
-            results.validation_tables.simulation[
-                ["time_s", *(f"output_{each[place].name}" for each in self.outputs)]
-            ]
-            for place, results in enumerate(self.models)
+            each.validation_tables.simulation[["time_s", *(f"output_{o.name}" for o in outputs)]]
+            for each, outputs in zip(self.models, zip(*self.outputs, strict=True), strict=True)
         )
         return all(
             first.shape == other.shape and np.allclose(first, other, rtol=1e-9, equal_nan=True)
@@ -112,47 +94,41 @@ class Comparison:
         )
 
     @cached_property
-    def matched(self) -> list[MatchedMode]:
-        """The modes of all models, matched by frequency, in its order."""
-        return [
-            MatchedMode(
-                row,
-                tuple(
-                    mode in results.validation.modes.trusted
-                    for mode, results in zip(row, self.models, strict=True)
-                ),
-            )
-            for row in matched_modes([results.modes for results in self.models])
-        ]
+    def matched(self) -> list[tuple[Mode | None, ...]]:
+        """Each mode as every model has it, matched by frequency, in its order."""
+        return matched_modes([each.modes for each in self.models])
+
+    @cached_property
+    def trusted(self) -> set[Mode]:
+        """The modes of all models that nothing speaks against."""
+        return {mode for each in self.models for mode in each.validation.modes.trusted}
 
     @property
     def table(self) -> pd.DataFrame:
         """A row for each model: its orders, errors, criteria and checks."""
-        rows = []
-        for results in self.models:
-            model, validation = results.model, results.validation
-            rows.append(
-                {
-                    "model": model.text,
-                    "parameters": model.model.parameters.size,
-                    "estimation_samples": model.transforms.estimation_samples,
-                    "sampling_rate_hz": model.sampling_rate,
-                    "simulation_error_percent": validation.simulation_error_percent,
-                    "prediction_error_percent": validation.prediction_error_percent,
-                    "bic": model.bic,
-                    "failed_checks": len(failed_checks(results.checks)),
-                    "trusted_modes": len(validation.modes.trusted),
-                }
-            )
+        rows = [
+            {
+                "model": each.model.text,
+                "parameters": each.model.model.parameters.size,
+                "estimation_samples": each.model.transforms.estimation_samples,
+                "sampling_rate_hz": each.model.sampling_rate,
+                "simulation_error_percent": each.validation.simulation_error_percent,
+                "prediction_error_percent": each.validation.prediction_error_percent,
+                "bic": each.model.bic,
+                "failed_checks": len(failed_checks(each.checks)),
+                "trusted_modes": len(each.validation.modes.trusted),
+            }
+            for each in self.models
+        ]
         return pd.DataFrame(rows, index=pd.Index(self.labels, name="data set"))
 
     @property
     def modes(self) -> pd.DataFrame:
         """A row for each mode of each model: number of the matched mode, values and errors."""
         rows = [
-            (number, label, *mode_values(mode), trusted)
+            (number, label, *mode_values(mode), mode in self.trusted)
             for number, each in enumerate(self.matched, start=1)
-            for label, mode, trusted in zip(self.labels, each.modes, each.trusted, strict=True)
+            for label, mode in zip(self.labels, each, strict=True)
             if mode is not None
         ]
         return pd.DataFrame(rows, columns=["mode", "data set", *MODE_COLUMNS, "trusted"])
@@ -179,53 +155,45 @@ def _labels(models: Sequence[DatasetResults]) -> tuple[str, ...]:
 
 def compared_responses(comparison: Comparison) -> Chart:
     """Gain and phase of every model and common pair, with the 95 % bands of the gains."""
-    columns = ["frequency_hz", "gain", "gain_lower", "gain_upper", "phase_deg"]
-    highest = max(each.model.sampling_rate for each in comparison.models) / 2
-    tables, gains, phases = [], [], []
-    for place, pair in enumerate(comparison.pairs[: MOST_PANELS // 2]):
-        units = set()
-        for number, (results, (output, source)) in enumerate(
-            zip(comparison.models, pair, strict=True), start=1
-        ):
-            table = results.responses
-            where = (("source", model_source(results)[0]), *of_pair(output, source))
-            rows = rows_of(table[table["frequency_hz"] > 0], where)
-            kept = rows.iloc[extremes(rows["gain"], GAIN_BINS)][columns]
-            tables.append(kept.assign(model=number, pair=place))
-            units.add(gain_unit(output, source))
-        models = [
-            (label, role, (("model", str(number)), ("pair", str(place))))
-            for number, (label, role) in enumerate(zip(comparison.labels, FAMILY, strict=False), 1)
+    panels = []
+    for panels_of, height in ((gain_panels, 260), (phase_panels, 170)):
+        own = [
+            dict(zip(each.pairs[:MOST_PANELS], panels_of(each, height), strict=True))
+            for each in comparison.models
         ]
-        title = comparison.models[0].pair_title(*pair[0])
-        gain = Panel(
-            *(title, "frequency_hz", FREQUENCY),
-            with_unit("Gain", units.pop() if len(units) == 1 else ""),
-            tuple(
-                Curve(label, "gain", role, where=where, band=("gain_lower", "gain_upper"))
-                for label, role, where in models
-            ),
-            scale="logarithmic",
-            limits=around(pd.concat(tables[-len(comparison.models) :])["gain"]),
-            highest=highest,
-            height=260,
-            linked="frequency",
-        )
-        curves = [Curve(label, "phase_deg", role, "points", where=w) for label, role, w in models]
-        phase = replace(gain, y_label="Phase (°)", curves=tuple(curves), scale="phase", height=170)
-        gains.append(gain)
-        phases.append(replace(phase, limits=(-190, 190)))
-    if not tables:
+        for pair in comparison.pairs[: MOST_PANELS // 2]:
+            found = [each[name] for each, name in zip(own, pair, strict=True) if name in each]
+            if len(found) == len(own):
+                panels.append(_overlaid(found, comparison.labels))
+    if not panels:
         return nothing("The models have no input in common.")
-    across = min(len(gains), 3)
-    panels = [
-        panel
-        for first in range(0, len(gains), across)
-        for row in (gains, phases)
-        for panel in row[first : first + across]
+    tables = [
+        thinned(each).assign(model=number) for number, each in enumerate(comparison.models, 1)
     ]
-    together = pd.concat(tables, ignore_index=True)[["model", "pair", *columns]]
-    return Chart(together, tuple(panels), across)
+    table = pd.concat(tables, ignore_index=True)
+    return Chart(table, tuple(panels), across(panels[: len(panels) // 2]))
+
+
+def _overlaid(panels: Sequence[Panel], labels: Sequence[str]) -> Panel:
+    """The curves of the models, one from each panel, in one."""
+    curves = [
+        replace(
+            panel.curves[-1],
+            label=label,
+            colour=role,
+            where=(("model", str(number)), *panel.curves[-1].where),
+        )
+        for number, (label, role, panel) in enumerate(zip(labels, FAMILY, panels, strict=False), 1)
+    ]
+    limits = [panel.limits for panel in panels if panel.limits]
+    axes = {panel.y_label for panel in panels}
+    return replace(
+        panels[0],
+        y_label=axes.pop() if len(axes) == 1 else "Gain",
+        curves=tuple(curves),
+        limits=(min(low for low, _ in limits), max(high for _, high in limits)) if limits else (),
+        highest=max(panel.highest for panel in panels),
+    )
 
 
 def compared_simulations(comparison: Comparison) -> Chart:
@@ -234,25 +202,20 @@ def compared_simulations(comparison: Comparison) -> Chart:
         return nothing("The models were validated on different samples.")
     first = comparison.models[0]
     kind = "simulated" if first.model.has_input else "predicted"
-    table, panels = first.validation_tables.simulation[["time_s"]], []
-    kept = shown_samples(first.modes, first.model.sampling_rate)
+    columns, panels = {"time_s": first.validation_tables.simulation["time_s"]}, []
     for place, outputs in enumerate(comparison.outputs[:MOST_PANELS], start=1):
         measured = f"output_{place}"
-        table = table.assign(
-            **{measured: first.validation_tables.simulation[f"output_{outputs[0].name}"]}
-        )
+        columns[measured] = first.validation_tables.simulation[f"output_{outputs[0].name}"]
         curves = [Curve("measured", measured, "ink")]
         for number, (results, output) in enumerate(zip(comparison.models, outputs, strict=True)):
             column = f"simulated_{place}_{number + 1}"
-            table = table.assign(
-                **{column: results.validation_tables.simulation[f"{kind}_{output.name}"]}
-            )
+            columns[column] = results.validation_tables.simulation[f"{kind}_{output.name}"]
             label, role = comparison.labels[number], FAMILY[number]
             curves.append(Curve(label, column, role, dashed=True))
         label = outputs[0].label
         panels.append(Panel("", "time_s", VALIDATION_TIME, label, tuple(curves), height=250))
-    table = table[table.notna().all(axis="columns")]
-    until = float(table["time_s"].iloc[: kept or len(table)].max())
+    table = pd.DataFrame(columns).dropna()
+    until = float(table["time_s"].iloc[: shown_samples(first)].max())
     shown = tuple(replace(panel, shown=until) for panel in panels)
     return Chart(table, shown, min(len(shown), 2))
 
@@ -262,21 +225,18 @@ def compared_modes(comparison: Comparison) -> Chart:
     table = comparison.modes
     if table.empty:
         return nothing("No model has an oscillating mode.")
-    errors = ("frequency_se_hz", "damping_se_percent")
     curves: list[Curve] = []
-    models = {label: (("data set", label),) for label in comparison.labels}
-    for curve in family("damping_percent", models):
+    for curve in family("damping_percent", {n: (("data set", n),) for n in comparison.labels}):
         trusted, doubted = ((*curve.where, ("trusted", word)) for word in ("True", "False"))
         points = replace(curve, kind="points", dashed=False)
         curves += [
-            replace(points, where=trusted, errors=errors),
+            replace(points, where=trusted, errors=("frequency_se_hz", "damping_se_percent")),
             replace(points, label="", where=doubted, marker=f"open{curve.marker}"),
         ]
     damping = table["damping_percent"]
-    limits = (min(0.0, 1.2 * float(damping.min())), 1.3 * max(float(damping.max()), 1e-6))
     panel = Panel(
         *("", "frequency_hz", "Natural frequency (Hz)", "Damping ratio (%)", tuple(curves)),
-        limits=limits,
+        limits=(min(0.0, 1.2 * float(damping.min())), 1.3 * max(float(damping.max()), 1e-6)),
         highest=max(each.model.sampling_rate for each in comparison.models) / 2,
         height=250,
     )

@@ -17,6 +17,7 @@ from evopem.figures.chart import (
     Curve,
     Mark,
     Panel,
+    Role,
     across,
     around,
     columns_of,
@@ -26,7 +27,8 @@ from evopem.figures.chart import (
     small,
 )
 from evopem.figures.style import extremes
-from evopem.results.channels import Channel, Pair, gain_unit, with_unit
+from evopem.models.modes import Mode
+from evopem.results.channels import Pair, gain_unit, with_unit
 from evopem.results.dataset import DatasetResults
 from evopem.signals.spectra import multitaper_spectrum
 from evopem.signals.spectrum_summary import SpectralPeak
@@ -52,21 +54,24 @@ def model_source(results: DatasetResults) -> tuple[str, str]:
 
 def true_modes(results: DatasetResults) -> tuple[Mark, ...]:
     """Marks at the true natural frequencies, if there is a truth."""
-    found = results.true_modes
+    return _marks(results.true_modes, "true modes", "truth")
+
+
+def _marks(modes: Sequence[Mode], label: str, colour: Role) -> tuple[Mark, ...]:
     return tuple(
-        Mark(mode.frequency_hz, "" if place else "true modes", "truth")
-        for place, mode in enumerate(found)
+        Mark(mode.frequency_hz, "" if place else label, colour) for place, mode in enumerate(modes)
     )
 
 
 def _panel(
     results: DatasetResults,
-    title: str,
-    y_label: str,
+    words: tuple[str, str],
     curves: Sequence[Curve],
     height: int,
     **options: Any,
 ) -> Panel:
+    """Curves over the frequency; `words`: title and label of the ordinate."""
+    title, y_label = words
     return Panel(
         *(title, "frequency_hz", FREQUENCY, y_label, tuple(curves)),
         highest=results.model.sampling_rate / 2,
@@ -76,79 +81,86 @@ def _panel(
     )
 
 
-def _over_data(results: DatasetResults, pair: Pair, curve: Curve) -> list[Curve]:
+def _over_data(results: DatasetResults, pair: Pair, model: Curve) -> list[Curve]:
     """The curve of a pair's model; with an input over the one that the data give."""
-    where, kind = of_pair(*pair), model_source(results)[0]
-    model = replace(curve, where=(("source", kind), *where))
-    measured = (("source", "measured"), *where)
-    data = Curve("from the data", curve.column, "muted", curve.kind, where=measured)
-    return [data, model] if results.model.has_input else [model]
+    kinds = ["measured", "model"] if results.model.has_input else ["noise filter"]
+    curves = [Curve("from the data", model.column, "muted", model.kind), model]
+    return [
+        replace(curve, where=(("source", kind), *of_pair(*pair)))
+        for curve, kind in zip(curves[-len(kinds) :], kinds, strict=True)
+    ]
 
 
-def gain_panels(results: DatasetResults, marks: Sequence[Mark], height: int) -> list[Panel]:
+def gain_panels(results: DatasetResults, height: int, marks: tuple[Mark, ...] = ()) -> list[Panel]:
     """The gain of every pair over the data."""
     kind, label = model_source(results)
-    table = results.responses
-    table = table[table["source"] == kind]
+    table = results.responses[results.responses["source"] == kind]
     band = Curve(f"{label} with 95 % band", "gain", "model", band=("gain_lower", "gain_upper"))
     return [
         _panel(
-            *(results, results.pair_title(*pair), with_unit("Gain", gain_unit(*pair))),
+            *(results, (results.pair_title(*pair), with_unit("Gain", gain_unit(*pair)))),
             *(_over_data(results, pair, band), height),
             scale="logarithmic",
             limits=around(rows_of(table, of_pair(*pair))["gain"]),
-            marks=tuple(marks),
+            marks=marks,
         )
         for pair in results.pairs[:MOST_PANELS]
     ]
 
 
-def gain(results: DatasetResults) -> Chart:
-    """Gain with its 95 % band over the estimate from the data, trusted modes marked."""
-    table = results.responses
-    kept = table[table["source"].isin([model_source(results)[0], "measured"])]
-    kept = kept[kept["frequency_hz"] > 0].dropna(axis="columns", how="all")
-    columns = [each for each in kept if each not in ("phase_deg", "coherence")]
-    keys = [each for each in ("source", "output", "input") if each in columns]
-    thin = [
-        rows.iloc[extremes(rows["gain"], GAIN_BINS)]
-        for _, rows in kept[columns].groupby(keys, sort=False)
-    ]
-    trusted = results.validation.modes.trusted
-    marks = [Mark(m.frequency_hz, "" if k else "trusted modes") for k, m in enumerate(trusted)]
-    together = pd.concat(thin, ignore_index=True)
-    for name in ("gain_lower", "gain_upper"):
-        together[name] = together.get(name, np.nan)
-    panels = gain_panels(results, marks, 210 if len(results.pairs) == 1 else 150)
-    return Chart(together, tuple(panels), columns_of(results, panels))
-
-
-def frequency_response(results: DatasetResults) -> Chart:
-    """Gain, phase and coherence; of very many pairs the phases alone."""
-    has_room = 2 * len(results.pairs) + len(results.outputs) <= MOST_PANELS
-    panels = (
-        gain_panels(results, true_modes(results), small(results.pairs, 230)) if has_room else []
-    )
+def phase_panels(results: DatasetResults, height: int) -> list[Panel]:
+    """The phase of every pair over the data."""
     phase = Curve(model_source(results)[1], "phase_deg", "model", "points")
-    panels += [
+    return [
         _panel(
-            *(results, results.pair_title(*pair), "Phase (°)", _over_data(results, pair, phase)),
-            small(results.pairs, 170),
+            *(results, (results.pair_title(*pair), "Phase (°)")),
+            *(_over_data(results, pair, phase), height),
             scale="phase",
             limits=(-190, 190),
         )
         for pair in results.pairs[:MOST_PANELS]
     ]
+
+
+def thinned(results: DatasetResults) -> pd.DataFrame:
+    """The responses of model and data above 0 Hz, in fewer rows with all extremes of the gain."""
+    table = results.responses
+    table = table[table["source"].isin([model_source(results)[0], "measured"])]
+    table = table[table["frequency_hz"] > 0].dropna(axis="columns", how="all")
+    keys = [each for each in ("source", "output", "input") if each in table]
+    parts = [
+        rows.iloc[extremes(rows["gain"], GAIN_BINS)] for _, rows in table.groupby(keys, sort=False)
+    ]
+    together = pd.concat(parts, ignore_index=True)
+    return together.assign(
+        **{name: together.get(name, np.nan) for name in ("gain_lower", "gain_upper")}
+    )
+
+
+def gain(results: DatasetResults) -> Chart:
+    """Gain with its 95 % band over the estimate from the data, trusted modes marked."""
+    marks = _marks(results.validation.modes.trusted, "trusted modes", "model")
+    panels = gain_panels(results, 210 if len(results.pairs) == 1 else 150, marks)
+    table = thinned(results).drop(columns=["phase_deg", "coherence"], errors="ignore")
+    return Chart(table, tuple(panels), columns_of(results, panels))
+
+
+def frequency_response(results: DatasetResults) -> Chart:
+    """Gain, phase and coherence; of very many pairs the phases alone."""
+    pairs = results.pairs
+    has_room = 2 * len(pairs) + len(results.outputs) <= MOST_PANELS
+    gains = gain_panels(results, small(pairs, 230), true_modes(results)) if has_room else []
+    panels = gains + phase_panels(results, small(pairs, 170))
+    table = results.responses[results.responses["frequency_hz"] > 0]
     if results.model.has_input and has_room:
         for output in results.outputs:
             where = (("source", "measured"), *of_pair(output, results.inputs[0]))
             curves = [Curve("coherence", "coherence", "muted", where=where)]
             title = "" if results.is_single else f"{output.name}: coherence with all inputs"
-            panels.append(_panel(results, title, "Coherence", curves, 110, limits=(0, 1.05)))
-    table = results.responses[results.responses["frequency_hz"] > 0]
+            panels.append(_panel(results, (title, "Coherence"), curves, 110, limits=(0, 1.05)))
     if results.model.has_input and not results.is_single:
         table = table[table["source"] != "noise filter"]  # room for the responses that are drawn
-    return Chart(table, tuple(panels), columns_of(results, panels[: len(results.pairs)]))
+    return Chart(table, tuple(panels), columns_of(results, panels[: len(pairs)]))
 
 
 def nyquist(results: DatasetResults) -> Chart:
@@ -160,26 +172,22 @@ def nyquist(results: DatasetResults) -> Chart:
     table = results.responses
     table = table[(table["source"] != "noise filter") & (table["frequency_hz"] > 0)]
     parts = complex_plane(table["gain"], table["phase_deg"])
-    columns = ["source", "output", "input", "frequency_hz"]
-    together = table[columns].assign(real=parts[:, 0], imag=parts[:, 1])
+    keys = ["source", "output", "input"]
+    together = table[[*keys, "frequency_hz"]].assign(real=parts[:, 0], imag=parts[:, 1])
     most = max(NYQUIST_POINTS // len(results.pairs), FEWEST_NYQUIST)
     together = pd.concat(
-        [
-            rows.iloc[:: -(-len(rows) // most)]
-            for (source, *_), rows in together.groupby(columns[:3], sort=False)
-        ]
+        [rows.iloc[:: -(-len(rows) // most)] for _, rows in together.groupby(keys, sort=False)]
     )
     panels = []
     for pair in results.pairs:
-        model = Curve(PLANT, "imag", "model", where=(("source", "model"), *of_pair(*pair)))
-        measured = (("source", "measured"), *of_pair(*pair))
-        data = Curve("from the data", "imag", "muted", "points", where=measured, marker=".")
+        data, model = _over_data(results, pair, Curve(PLANT, "imag", "model"))
         reach = _reach(rows_of(together, model.where)[["real", "imag"]].to_numpy())
         unit = gain_unit(*pair)
         panels.append(
             Panel(
                 *(results.pair_title(*pair), "real", with_unit("Real part of G", unit)),
-                *(with_unit("Imaginary part of G", unit), (data, model)),
+                with_unit("Imaginary part of G", unit),
+                (replace(data, kind="points", marker="."), model),
                 limits=(-reach, reach),
                 plane="complex",
                 height=330 if len(results.pairs) == 1 else 220,
@@ -269,25 +277,15 @@ def residual_spectrum(results: DatasetResults) -> Chart:
     )
 
 
-def _density_label(output: Channel) -> str:
-    unit = output.prepared_unit
-    return with_unit("Power spectral density", f"({unit})²/Hz" if unit else "per Hz")
-
-
 def _densities(results: DatasetResults, table: pd.DataFrame, *curves: Curve) -> Chart:
-    outputs = results.outputs[:MOST_PANELS]
-    panels = tuple(
-        _panel(
-            *(
-                results,
-                "" if len(results.outputs) == 1 else output.name,
-                _density_label(output),
-            ),
-            [replace(each, where=of_pair(output)) for each in curves],
-            small(outputs, 230),
-            scale="logarithmic",
-            marks=true_modes(results) if curves[-1].column == "peak" else (),
-        )
-        for output in outputs
-    )
-    return Chart(table, panels, across(panels))
+    outputs, panels = results.outputs[:MOST_PANELS], []
+    marks = true_modes(results) if curves[-1].column == "peak" else ()
+    for output in outputs:
+        unit = f"({output.prepared_unit})²/Hz" if output.prepared_unit else "per Hz"
+        words = results.pair_title(output), with_unit("Power spectral density", unit)
+        own = [replace(each, where=of_pair(output)) for each in curves]
+        height = small(outputs, 230)
+        panels.append(_panel(results, words, own, height, scale="logarithmic", marks=marks))
+    if len(panels) == 1:
+        panels = [replace(panels[0], title="")]
+    return Chart(table, tuple(panels), across(panels))

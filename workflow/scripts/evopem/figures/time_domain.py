@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,8 +27,7 @@ from evopem.figures.chart import (
     scale_of,
     small,
 )
-from evopem.models.modes import Mode
-from evopem.results.channels import gain_unit, with_unit
+from evopem.results.channels import Channel, gain_unit, with_unit
 from evopem.results.dataset import DatasetResults
 
 # So many periods of the lowest mode are shown, between the two limits in samples.
@@ -42,68 +42,7 @@ RECORD_STAGES: tuple[tuple[str, Role], ...] = (
     ("estimation", "ink"),
     ("validation", "model"),
 )
-# Column and title of the responses to an input; without an input, of that to the innovations.
-OF_PLANT = (("step", "Step response"), ("impulse", "Impulse response (one sample of 1)"))
-OF_NOISE = (("noise_impulse", "Impulse response of the noise filter (one sample of 1)"),)
-
-
-def shown_samples(modes: Sequence[Mode], sampling_rate: float) -> int | None:
-    """Samples over which the simulation is shown; None for all, where nothing oscillates."""
-    if not modes:
-        return None
-    lowest = max(min(mode.frequency_hz for mode in modes), sampling_rate / MOST_SAMPLES)
-    return min(max(round(PERIODS * sampling_rate / lowest), FEWEST_SAMPLES), MOST_SAMPLES)
-
-
-def _curves(
-    results: DatasetResults, kinds: Sequence[tuple[str, str, Role]], name: str
-) -> tuple[Curve, ...]:
-    """Curves of an output by label, kind of column and role; without an input none simulated."""
-    return tuple(
-        Curve(label, f"{kind}_{name}", role, dashed=role == "error")
-        for label, kind, role in kinds
-        if results.model.has_input or not kind.startswith(("simul", "recorded_simul"))
-    )
-
-
-def measured_and_simulated(results: DatasetResults) -> Chart:
-    """First validation samples of every output, the worst one first."""
-    computed = "simulated" if results.model.has_input else "predicted"
-    outputs = [output for output, _ in results.worst_first[:MOST_PANELS]]
-    is_one = len(outputs) == 1
-    panels = tuple(
-        Panel(
-            *(results.pair_title(output), "time_s", VALIDATION_TIME if is_one else TIME),
-            output.label if results.is_single else output.prepared_unit,
-            _curves(
-                *(results, (("measured", "output", "ink"), (computed, computed, "error"))),
-                output.name,
-            ),
-            height=210 if is_one else 150,
-            linked="" if is_one else "first",
-        )
-        for output in outputs
-    )
-    columns = [curve.column for panel in panels for curve in panel.curves]
-    return Chart(_first_samples(results, columns), panels, across(panels))
-
-
-def _first_samples(results: DatasetResults, columns: list[str]) -> pd.DataFrame:
-    """The first scored samples; of several held-out recordings as many of each, with gaps."""
-    table = results.validation_tables.simulation
-    kept = shown_samples(results.modes, results.model.sampling_rate)
-    scored = table[table[columns].notna().all(axis="columns")]
-    if "recording" not in table:
-        return scored[["time_s", *columns]].iloc[:kept]
-    recordings = [each for _, each in scored.groupby("recording")]
-    own = max((kept or len(scored)) // max(len(recordings), 1), 1)
-    gap = scored.iloc[:1] * np.nan
-    parts = [part for each in recordings for part in (each.iloc[:own], gap)][:-1]
-    together = pd.concat(parts, ignore_index=True)
-    time = np.arange(len(together)) / results.model.sampling_rate
-    return together.assign(time_s=time)[["time_s", *columns]]
-
-
+# Label, kind of column and role of the curves of an output.
 SIGNALS: tuple[tuple[str, str, Role], ...] = (
     ("measured", "output", "ink"),
     ("predicted one step ahead", "predicted", "model"),
@@ -113,57 +52,108 @@ ERRORS: tuple[tuple[str, str, Role], ...] = (
     ("of simulation", "simulation_error", "error"),
     ("of one-step prediction", "prediction_error", "model"),
 )
-AS_RECORDED = tuple((label, f"recorded_{kind}", role) for label, kind, role in SIGNALS)
+# Column and title of the responses to an input; without an input, of that to the innovations.
+OF_PLANT = (("step", "Step response"), ("impulse", "Impulse response (one sample of 1)"))
+OF_NOISE = (("noise_impulse", "Impulse response of the noise filter (one sample of 1)"),)
+
+
+def shown_samples(results: DatasetResults) -> int:
+    """Samples over which the simulation is shown; all of them, where nothing oscillates."""
+    if not results.modes:
+        return len(results.validation_tables.simulation)
+    rate = results.model.sampling_rate
+    lowest = max(min(mode.frequency_hz for mode in results.modes), rate / MOST_SAMPLES)
+    return min(max(round(PERIODS * rate / lowest), FEWEST_SAMPLES), MOST_SAMPLES)
+
+
+def _of_output(
+    results: DatasetResults,
+    output: Channel,
+    kinds: Sequence[tuple[str, str, Role]],
+    title: str,
+    label: str,
+    **options: Any,
+) -> Panel:
+    """Curves of an output by label, kind of column and role; without an input none simulated."""
+    curves = tuple(
+        Curve(label, f"{kind}_{output.name}", role, dashed=role == "error")
+        for label, kind, role in kinds
+        if results.model.has_input or "simul" not in kind
+    )
+    return Panel(title, "time_s", VALIDATION_TIME, label, curves, **options)
+
+
+def _columns(panels: Sequence[Panel]) -> list[str]:
+    return ["time_s", *(curve.column for panel in panels for curve in panel.curves)]
+
+
+def measured_and_simulated(results: DatasetResults) -> Chart:
+    """First validation samples of every output, the worst one first."""
+    computed = "simulated" if results.model.has_input else "predicted"
+    kinds: tuple[tuple[str, str, Role], ...] = (SIGNALS[0], (computed, computed, "error"))
+    panels = tuple(
+        _of_output(
+            *(results, output, kinds, results.pair_title(output)),
+            output.label if results.is_single else output.prepared_unit,
+            height=210,
+        )
+        for output, _ in results.worst_first[:MOST_PANELS]
+    )
+    if len(panels) > 1:
+        panels = tuple(replace(each, x_label=TIME, height=150, linked="first") for each in panels)
+    return Chart(_first_samples(results, _columns(panels)), panels, across(panels))
+
+
+def _first_samples(results: DatasetResults, columns: list[str]) -> pd.DataFrame:
+    """The first scored samples; of several held-out recordings as many of each, with gaps."""
+    table = results.validation_tables.simulation
+    kept = shown_samples(results)
+    scored = table[table[columns].notna().all(axis="columns")]
+    if "recording" not in table:
+        return scored[columns].iloc[:kept]
+    recordings = [each for _, each in scored.groupby("recording")]
+    own = max(kept // max(len(recordings), 1), 1)
+    gap = scored.iloc[:1] * np.nan
+    parts = [part for each in recordings for part in (each.iloc[:own], gap)][:-1]
+    together = pd.concat(parts, ignore_index=True)
+    time = np.arange(len(together)) / results.model.sampling_rate
+    return together.assign(time_s=time)[columns]
 
 
 def simulation(results: DatasetResults) -> Chart:
     """Measured, simulated and predicted samples, and the errors."""
-    kept = shown_samples(results.modes, results.model.sampling_rate)
-    until = float(
-        results.validation_tables.simulation["time_s"]
-        .iloc[: kept or len(results.validation_tables.simulation)]
-        .max()
-    )
-    return _validated(
-        results,
-        *(
-            Panel(
-                *(title, "time_s", VALIDATION_TIME, label),
-                _curves(results, kinds, output.name),
-                height=height,
-                shown=until if until == until else 0.0,
-            )
-            for output, _ in results.worst_first[:MOST_OUTPUTS]
-            for title, label, height, kinds in (
-                (results.pair_title(output), output.label, 240, SIGNALS),
-                ("Errors", "", 200, ERRORS),
-            )
-        ),
-        columns=1 if len(results.outputs) == 1 else 2,
-    )
+    until = results.validation_tables.simulation["time_s"].iloc[: shown_samples(results)].max()
+    panels = [
+        _of_output(results, output, kinds, title, label, height=height, shown=float(until))
+        for output, _ in results.worst_first[:MOST_OUTPUTS]
+        for title, label, height, kinds in (
+            (results.pair_title(output), output.label, 240, SIGNALS),
+            ("Errors", "", 200, ERRORS),
+        )
+    ]
+    return _validated(results, panels, 1 if len(results.outputs) == 1 else 2)
 
 
 def simulation_as_recorded(results: DatasetResults) -> Chart:
     """The same in the units of the recording."""
     if not results.model.transforms.changes_output:
         return nothing("The output was not transformed.")
+    kinds = [(label, f"recorded_{kind}", role) for label, kind, role in SIGNALS]
     panels = [
-        Panel(
-            *(results.pair_title(output), "time_s", VALIDATION_TIME),
-            with_unit(output.name, output.unit),
-            _curves(results, AS_RECORDED, output.name),
+        _of_output(
+            *(results, output, kinds, results.pair_title(output)),
+            *(with_unit(output.name, output.unit),),
             height=240,
         )
         for output, _ in results.worst_first[:MOST_OUTPUTS]
     ]
-    return _validated(results, *panels, columns=min(len(panels), 2))
+    return _validated(results, panels, min(len(panels), 2))
 
 
-def _validated(results: DatasetResults, *panels: Panel, columns: int) -> Chart:
+def _validated(results: DatasetResults, panels: Sequence[Panel], columns: int) -> Chart:
     """Panels of all validation samples, which show the same part of them."""
-    shown = [curve.column for panel in panels for curve in panel.curves]
     linked = tuple(replace(panel, linked="validation") for panel in panels)
-    return Chart(results.validation_tables.simulation[["time_s", *shown]], linked, columns)
+    return Chart(results.validation_tables.simulation[_columns(panels)], linked, columns)
 
 
 def record(results: DatasetResults) -> Chart:
@@ -174,36 +164,27 @@ def record(results: DatasetResults) -> Chart:
     start = float(table.loc[table["stage"] == "validation", "time_s"].min())
     panels: list[Panel] = []
     for kind, channel in [*channels[:half], *channels[half:][-half:]]:
-        column = f"{kind}_{channel.name}"
-        recorded, estimation, validation = (
-            Curve(stage, column, role, where=(("stage", stage),)) for stage, role in RECORD_STAGES
+        recorded, *used = (
+            Curve(stage, f"{kind}_{channel.name}", role, where=(("stage", stage),))
+            for stage, role in RECORD_STAGES
         )
         label = with_unit(channel.name, channel.unit)
-        before = Panel("As recorded", "time_s", TIME, label, (recorded,), linked="recorded")
-        after = Panel(
-            *("As used", "time_s", TIME, channel.label, (estimation, validation)),
-            linked="used",
-            marks=(Mark(start, "", "error"),) if start == start else (),
-        )
-        titles = ("", "") if panels else ("As recorded", "As used")
-        panels += [
-            replace(panel, title=title, height=150)
-            for panel, title in zip((before, after), titles, strict=True)
-        ]
+        before = Panel("", "time_s", TIME, label, (recorded,), height=150, linked="recorded")
+        after = replace(before, y_label=channel.label, curves=tuple(used), linked="used")
+        panels += [before, replace(after, marks=(Mark(start, "", "error"),))]
+    panels[:2] = [replace(panels[0], title="As recorded"), replace(panels[1], title="As used")]
     return Chart(table, tuple(panels), 2)
 
 
 def _signals(results: DatasetResults) -> pd.DataFrame:
     """All channels as recorded and as used."""
-    prepared, inputs, outputs = results.prepared, results.inputs, results.outputs
+    prepared, inputs = results.prepared, results.inputs
     begin = prepared.estimation.samples / prepared.estimation.sampling_rate
-    names = [*(f"input_{each.name}" for each in inputs), *(f"output_{o.name}" for o in outputs)]
+    names = [f"input_{each.name}" for each in inputs]
+    names += [f"output_{each.name}" for each in results.outputs]
     tables = []
-    for stage, part, first in (
-        ("recorded", results.recording, 0.0),
-        ("estimation", prepared.estimation, 0.0),
-        ("validation", prepared.validation, begin),
-    ):
+    parts = results.recording, prepared.estimation, prepared.validation
+    for (stage, _), part, first in zip(RECORD_STAGES, parts, (0.0, 0.0, begin), strict=True):
         columns = np.column_stack([part.inputs[:, : len(inputs)], part.outputs])
         table = pd.DataFrame(columns, columns=names)
         table.insert(0, "time_s", first + np.arange(part.samples) / part.sampling_rate)
@@ -222,26 +203,23 @@ def step_and_impulse(results: DatasetResults) -> Chart:
     if results.time_response.empty:
         return nothing("The model has no response to show.")
     count = len(results.pairs)
-    panels = tuple(
+    panels = [
         Panel(
             title if count == 1 else f"{results.pair_title(*pair)}: {column}",
             *("time_s", TIME, with_unit("Response", gain_unit(*pair))),
-            (
-                Curve(
-                    *("response", column, "model"),
-                    band=(f"{column}_lower", f"{column}_upper"),
-                    where=of_pair(*pair),
-                ),
-            ),
+            (Curve("response", column, "model", band=_band(column), where=of_pair(*pair)),),
             height=small(results.pairs, 190),
             linked="response",
         )
         for column, title in responses_of(results)
         for pair in results.pairs
-    )[:MOST_PANELS]
-    return Chart(
-        settling_part(results), panels, 1 if count == 1 else columns_of(results, panels[:count])
-    )
+    ]
+    columns = 1 if count == 1 else columns_of(results, panels[:count])
+    return Chart(settling_part(results), tuple(panels[:MOST_PANELS]), columns)
+
+
+def _band(column: str) -> tuple[str, str]:
+    return f"{column}_lower", f"{column}_upper"
 
 
 def settling_part(results: DatasetResults) -> pd.DataFrame:
@@ -254,12 +232,9 @@ def settling_part(results: DatasetResults) -> pd.DataFrame:
         size = np.abs(rows[names[-1]].to_numpy())
         settled = max(settled, int(np.flatnonzero(size > REMAINDER * size.max()).max(initial=0)))
     kept = max(round(1.2 * settled), FEWEST_OF_RESPONSE)
-    columns = [f"{name}{end}" for name in names for end in ("", "_lower", "_upper")]
+    columns = [each for name in names for each in (name, *_band(name))]
     first = table.groupby(pairs, sort=False).head(kept)
     return first[[*pairs, "time_s", *columns]].reset_index(drop=True)
-
-
-LAG = "Lag (samples)"
 
 
 def residuals(results: DatasetResults) -> Chart:
@@ -288,7 +263,7 @@ def residuals(results: DatasetResults) -> Chart:
             Curve("", "bound95", "model", dashed=True, where=where, factor=-1.0),
         )
         height = small(titles, 200)
-        panels.append(Panel(title, "lag", LAG, "Correlation", curves, height=height))
+        panels.append(Panel(title, "lag", "Lag (samples)", "Correlation", curves, height=height))
     return Chart(table, tuple(panels), 1 if results.is_single else columns_of(results, panels))
 
 
@@ -302,16 +277,13 @@ def horizons(results: DatasetResults) -> Chart:
         "k-step prediction" if single else output.name: of_pair(output)
         for output in results.outputs
     }
-    levels = tuple(
-        Mark(each.simulation_error_percent, "simulation", "error")
-        for each in results.validation.outputs
-        if math.isfinite(each.simulation_error_percent) and single
-    )
+    error = results.validation.simulation_error_percent
+    known = single and math.isfinite(error)
     panel = Panel(
         *("", "horizon", "Horizon k (samples)", "Relative error (%)"),
         family("error_percent", rows),
         scale=scale_of(table["error_percent"]),
-        levels=levels,
+        levels=(Mark(error, "simulation", "error"),) if known else (),
         decades=True,
     )
     return Chart(table, (panel,))

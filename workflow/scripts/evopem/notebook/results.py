@@ -61,19 +61,21 @@ def _drawn(chart: Chart, axes: Any) -> list[Axes]:
     return own
 
 
-def _plot(name: str, kind: str = "") -> Callable[..., Any]:
-    """The method that plots a figure of the report, or its panels of one kind of column."""
-    chart_of = REPORT_FIGURES[name].chart
+def _plot(chart_of: Callable[[Any], Chart], kind: str = "") -> Callable[..., Any]:
+    """The method that plots a figure of results, or its panels of one kind of column."""
 
-    def plot(self: Results, axes: Axes | Sequence[Axes] | None = None) -> Axes | list[Axes]:
-        chart = chart_of(self.results)
+    def plot(self: Any, axes: Axes | Sequence[Axes] | None = None) -> Axes | list[Axes]:
+        chart = chart_of(getattr(self, "results", self))
         if kind and not (chart := chart.only(kind)).panels:
             raise InputError(plot.__name__, "the model has no input", "take plot_impulse_response")
         own = _drawn(chart, axes)
         return own if len(own) > 1 else own[0]
 
-    plot.__doc__ = chart_of.__doc__
     return plot
+
+
+def _figure(name: str, kind: str = "") -> Callable[..., Any]:
+    return _plot(REPORT_FIGURES[name].chart, kind)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,29 +179,29 @@ class Results:
     def _repr_html_(self) -> str:
         return results_html(self.name, self.verdict, self.summary)
 
-    plot_measured_and_simulated = _plot("measured_and_simulated")
+    plot_measured_and_simulated = _figure("measured_and_simulated")
     """First validation samples, measured and simulated from the input alone."""
-    plot_gain = _plot("gain")
+    plot_gain = _figure("gain")
     """Gain with its 95 % band over the estimate from the data; trusted modes are marked."""
-    plot_frequency_response = _plot("frequency_response")
+    plot_frequency_response = _figure("frequency_response")
     """Gain, phase and coherence over the data; without an input gain and phase."""
-    plot_nyquist = _plot("nyquist")
+    plot_nyquist = _figure("nyquist")
     """The frequency response in the complex plane."""
-    plot_step_response = _plot("step_and_impulse", "step")
+    plot_step_response = _figure("step_and_impulse", "step")
     """Response to a unit step with its 95 % band; of a model with input."""
-    plot_impulse_response = _plot("step_and_impulse", "impulse")
+    plot_impulse_response = _figure("step_and_impulse", "impulse")
     """Response to one sample of 1 with its 95 % band; without an input, of the noise filter."""
-    plot_poles_zeros = _plot("poles_zeros")
+    plot_poles_zeros = _figure("poles_zeros")
     """Poles and zeros with 95 % ellipses, and the modes with 95 % intervals."""
-    plot_stabilization = _plot("stabilization")
+    plot_stabilization = _figure("stabilization")
     """Natural frequencies of the models of every order."""
-    plot_residual_correlation = _plot("residuals")
+    plot_residual_correlation = _figure("residuals")
     """Correlations of the residuals with themselves and with the input."""
-    plot_residual_spectrum = _plot("residual_spectrum")
+    plot_residual_spectrum = _figure("residual_spectrum")
     """Spectrum of the one-step errors on the validation samples; flat if they are white."""
-    plot_spectrum = _plot("spectrum")
+    plot_spectrum = _figure("spectrum")
     """Multitaper spectrum of the output with its 95 % band and its peaks."""
-    plot_horizons = _plot("horizons")
+    plot_horizons = _figure("horizons")
     """Error of the prediction of the validation samples over its horizon."""
 
     def compare(self, *others: Results, labels: Sequence[str] = ()) -> ModelComparison:
@@ -271,11 +273,6 @@ class Results:
         return target
 
 
-for _name, _method in vars(Results).items():
-    if _name.startswith("plot_"):
-        _method.__name__ = _name
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelComparison(Comparison):
     """Two to six models side by side; in a notebook it shows errors and modes.
@@ -290,17 +287,12 @@ class ModelComparison(Comparison):
         tables = [self.table, self.modes.set_index(["mode", "data set"])]
         return "".join(each.to_html(float_format="{:.4g}".format) for each in tables)
 
-    def plot_frequency_responses(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Gain and phase of every model, on two axes."""
-        return _drawn(compared_responses(self), axes)
-
-    def plot_simulations(self, axes: Axes | None = None) -> Axes:
-        """First validation samples, measured and simulated by every model."""
-        return _drawn(compared_simulations(self), axes)[0]
-
-    def plot_modes(self, axes: Axes | None = None) -> Axes:
-        """Damping over frequency with 95 % intervals; open where a mode is not to be trusted."""
-        return _drawn(compared_modes(self), axes)[0]
+    plot_frequency_responses = _plot(compared_responses)
+    """Gain and phase of every model and pair."""
+    plot_simulations = _plot(compared_simulations)
+    """First validation samples, measured and simulated by every model."""
+    plot_modes = _plot(compared_modes)
+    """Damping over frequency with 95 % intervals; open where a mode is not to be trusted."""
 
     def report(self, file: str | Path) -> Path:
         """Write the comparison as one HTML page that loads no other file.
@@ -315,3 +307,9 @@ class ModelComparison(Comparison):
 
         write_page(file, build_comparison(self, template_folder()))
         return Path(file)
+
+
+for _class in (Results, ModelComparison):
+    for _name, _method in vars(_class).items():
+        if _name.startswith("plot_"):
+            _method.__name__ = _name

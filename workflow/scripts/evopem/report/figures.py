@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 from xml.etree import ElementTree
 
@@ -16,6 +15,8 @@ from markupsafe import Markup
 
 from evopem.figures import REPORT_FIGURES, style
 from evopem.figures.chart import Chart
+from evopem.figures.draw import draw
+from evopem.figures.style import svg_text
 from evopem.results.dataset import DatasetResults
 
 if TYPE_CHECKING:
@@ -32,61 +33,44 @@ VARIABLES = {
 MOST_ROWS, MOST_CELLS = 5000, 40_000
 
 
-@dataclass(frozen=True)
-class Download:
-    """A CSV file in a link."""
+def drawn_figure(
+    chart: Chart,
+    words: tuple[str, str, str],
+    dataset: str,
+    data: Sequence[str],
+    svg: str = "",
+    most_cells: int = MOST_CELLS,
+) -> dict[str, Any]:
+    """A chart by its id, title and caption, as ``parts.html.j2`` draws it.
 
-    file: str  # name that it is saved under
-    address: str  # ``data:`` address with the table
-    rows: int  # number of rows
-    rows_of: int  # number of rows of the whole table; larger than `rows` where it was thinned
-
-
-@dataclass(frozen=True)
-class DrawnFigure:
-    """A figure in the page."""
-
-    id: str
-    title: str
-    caption: str
-    data: Sequence[str]  # files that hold the data of the figure
-    download: Download  # the data of the figure as CSV
-    svg: Markup
-    panels: str  # what the page draws for a reader to zoom, as JSON; empty where it does not
-    columns: int  # panels of a row
-
-    @classmethod
-    def of(
-        cls,
-        chart: Chart,
-        svg: str,
-        words: tuple[str, str, str],
-        dataset: str,
-        data: Sequence[str],
-        most_cells: int = MOST_CELLS,
-    ) -> DrawnFigure:
-        """A chart by its id, title and caption, with its data as a CSV file."""
-        name, title, caption = words
-        panels = chart.page_form()
-        return cls(
-            *(name, title, caption, data, csv_download(chart.table, dataset, name, most_cells)),
-            svg=inline_svg(svg, name, caption),
-            panels=json.dumps(panels, ensure_ascii=False) if panels else "",
-            columns=chart.columns,
-        )
+    Its table is a CSV file in a link. ``data``: files that hold the whole of it.
+    """
+    name, title, caption = words
+    panels = chart.page_form()
+    return {
+        "id": name,
+        "title": title,
+        "caption": caption,
+        "data": data,
+        "download": csv_download(chart.table, dataset, name, most_cells),
+        "svg": inline_svg(svg or svg_text(draw(chart)), name, caption),
+        # What the page draws for a reader to zoom; empty where it does not.
+        "panels": json.dumps(panels, ensure_ascii=False) if panels else "",
+        "columns": chart.columns,
+    }
 
 
 def drawn_figures(
     results: DatasetResults, drawings: Mapping[str, str], captions: TemplateModule, part: str
-) -> dict[str, DrawnFigure]:
+) -> dict[str, dict[str, Any]]:
     """The figures of a part of the report by name; `drawings` are SVG texts by name."""
     found = {}
     for name, figure in REPORT_FIGURES.items():
         if figure.part == part and not (chart := figure.chart(results)).nothing:
             title, _, caption = str(getattr(captions, name)(results)).strip().partition("\n")
-            found[name] = DrawnFigure.of(
-                *(chart, drawings[name], (name, title, caption), results.name, figure.data),
-                most_cells=MOST_CELLS // (2 - results.is_single),
+            words, most = (name, title, caption), MOST_CELLS // (2 - results.is_single)
+            found[name] = drawn_figure(
+                *(chart, words, results.name, figure.data, drawings[name], most)
             )
     return found
 
@@ -125,14 +109,20 @@ def inline_svg(text: str, name: str, label: str) -> Markup:
 
 def csv_download(
     table: pd.DataFrame, dataset: str, figure: str, most_cells: int = MOST_CELLS
-) -> Download:
-    """Put a figure's table into a link, thinned where it is longer than :data:`MOST_ROWS`."""
+) -> dict[str, Any]:
+    """Put a figure's table into a link, thinned where it is longer than :data:`MOST_ROWS`.
+
+    Returns the name of the file, its ``data:`` address, its rows, and those of the whole table.
+    """
     kept = thin_table(table, min(MOST_ROWS, most_cells // max(table.shape[1], 1)))
     text = kept.to_csv(index=False, float_format="%.6g", lineterminator="\n")
-    name = re.sub(r"[^\w.-]+", "_", f"{dataset}-{figure}.csv")
-    # Without escapes for commas and digits this is shorter than base64.
-    address = "data:text/csv;charset=utf-8," + quote(text, safe=",.+-()/")
-    return Download(name, address, len(kept), len(table))
+    return {
+        "file": re.sub(r"[^\w.-]+", "_", f"{dataset}-{figure}.csv"),
+        # Without escapes for commas and digits this is shorter than base64.
+        "address": "data:text/csv;charset=utf-8," + quote(text, safe=",.+-()/"),
+        "rows": len(kept),
+        "rows_of": len(table),
+    }
 
 
 def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
