@@ -8,7 +8,8 @@ from records import noisy, output_error_record
 from scipy.signal import lfilter
 
 from evopem.automatic.preparation.disturbance import decide_differences
-from evopem.automatic.preparation.plan import GivenPreparation, decide_preparation, prepare
+from evopem.automatic.preparation.plan import decide_preparation, prepare
+from evopem.config.settings import GivenPreparation
 from evopem.errors import InputError
 from evopem.signals.recording import Recording, Segment
 from evopem.synthesis.flexible_arm import flexible_arm

@@ -8,10 +8,11 @@ from records import output_error_record
 from scipy.signal import lfilter
 
 from evopem.automatic.decision import Decision
-from evopem.automatic.preparation.plan import GivenPreparation, PreparationPlan
+from evopem.automatic.preparation.plan import PreparationPlan
 from evopem.automatic.preparation.transforms import decide_transforms, spread_test
 from evopem.config.channels import ChannelSettings
 from evopem.config.defaults import complete, yaml_text
+from evopem.config.settings import GivenPreparation
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.pipeline.preparation import prepare_samples
@@ -90,16 +91,13 @@ def settings_of(**keys):
 
 def test_a_written_transform_takes_the_place_of_its_decision_alone():
     own = settings_of(recipe="auto")
-    assert not (own.automatic.box_cox_given)
-    assert not (own.automatic.differences_given)
+    assert own.automatic.preparation == GivenPreparation()
     assert "transforms" not in yaml_text(own)
     own = settings_of(recipe="auto", transforms={"difference": 0})
-    assert own.automatic.differences_given
-    assert not own.automatic.box_cox_given
+    assert own.automatic.preparation == GivenPreparation(differences=0)
     assert "transforms: {difference: 0}" in yaml_text(own)
     own = settings_of(recipe="auto", transforms={"box_cox": "none"})
-    assert own.automatic.box_cox_given
-    assert not own.automatic.differences_given
+    assert own.automatic.preparation == GivenPreparation(box_cox=True)
 
 
 @pytest.mark.parametrize("kind", ["trend", "box_cox"])

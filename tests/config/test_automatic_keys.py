@@ -6,6 +6,7 @@ import yaml
 from evopem.config.defaults import complete, yaml_text
 from evopem.config.settings import (
     AutomaticSettings,
+    GivenPreparation,
     OrderRanges,
     SplitSettings,
     TransformSettings,
@@ -46,11 +47,14 @@ def test_a_source_alone_leaves_every_decision_to_the_recording():
             {"orders": OrderRanges(joint=(2, 5), nb=(3, 3))},
         ),
         (", orders: {joint: auto}", {}),
-        (", resample: none", {"rate_given": True}),
-        (", split: {discard: 30}", {"start_given": True}),
-        (", search: {objective: absolute}", {"objective": "absolute"}),
-        (", transforms: {difference: 0}", {"differences_given": True}),
-        (", transforms: {box_cox: auto}", {"box_cox_given": True}),
+        (", resample: none", {"preparation": GivenPreparation(factor=1)}),
+        (", split: {discard: 30}", {"preparation": GivenPreparation(start=0)}),
+        (
+            ", search: {objective: absolute}",
+            {"preparation": GivenPreparation(objective="absolute")},
+        ),
+        (", transforms: {difference: 0}", {"preparation": GivenPreparation(differences=0)}),
+        (", transforms: {box_cox: auto}", {"preparation": GivenPreparation(box_cox=True)}),
         (", purpose: prediction", {"purpose": "prediction"}),
     ],
 )

@@ -248,7 +248,7 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         ("{datasets: {a: {file: x}}, candidates_per_job: aut}", "per_job", "did you mean auto?"),
         ("{datasets: {a: {file: x}}, shard: 5/4}", "shard", "there is no shard 5/4"),
         ("datasets: [arm]", "datasets", "[arm] cannot be used"),
-        ("datasets: absent.csv", "absent.csv", "there is no such table"),
+        ("datasets: absent.csv", "absent.csv", "No such file"),
         ("datasets: {'b-*': {file: x.csv}}", "datasets.b-*", "all files of a pattern"),
         ("datasets: {'*': {file: 'absent/*.csv'}}", "datasets.*.file", "no file matches"),
         ("datasets: {'../x': {synthesis: armax}}", "datasets", "'../x' cannot be the name"),

@@ -7,13 +7,17 @@ import pandas as pd
 import pytest
 
 from evopem.automatic.preparation.plan import (
-    GivenPreparation,
     PreparationPlan,
     decide_preparation,
     prepared_data,
 )
 from evopem.config.channels import ChannelSettings
-from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
+from evopem.config.settings import (
+    GivenPreparation,
+    PreparationSettings,
+    SplitSettings,
+    TransformSettings,
+)
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording

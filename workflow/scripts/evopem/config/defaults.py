@@ -47,6 +47,7 @@ from evopem.config.settings import (
     AutomaticSettings,
     DatasetSettings,
     FitSettings,
+    GivenPreparation,
     OrderGrid,
     OrderRanges,
     PreparationSettings,
@@ -255,18 +256,23 @@ def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:
 
 
 def _automatic_of(keys: Keys, kind: Kind, orders: OrderRanges) -> AutomaticSettings:
-    transforms = keys.get("transforms", ())
+    transforms = keys.get("transforms", {})
+    # Differences are taken back sample by sample, so that differenced signals are not decimated.
+    differences = [each for key, each in transforms.items() if key.startswith("difference")]
     # Constraints are those of the model after the transforms, which must then be known.
     known = "constraints" in keys and not kind.several
     given = ("purpose", "structure", "form", "weighting", *(["focus"] if kind.several else []))
     return AutomaticSettings(
         **{name: keys[name] for name in given if name in keys},
         orders=orders,
-        start_given="discard" in keys["split"],
-        rate_given="resample" in keys,
-        differences_given=known or any(key.startswith("difference") for key in transforms),
-        box_cox_given=known or "box_cox" in transforms,
-        objective=keys["search"].get("objective"),
+        preparation=GivenPreparation(
+            start=0 if "discard" in keys["split"] else None,
+            factor=1 if "resample" in keys or any(differences) else None,
+            differences=0 if known or differences else None,
+            objective=keys["search"].get("objective"),
+            box_cox=known or "box_cox" in transforms,
+            rate_alone=kind.several,
+        ),
         evaluations=keys["search"].get("evaluations") if kind.several else None,
     )
 

@@ -44,25 +44,6 @@ def phase_of_orders_of(settings: DatasetSettings) -> str | None:
     return next((phase for phase in ("joint", "nb") if phase in phases), None)
 
 
-def given_preparation(settings: DatasetSettings) -> dict[str, int | str | bool | None] | None:
-    """What the configuration decides of an automatic preparation; None for the chapter's.
-
-    Differences are taken back sample by sample, so that differenced signals are not decimated.
-    """
-    automatic, transforms = settings.automatic, settings.preparation.transforms
-    if automatic is None:
-        return None
-    fixed = automatic.rate_given or transforms.difference or transforms.difference_input
-    return {
-        "start": 0 if automatic.start_given else None,
-        "factor": 1 if fixed else None,
-        "differences": 0 if automatic.differences_given else None,
-        "objective": automatic.objective,
-        "box_cox": automatic.box_cox_given,
-        "rate_alone": not settings.is_single_channel,
-    }
-
-
 def previous_phase(phase: str, structure: str) -> str | None:
     """Name the phase whose selection `phase` takes; None for the first one."""
     phases = phases_of(structure)

@@ -206,6 +206,18 @@ class OrderGrid:
 
 
 @dataclass(frozen=True)
+class GivenPreparation:
+    """What a configuration decides of an automatic preparation; None is left to the recording."""
+
+    start: int | None = None  # first sample kept of each recording
+    factor: int | None = None  # of the decimation
+    differences: int | None = None  # further ones of all channels
+    objective: Objective | None = None
+    box_cox: bool = False  # whether the configuration says what is done
+    rate_alone: bool = False  # whether only start and rate are decided, as for state-space models
+
+
+@dataclass(frozen=True)
 class AutomaticSettings:
     """What the configuration decides of the automatic recipe; None where the recording does."""
 
@@ -215,11 +227,7 @@ class AutomaticSettings:
     weighting: OutputWeighting | None = None
     orders: OrderRanges = OrderRanges()
     focus: Focus | None = None  # of several channels: errors that the searched forms are fitted to
-    start_given: bool = False  # by split.discard
-    rate_given: bool = False  # by resample
-    differences_given: bool = False  # by transforms
-    box_cox_given: bool = False
-    objective: Objective | None = None
+    preparation: GivenPreparation = GivenPreparation()
     evaluations: int | None = None  # of the last search
 
     @property

@@ -15,8 +15,9 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from evopem.config.strict_yaml import read_value
 from evopem.errors import InputError
@@ -213,16 +214,14 @@ def _text(path: str) -> str:
     check_locale(path, "datasets")
     shown = path if path.isprintable() and len(path) < 100 else repr(path[:100])
     try:
-        if not path or (Path(path).exists() and not Path(path).is_file()):
-            raise InputError(shown, "is not a regular file", "give the path of a table")
-        content = Path(path).read_bytes()
+        is_other = Path(path).exists() and not Path(path).is_file()
+        content = b"" if is_other else Path(path).read_bytes()
     except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        missing = isinstance(error, FileNotFoundError)
         reason = getattr(error, "strerror", None) or "it cannot be the path of a file"
-        problem = "there is no such table" if missing else f"the table cannot be read ({reason})"
+        problem = f"the table cannot be read ({reason})"
         raise InputError(shown, problem, "correct the path after `datasets:`") from None
+    if is_other:
+        raise InputError(shown, "is not a regular file", "give the path of a table")
     mark = next((mark for mark in _BYTE_ORDER_MARKS if content.startswith(mark)), b"")
     try:
         text = content[len(mark) :].decode(_BYTE_ORDER_MARKS.get(mark, "utf-8"))
@@ -238,7 +237,7 @@ def _text(path: str) -> str:
 def _columns(header: list[str], rows: list[Row], path: str, place: str) -> list[tuple[int, str]]:
     """The columns that hold keys, with their positions."""
 
-    def refuse(problem: str, remedy: str) -> None:
+    def refuse(problem: str, remedy: str) -> NoReturn:
         raise InputError(path, problem, remedy, place)
 
     names = [name.strip() for name in header]
@@ -253,19 +252,16 @@ def _columns(header: list[str], rows: list[Row], path: str, place: str) -> list[
         if count > 1:
             refuse(f"two columns are called {name!r}", "keep one")
     if "name" not in names:
-        similar = next((name for name in names if name.lower() == "name"), None)
-        hint = f" (did you mean {similar}?)" if similar else ""
-        refuse(f"there is no column name{hint}", "add one: each row's folder")
+        similar = [f" (did you mean {name}?)" for name in names if name.lower() == "name"]
+        refuse(f"there is no column name{''.join(similar[:1])}", "add one: each row's folder")
     known = set(names)
     for _, name in columns:
+        above = list(accumulate(name.split("."), "{}.{}".format))[:-1]
         if "" in name.split("."):
             refuse(f"the column {name[:60]} has a dot too many", "write it as key.key")
-        above = name.rpartition(".")[0]
-        while above:
-            if above in known:
-                problem = f"the columns {above} and {name} give the same key"
-                refuse(problem, f"keep {above}.… or {above}")
-            above = above.rpartition(".")[0]
+        for twin in known.intersection(above):
+            problem = f"the columns {twin} and {name} give the same key"
+            refuse(problem, f"keep {twin}.… or {twin}")
     return columns
 
 

@@ -14,7 +14,6 @@ from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.orders import decide_delays
 from evopem.automatic.preparation.outliers import decide_outliers
 from evopem.automatic.preparation.plan import (
-    GivenPreparation,
     PreparationPlan,
     decide_preparation,
     prepared_data,
@@ -25,6 +24,7 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.order_grid import check_samples
 from evopem.config.settings import (
     FitSettings,
+    GivenPreparation,
     InputRanges,
     OrderGrid,
     PreparationSettings,

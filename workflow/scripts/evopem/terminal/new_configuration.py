@@ -16,6 +16,7 @@ from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.config.source_checks import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
 from evopem.errors import InputError
+from evopem.files.atomic import write_text
 from evopem.signals.inspection import (
     INPUT_NAMES,
     OUTPUT_NAMES,
@@ -55,12 +56,7 @@ def write_configuration(folder: str | Path) -> Path:
         remedy = "move it away, or edit it: it is not overwritten"
         raise InputError(str(target), "exists already", remedy)
     text = configuration_text(folder)
-    try:
-        with target.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        problem = f"cannot be written ({error.strerror})"
-        raise InputError(str(target), problem, "check the permissions") from None
+    write_text(target, text)
     return target
 
 
@@ -118,8 +114,9 @@ def dataset_name(path: Path) -> str:
 
 def _entry(name: str, path: Path, file: str) -> str:
     """The entry of a file; InputError where it cannot be used."""
-    if not file.isprintable():
-        raise InputError(file, "its name is no UTF-8 text", "rename it")
+    if not file.isprintable() or set("{}*") & set(file):
+        problem = "its name is no UTF-8 text, or holds what means something else in a workflow"
+        raise InputError(file, problem, "rename it")
     contents = inspect_file(path)
     signals = contents.signals
     if len(signals) < 2:
@@ -127,9 +124,6 @@ def _entry(name: str, path: Path, file: str) -> str:
         unread = f"no two channels can be read. {contents.unread.rstrip('.')}"
         problem = unread if contents.unread else found
         raise InputError(file, problem, "two are needed")
-    if set("{}*") & set(file):
-        problem = "braces and * have a meaning of their own in a workflow"
-        raise InputError(file, problem, "rename the file")
     sources, targets, sure = _channels(signals)
     others = [_scalar(each.reference) for each in signals if each not in (*sources, *targets)]
     lines = [f"  {_scalar(name)}:", f"    file: {_scalar(file)}"]

@@ -28,6 +28,7 @@ from evopem.automatic.preparation.disturbance import (
     decide_objective,
     differenced,
 )
+from evopem.config.settings import GivenPreparation
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import Model
@@ -37,18 +38,6 @@ from evopem.signals.transforms import difference, invert_difference
 
 Array = NDArray[np.float64]
 Decided = tuple[object, Decision]
-
-
-@dataclass(frozen=True)
-class GivenPreparation:
-    """What a configuration decides of the preparation; None is left to the recording."""
-
-    start: int | None = None  # first sample kept of each recording
-    factor: int | None = None  # of the decimation
-    differences: int | None = None  # further ones of all channels
-    objective: str | None = None
-    box_cox: bool = False  # whether the configuration says what is done
-    rate_alone: bool = False  # whether only start and rate are decided, as for state-space models
 
 
 @dataclass(frozen=True)
@@ -145,8 +134,11 @@ def means_of(stretches: Sequence[Segment]) -> tuple[Array, Array]:
     return u.mean(axis=0), y.mean(axis=0)
 
 
+_NOTHING_GIVEN = GivenPreparation()
+
+
 def decide_preparation(
-    recording: Recording, given: GivenPreparation = GivenPreparation(), names: Sequence[str] = ()
+    recording: Recording, given: GivenPreparation = _NOTHING_GIVEN, names: Sequence[str] = ()
 ) -> PreparationPlan:
     """Decide how recordings of one system, the segments of one, are prepared.
 

@@ -160,7 +160,7 @@ Value = str | Callable[[Task], Any]
 ARGUMENTS: Mapping[str, Value] = {
     "told": "source.channels_from_file",
     "is_validated": lambda task: holds("source.validation_files", task.settings),
-    "given": lambda task: order_grid.given_preparation(task.settings),
+    "given": lambda task: task.settings.automatic and task.settings.automatic.preparation,
     "requirements": _of_chapter(order_grid.sample_requirements),
     "nested": _nested,
     "structures": LISTS["structures"],
