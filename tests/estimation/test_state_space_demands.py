@@ -129,7 +129,7 @@ def test_several_steps_are_predicted_better_by_a_model_for_them(inputs, outputs,
 )
 def test_modes_keep_their_least_damping(structure, objective, inputs, outputs):
     found = estimate_state_space(
-        recorded(inputs, outputs, 200, structure=structure),
+        recorded(inputs, outputs, 150, structure=structure),
         4,
         structure=structure,
         constraints=Constraints(min_damping_ratio=0.09),

@@ -38,7 +38,7 @@ class StateSpaceProblem:
     descended = 1  # quadratic optima of an order that the search over orders goes on from
 
     def __init__(self, plain: StateSpaceErrors) -> None:
-        self.plain = plain
+        self.plain, self.parameters = plain, plain.parameters
         self.grams = 1  # Gram matrices of one set of normal equations
         self.starts: Array | None = None  # that the first population holds
 
@@ -58,11 +58,6 @@ class StateSpaceProblem:
     def projection(self, point: Array) -> Projection:
         """States, linear coefficients and errors of a point."""
         return self.plain.projection(point)
-
-    @property
-    def parameters(self) -> int:
-        """Independent parameters."""
-        return self.plain.parameters
 
     def scaled(self, point: Array) -> ScaledModel:
         """The model of a point."""
@@ -139,7 +134,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         super().__init__(plain)
         self.sizes = plain.data.absolute_sizes
         self.grams = len(self.sizes)
-        self.weighing = plain.weighing
+        self.weighing, self.stable = plain.weighing, plain.stable
         self._regressors = plain.order + sum(each.shape[1] for each in plain.direct)
         self.dimension = plain.layout.dimension + self._regressors * len(self.sizes)
         self._latest: tuple[Array, Projection] | None = None
@@ -179,10 +174,6 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         of_outputs[:, 1 : layout.order : 2] *= rescaled(layout, point, after)[: layout.pairs]
         return after
 
-    def stable(self, projection: Projection) -> bool:
-        """Whether A is stable as well."""
-        return self.plain.stable(projection)
-
     # What the search asks for.
 
     def nearest(
@@ -220,15 +211,13 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         return np.array([self._value(point) for point in points])
 
     def _value(self, point: Array) -> float:
-        if not np.isfinite(point).all():
+        plain = self.plain
+        radius = largest_radius(plain.layout, self.coordinates(point))
+        finite = np.isfinite(point).all() and radius <= plain.section_radius
+        if not (finite and self.stable(self.projection(point))):
             return float("inf")
-        if largest_radius(self.plain.layout, self.coordinates(point)) > self.plain.section_radius:
-            return float("inf")
-        if not self.stable(self.projection(point)):
-            return float("inf")
-        return percent_of_absolute(
-            damped_descent.absolute_criterion(self.errors(point), self.weighing)
-        )
+        criterion = damped_descent.absolute_criterion(self.errors(point), self.weighing)
+        return percent_of_absolute(criterion)
 
     def recombine(
         self, parents: Array, count: int, generator: np.random.Generator

@@ -51,35 +51,36 @@ def random_poles(order: int, generator: np.random.Generator) -> Complex:
     return np.array(poles)
 
 
-def grouped_poles(poles: Complex) -> tuple[Complex, Array]:
-    """Upper poles of complex pairs, and real poles in ascending order."""
-    upper = poles[poles.imag > 0.0]
-    real = np.sort(poles[poles.imag == 0.0].real)
-    return upper, real
+def poles_only(layout: Layout, poles: Complex, driven: NDArray | None = None) -> Array:
+    """A point with some poles, (order,), complex ones in conjugate pairs.
 
-
-def separated(poles: Complex) -> Complex:
-    """Poles with the real ones moved apart where they almost coincide."""
-    upper, real = grouped_poles(poles)
-    for k in range(1, len(real)):
-        real[k] = max(real[k], real[k - 1] + 2.0 * SEPARATION)
-    return np.concatenate([upper, upper.conj(), real])
-
-
-def poles_only(layout: Layout, poles: Complex) -> Array:
-    """A point with some poles, (order,), complex ones in conjugate pairs, and no inputs."""
-    upper, real = grouped_poles(separated(poles))
+    ``driven``: what the drives give to the eigenvectors of the poles, (order, drives); nothing by
+    default.  Real poles that almost coincide are moved apart.
+    """
+    upper, real = np.flatnonzero(poles.imag > 0.0), np.flatnonzero(poles.imag == 0.0)
+    real = real[np.argsort(poles[real].real, kind="stable")]
+    values = poles[real].real.copy()
+    for k in range(1, len(values)):
+        values[k] = max(values[k], values[k - 1] + 2.0 * SEPARATION)
+    drives = layout.drives
+    driven = np.zeros((len(poles), drives)) if driven is None else driven
     point = np.zeros(layout.dimension)
     rows = layout.rows(point)
     if layout.single:
         # The real pole farthest from the origin stays alone; neighbours share a section.
-        alone = int(np.argmax(np.abs(real)))
-        rows[-1, 0] = real[alone]
-        real = np.delete(real, alone)
-    rows[: len(upper), 0], rows[: len(upper), 1] = upper.real, -(upper.imag**2)
-    low, high = real[0::2], real[1::2]
-    rows[len(upper) : layout.pairs, 0] = 0.5 * (low + high)
-    rows[len(upper) : layout.pairs, 1] = 0.25 * (high - low) ** 2
+        alone = int(np.argmax(np.abs(values)))
+        rows[-1, 0], rows[-1, 2 : 2 + drives] = values[alone], driven[real[alone]].real
+        real, values = np.delete(real, alone), np.delete(values, alone)
+    for row, pole, of_pole in zip(rows, poles[upper], driven[upper], strict=False):
+        # x = 2 Re(v q): the states (Re q, -Im q) turn by [[Re, Im], [-Im, Re]].
+        row[:2] = pole.real, -(pole.imag**2)
+        row[2 : 2 + drives] = of_pole.real
+        row[2 + drives :] = -of_pole.imag * (pole.imag / scale_of(row[1]))
+    pairs = values.reshape(-1, 2), driven[real].real.reshape(-1, 2, drives)
+    for row, (low, high), (of_low, of_high) in zip(rows[len(upper) :], *pairs, strict=False):
+        # q_low = p - r, q_high = p + r up to a factor of 2.
+        row[:2] = 0.5 * (low + high), 0.25 * (high - low) ** 2
+        row[2 : 2 + drives], row[2 + drives :] = of_high + of_low, of_high - of_low
     return point
 
 
@@ -87,26 +88,7 @@ def point_of(layout: Layout, A: Array, B: Array) -> Array:
     """The point of a state matrix, (n, n), and its drives; equal poles are separated."""
     poles, vectors = np.linalg.eig(A)
     driven = np.linalg.lstsq(vectors, B.astype(complex), rcond=1e-12)[0]
-    upper = np.flatnonzero(poles.imag > 0.0)
-    real = np.flatnonzero(poles.imag == 0.0)
-    real = real[np.argsort(poles[real].real, kind="stable")]
-    apart = separated(poles)
-    point = poles_only(layout, apart)
-    rows, drives = layout.rows(point), layout.drives
-    for row, k in zip(rows, upper, strict=False):
-        # x = 2 Re(v q): the states (Re q, -Im q) turn by [[Re, Im], [-Im, Re]].
-        row[2 : 2 + drives] = driven[k].real
-        row[2 + drives :] = -driven[k].imag * (poles[k].imag / scale_of(row[1]))
-    values = apart[2 * len(upper) :].real
-    if layout.single:
-        alone = int(np.argmax(np.abs(values)))
-        rows[-1, 2 : 2 + drives] = driven[real[alone]].real
-        real = np.delete(real, alone)
-    for row, low, high in zip(rows[len(upper) :], real[0::2], real[1::2], strict=False):
-        # q_low = p - r, q_high = p + r up to a factor of 2.
-        row[2 : 2 + drives] = (driven[high] + driven[low]).real
-        row[2 + drives :] = (driven[high] - driven[low]).real
-    return point
+    return poles_only(layout, poles.astype(complex), driven)
 
 
 def from_poles(errors: StateSpaceErrors, poles: Complex) -> Array:
