@@ -33,9 +33,9 @@ from evopem.models.state_space import StateSpaceModel
 from evopem.models.structures import Orders, armax_orders
 from evopem.results.fleet import DatasetSummary
 from evopem.results.identity import MadeFrom
+from evopem.signals.peaks import SpectrumSummary
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
-from evopem.signals.spectrum_summary import SpectrumSummary
 from evopem.synthesis.armax import Truth
 from evopem.validation.validation import Validation
 

@@ -123,9 +123,10 @@ def test_the_level_of_stretches_is_that_of_the_whole(tmp_path):
 
 def test_a_mode_is_found_beside_gaps():
     """Masked samples are missing samples; the model predicts and simulates as without the gaps."""
-    u, y = signals()
-    masked = np.ma.masked_array(y, np.isin(np.arange(N), LOST))
-    masked.data[LOST] = 9999.0
+    u, y = (each[:2000] for each in signals())
+    lost = [number for number in LOST if number < 2000]
+    masked = np.ma.masked_array(y, np.isin(np.arange(2000), lost))
+    masked.data[lost] = 9999.0
     keys = {
         "recipe": "chapter",
         "transforms": {"box_cox": "none", "difference": 0},
@@ -139,7 +140,7 @@ def test_a_mode_is_found_beside_gaps():
     frequency = abs(np.log(np.roots(A)[0])) * RATE / 2 / np.pi
     assert found.modes["frequency_hz"].iloc[0] == pytest.approx(frequency, rel=2e-3)
     (origin,) = found.results.recording_info.files
-    assert (origin.segments, origin.left_out) == (4, 25)
+    assert (origin.segments, origin.left_out) == (3, 4)
     validation = found.results.validation
     assert len(validation.stretches) == len(found.results.model.transforms.validation)
     assert validation.simulation_error_percent < 15.0

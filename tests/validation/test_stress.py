@@ -15,10 +15,10 @@ from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
 from evopem.models.structures import armax_orders
+from evopem.signals.peaks import SpectrumSummary
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.signals.recording_info import describe_recording
-from evopem.signals.spectrum_summary import SpectrumSummary
 from evopem.validation.checks import Evidence, checks
 from evopem.validation.checks.search import ranges_of_phases
 from evopem.validation.validate import validate

@@ -14,6 +14,7 @@ from evopem.blas_threads import one_blas_thread
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.missing_samples import MOST_MISSING
+from evopem.signals.output_level import regression_triangle
 from evopem.signals.readers.channels import Channel, Reference
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import has_even_steps, timing
@@ -185,7 +186,8 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
         return CausalityTest(np.nan, np.nan, 0)
     rows = len(one) - most
     with one_blas_thread():
-        triangles = [_triangle(*pair, most) for pair in ((other, one), (one, other))]
+        pairs = (one, other), (other, one)
+        triangles = [regression_triangle(u[:, None], y, most) for u, y in pairs]
 
         def criterion(lags: int) -> float:
             left = [max(_remainders(each, lags, most)[1], 1e-300) for each in triangles]
@@ -205,19 +207,11 @@ def _standardized(signal: Array) -> Array:
     return centred / (float(np.std(centred)) or 1.0)
 
 
-def _triangle(target: Array, other: Array, most: int) -> Array:
-    """R of the QR decomposition of a constant, past targets, past others and the target."""
-    stop = len(target)
-    past = [x[most - lag : stop - lag] for x in (target, other) for lag in range(1, most + 1)]
-    columns = [np.ones(stop - most), *past, target[most:]]
-    return np.asarray(np.linalg.qr(np.column_stack(columns), mode="r"))
-
-
 def _remainders(triangle: Array, lags: int, most: int) -> tuple[float, float]:
     """Sums of squares left by the target's own past, and by both."""
     left = []
-    own = list(range(lags + 1))
-    for kept in (own, own + list(range(most + 1, most + 1 + lags))):
+    own = [*range(lags), -2]  # and the constant
+    for kept in (own, [*own, *range(most + 1, most + 1 + lags)]):
         rest = triangle[:, -1]
         solution = np.linalg.lstsq(triangle[:, kept], rest, rcond=1e-12)[0]
         left.append(float(np.sum((rest - triangle[:, kept] @ solution) ** 2)))

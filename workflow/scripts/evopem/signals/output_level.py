@@ -48,15 +48,16 @@ def _level(u: Array, output: Array, starts: tuple[int, ...]) -> float:
     with one_blas_thread():
         triangle = np.empty((0, lags + u.shape[1] * (lags + 1) + 2))
         for segment in segments:
-            triangle = _triangle(triangle, *segment, lags)
+            triangle = regression_triangle(*segment, lags, triangle)
         return mean + deviation * _shift(triangle, lags, len(output) - lags * (1 + len(starts)))
 
 
-def _triangle(triangle: Array, u: Array, y: Array, lags: int) -> Array:
+def regression_triangle(u: Array, y: Array, lags: int, before: Array | None = None) -> Array:
     """R of the QR decomposition of past outputs, present and past inputs, 1 and the output.
 
-    ``triangle`` is that of other samples, to which these are added.
+    ``before`` is that of other samples, to which these are added.
     """
+    triangle = np.empty((0, lags + u.shape[1] * (lags + 1) + 2)) if before is None else before
     for first in range(lags, len(y), ROWS):
         stop = min(first + ROWS, len(y))
         columns = [y[first - k : stop - k] for k in range(1, lags + 1)]

@@ -203,12 +203,12 @@ def _estimation_range(
     if samples > remaining:
         problem = f"{samples} samples are asked for and {remaining} remain after the discarded ones"
         remedy = "ask for fewer samples or a share such as 0.8"
-    elif cut and samples == remaining:
+        raise InputError(f"{source}.estimation", problem, remedy)
+    if cut and samples == remaining:
         problem = f"all {remaining} samples are asked for, so none remain to validate on"
         remedy = "ask for fewer samples or name a validation_file"
-    else:
-        return first, first + samples
-    raise InputError(f"{source}.estimation", problem, remedy)
+        raise InputError(f"{source}.estimation", problem, remedy)
+    return first, first + samples
 
 
 def _held_out_recordings(samples: Sequence[int], share: float) -> int:

@@ -86,11 +86,16 @@ _EVEN = (
 )
 
 
-class _RefusedError(Exception):
-    """Why stamps cannot be used: the problem, the sample (from 0), and a remedy but for the usual.
+class _Stamps(NamedTuple):
+    """What an error says of time stamps."""
 
-    In the problem, {unit} stands for the unit of a number of time, where it is known.
-    """
+    source: str
+    place: str
+    unit: str  # of a number of time, where it is known
+
+    def refuse(self, problem: str, sample: int, remedy: str = _EVEN) -> NoReturn:
+        """Say why stamps cannot be used, at a sample from 0 on."""
+        raise InputError(self.source, problem, remedy, f"{self.place}, sample {sample + 1}")
 
 
 def timing(
@@ -123,25 +128,20 @@ def timing(
     dates = stamps.dtype.kind in "Mm"
     positions = unevenness = None
     tolerance = RATE_TOLERANCE
-    try:
-        ticks = _ticks(stamps)
-        # From the first stamp on, so that dates in nanoseconds keep all their digits as floats.
-        times = (ticks - ticks[0]).astype(np.float64) * (TIME_UNITS["ns"] if dates else 1.0)
-        clock = None if has_even_steps(times) else coarse_clock(times)
-        if clock:
-            step, tolerance = clock.step, max(tolerance, clock.relative_error)
-            tick = clock.tick / step
-            unevenness = Unevenness(0, float(np.diff(times).max()) / step, tick, tick)
-        elif interpolate:
-            step, unevenness = _even_grid(times)
-            positions = times / step
-        else:
-            step = _uniform_step(times)
-    except _RefusedError as refused:
-        problem, sample, *remedies = refused.args
-        remedy = remedies[0] if remedies else _EVEN
-        in_unit = problem.replace("{unit}", " s" if dates else "")
-        raise InputError(source, in_unit, remedy, f"{place}, sample {sample + 1}") from None
+    named = _Stamps(source, place, " s" if dates else "")
+    ticks = _ticks(stamps, named)
+    # From the first stamp on, so that dates in nanoseconds keep all their digits as floats.
+    times = (ticks - ticks[0]).astype(np.float64) * (TIME_UNITS["ns"] if dates else 1.0)
+    clock = None if has_even_steps(times) else coarse_clock(times)
+    if clock:
+        step, tolerance = clock.step, max(tolerance, clock.relative_error)
+        tick = clock.tick / step
+        unevenness = Unevenness(0, float(np.diff(times).max()) / step, tick, tick)
+    elif interpolate:
+        step, unevenness = _even_grid(times, named)
+        positions = times / step
+    else:
+        step = _uniform_step(times, named)
     if dates:
         scale = TIME_UNITS["s"]
     elif time_unit is not None:
@@ -181,32 +181,32 @@ def has_even_steps(times: Array) -> bool:
     return usual > 0.0 and bool((np.abs(steps - usual) <= STEP_TOLERANCE * usual).all())
 
 
-def _ticks(stamps: NDArray) -> NDArray:
+def _ticks(stamps: NDArray, named: _Stamps) -> NDArray:
     """The stamps as 64-bit numbers, in which differences do not overflow."""
     if stamps.dtype.kind in "Mm":
         if np.isnat(stamps).any():
-            raise _RefusedError("the time stamp is missing", int(np.argmax(np.isnat(stamps))))
+            named.refuse("the time stamp is missing", int(np.argmax(np.isnat(stamps))))
         return stamps.astype(f"{stamps.dtype.kind}8[ns]").astype(np.int64)
     if stamps.dtype.kind == "u" and stamps.max() > np.iinfo(np.int64).max:
-        raise _RefusedError(f"the time stamp is {stamps.max()}", int(np.argmax(stamps)))
+        named.refuse(f"the time stamp is {stamps.max()}", int(np.argmax(stamps)))
     ticks = stamps.astype(np.float64 if stamps.dtype.kind == "f" else np.int64)
     if not np.isfinite(ticks).all():
         first = int(np.argmin(np.isfinite(ticks)))
-        raise _RefusedError(f"the time stamp is {ticks[first]}", first)
+        named.refuse(f"the time stamp is {ticks[first]}", first)
     return ticks
 
 
-def _refuse_same_times(times: Array, closest: float) -> NoReturn:
+def _refuse_same_times(times: Array, closest: float, named: _Stamps) -> NoReturn:
     """Refuse times that do not increase; two times closer than ``closest`` are the same."""
     steps = np.diff(times)
     found = np.flatnonzero(steps <= closest) + 1
     first = int(found[0])
     back = -float(steps[first - 1])
-    problem = f"{back:g}{{unit}} before that" if back > closest else "that"
+    problem = f"{back:g}{named.unit} before that" if back > closest else "that"
     problem = f"the time does not increase: it is {problem} of sample {first}"
     if found.size > 1:
         problem += f", and there are {found.size - 1} more such samples"
-    raise _RefusedError(
+    named.refuse(
         problem,
         first,
         "remove rows whose time is not later than the one before; if only the clock is too coarse,"
@@ -214,26 +214,24 @@ def _refuse_same_times(times: Array, closest: float) -> NoReturn:
     )
 
 
-def _uniform_step(times: Array) -> float:
+def _uniform_step(times: Array, named: _Stamps) -> float:
     """The mean step of uniform times that begin at 0."""
     steps = np.diff(times)
     if steps.min() <= 0.0:
-        _refuse_same_times(times, 0.0)
+        _refuse_same_times(times, 0.0, named)
     usual = float(np.median(steps))
     uneven = np.abs(steps - usual) > STEP_TOLERANCE * usual
     if uneven.any():
         first = int(np.argmax(uneven))
-        raise _RefusedError(
-            f"the step to this sample is {steps[first]:g}{{unit}} where the usual one is"
-            f" {usual:g}{{unit}}",
-            first + 1,
-        )
+        unit = named.unit
+        problem = f"the step to this sample is {steps[first]:g}{unit} where the usual one is"
+        named.refuse(f"{problem} {usual:g}{unit}", first + 1)
     step = float(times[-1] / steps.size)
     off = np.abs(times - step * np.arange(times.size))
     allowed = max(0.5 * step, GRID_TOLERANCE * float(times[-1]))
     if off.max() > allowed:
         first = int(np.argmax(off > allowed))
-        raise _RefusedError(f"the time is {off[first]:g}{{unit}} off an even grid", first)
+        named.refuse(f"the time is {off[first]:g}{named.unit} off an even grid", first)
     return step
 
 
@@ -305,20 +303,20 @@ def coarse_clock(times: Array) -> CoarseClock | None:
     return CoarseClock(tick, step, error)
 
 
-def _even_grid(times: Array) -> tuple[float, Unevenness]:
+def _even_grid(times: Array, named: _Stamps) -> tuple[float, Unevenness]:
     """The usual step of times, some of which may be late or missing; it divides the whole time."""
     steps = np.diff(times)
     usual = float(np.median(steps))
     if steps.min() <= CLOSEST * usual:
-        _refuse_same_times(times, CLOSEST * usual)
-    _refuse_other_rate(steps, usual)
+        _refuse_same_times(times, CLOSEST * usual, named)
+    _refuse_other_rate(steps, usual, named)
     # The median of a few irregular steps is not exact enough to divide the whole time by.
     total = max(int(np.round(steps / usual).sum()), 1)
     step = float(times[-1]) / total
     missing = int(np.sum(np.round(steps[steps > GAP * usual] / step) - 1))
     longest = float(steps.max() / step)
     if longest > LONGEST_GAP or missing > MOST_IN_GAPS * total:
-        raise _RefusedError(
+        named.refuse(
             f"{missing} samples of {total + 1} are missing, and the longest gap ends at this sample"
             f" after {longest:.3g} usual steps; up to {100 * MOST_IN_GAPS:g} % and {LONGEST_GAP}"
             " steps are interpolated",
@@ -330,7 +328,7 @@ def _even_grid(times: Array) -> tuple[float, Unevenness]:
     return step, Unevenness(missing, longest, shift)
 
 
-def _refuse_other_rate(steps: Array, usual: float) -> None:
+def _refuse_other_rate(steps: Array, usual: float, named: _Stamps) -> None:
     """Refuse stamps whose mean step changes in the course of the recording.
 
     The steps that are missing in a gap are counted.  What jitter does to the mean step of a block
@@ -349,9 +347,10 @@ def _refuse_other_rate(steps: Array, usual: float) -> None:
     change = float(mean[high] - mean[low])
     if change > LARGEST_CHANGE * usual and change > SIGNIFICANT * error:
         first, last = sorted((low, high))
-        raise _RefusedError(
-            f"the rate changes: the mean step is {mean[first]:.4g}{{unit}} from this sample on and"
-            f" {mean[last]:.4g}{{unit}} from sample {edges[last] + 1} on",
+        unit = named.unit
+        named.refuse(
+            f"the rate changes: the mean step is {mean[first]:.4g}{unit} from this sample on and"
+            f" {mean[last]:.4g}{unit} from sample {edges[last] + 1} on",
             int(edges[first]),
             "give the parts of one rate as data sets of their own, or resample the recording",
         )

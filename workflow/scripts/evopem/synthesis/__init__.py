@@ -5,7 +5,7 @@ from __future__ import annotations
 from evopem.config.channels import SyntheticSource
 from evopem.config.settings import TransformSettings
 from evopem.signals.recording import Recording
-from evopem.synthesis.armax import Truth
+from evopem.synthesis.armax import Truth, armax
 
 
 def synthesize(source: SyntheticSource, transforms: TransformSettings) -> tuple[Recording, Truth]:
@@ -18,15 +18,11 @@ def synthesize(source: SyntheticSource, transforms: TransformSettings) -> tuple[
     >>> recording.output.shape
     (1000,)
     """
+    length = source.seed, source.samples, source.sampling_rate
     if source.synthesis == "flexible_arm":
         from evopem.synthesis.flexible_arm import flexible_arm
 
-        return flexible_arm(source.seed, source.samples, source.sampling_rate)
-    from evopem.synthesis.armax import armax
-
+        return flexible_arm(*length)
     noise = 0.1 if source.noise is None else source.noise
     box_cox = None if isinstance(transforms.box_cox, str) else transforms.box_cox
-    return armax(
-        *(source.seed, source.samples, source.sampling_rate),
-        *(noise, box_cox, transforms.difference),
-    )
+    return armax(*length, noise, box_cox, transforms.difference)

@@ -41,8 +41,7 @@ def in_memory(array: NDArray[Any]) -> StoredArray:
 def opened(path: Path) -> Iterator[Contents]:
     """An ``.npz`` file, or an ``.npy`` file of columns or of records, without pickled objects."""
     try:
-        content = np.load(path, allow_pickle=False)
-        arrays = _members(content) if isinstance(content, np.lib.npyio.NpzFile) else _alone(content)
+        arrays = _arrays(np.load(path, allow_pickle=False))
     except Exception:
         # numpy and zipfile meet damage with ValueError, EOFError, BadZipFile, zlib.error,
         # RuntimeError (encrypted), NotImplementedError (packed in another way), MemoryError …
@@ -51,7 +50,10 @@ def opened(path: Path) -> Iterator[Contents]:
     yield contents_of(path, stored, "array")
 
 
-def _members(content: Any) -> dict[str, NDArray[Any]]:
+def _arrays(content: Any) -> dict[str, NDArray[Any]]:
+    if not isinstance(content, np.lib.npyio.NpzFile):
+        fields = content.dtype.names
+        return {"": content} if fields is None else {name: content[name] for name in fields}
     arrays: dict[str, NDArray[Any]] = {}
     with content:
         for name in content.files:
@@ -63,12 +65,6 @@ def _members(content: Any) -> dict[str, NDArray[Any]]:
                 # An array of Python objects is not loaded and is no channel.
                 arrays[name] = np.empty((), dtype=object)
     return arrays
-
-
-def _alone(content: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    if content.dtype.names is None:
-        return {"": content}
-    return {name: content[name] for name in content.dtype.names}
 
 
 def contents_of(
