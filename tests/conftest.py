@@ -5,6 +5,8 @@ import os
 # Before numpy is loaded: on several cores, threads of BLAS wait for each other for most of the time
 # that a small decomposition takes.  The package itself holds BLAS to one thread where it computes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Tests start hundreds of processes that import the package: each would compile all of it again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import pytest
 from identified import Identified, identify_once

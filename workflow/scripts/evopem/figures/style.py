@@ -99,14 +99,18 @@ def svg_text(figure: Figure) -> str:
     and its places are rounded: matplotlib names clipping paths after all their digits, the last of
     which differ from run to run.
     """
-    figure.draw_without_rendering()
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
     figure.set_layout_engine("none")
     for axes in figure.axes:
         left, bottom, width, height = (round(float(x), 5) for x in axes.get_position().bounds)
         axes.set_position((left, bottom, width, height))
     stream = io.StringIO()
-    figure.savefig(
-        stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
+    # `savefig` would draw all of it once more, for a layout that stands.
+    FigureCanvasSVG(figure).print_svg(
+        stream, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
     )
     return re.sub(
         r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), stream.getvalue()
