@@ -6,7 +6,6 @@ That Snakemake does so is tested in `tests/workflow`.
 import pytest
 
 from evopem.config.defaults import complete
-from evopem.files.json_form import to_json
 from evopem.pipeline.identification import jobs
 from evopem.results.layout import DatasetFiles
 
@@ -24,12 +23,12 @@ def redone(keys, changed):
     before, after = (
         complete({"datasets": {"a": each}}).datasets["a"] for each in (keys, keys | changed)
     )
-    known = {job.name: to_json(job.stage.arguments(job.task)) for job in jobs(before, FILES)}
+    known = {job.name: job.arguments for job in jobs(before, FILES)}
     made, names = set(), set()
     for job in jobs(after, FILES):
-        arguments = to_json(job.stage.arguments(job.task))
-        if known.get(job.name) != arguments or made & set(job.stage.read_by(job.task)):
-            made |= set(job.stage.made_by(job.task))
+        arguments = job.arguments
+        if known.get(job.name) != arguments or made & set(job.read):
+            made |= set(job.made)
             names.add(job.stage.name)
     return names
 

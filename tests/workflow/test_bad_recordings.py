@@ -42,7 +42,7 @@ def prepare_recording(name, keys, folder):
     files = DatasetFiles(str(folder / "results" / name))
     for own in jobs(dataset, files):
         if own.stage.name in PREPARING:
-            with job(files.log(own.name), outputs=own.stage.made_by(own.task)):
+            with job(files.log(own.name), outputs=own.made):
                 own.run()
     return files
 

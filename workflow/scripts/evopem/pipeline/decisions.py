@@ -1,8 +1,8 @@
-"""What is known of a data set in one file each: candidates, decisions, and the summary."""
+"""What is known of the choice of a model: a table of candidates, and all decisions."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,16 +17,11 @@ from evopem.automatic.structures import Choice, Comparison
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.candidate import Candidate as PhaseCandidate
 from evopem.estimation.candidate import PhaseSelection
-from evopem.estimation.model_record import ModelRecord
-from evopem.files.atomic import write_table
-from evopem.files.json_form import load, save
+from evopem.files.json_form import load
 from evopem.pipeline.structures import load_record
-from evopem.results.dataset import evidence_of
-from evopem.results.fleet import summarize
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import total_samples
 from evopem.signals.recording_info import RecordingInfo
-from evopem.validation.validation import Validation
 
 COLUMNS = (
     *("step", "structure", "order", "model", "bic"),
@@ -41,17 +36,8 @@ _OF_SEARCHES = (
 Row = dict[str, Any]
 
 
-def tabulate_candidates(
-    files: DatasetFiles, phases: tuple[str, ...], structures: tuple[str, ...]
-) -> None:
-    """Write ``candidates.csv``, one row for each candidate of each phase or structure."""
-    rows = _of_phases(files, phases) if phases else _of_structures(files, structures)
-    columns = list(rows[0]) if phases else COLUMNS
-    write_table(files.candidates, {name: [row.get(name) for row in rows] for name in columns})
-
-
-def _of_phases(files: DatasetFiles, phases: tuple[str, ...]) -> list[Row]:
-    selections = [load(PhaseSelection, files.phase(phase)) for phase in phases]
+def rows_of_phases(selections: Iterable[PhaseSelection]) -> list[Row]:
+    """The rows of ``candidates.csv``, one for each candidate of each phase."""
     return [
         _of_phase(candidate, candidate.orders == selection.orders)
         for selection in selections
@@ -72,13 +58,16 @@ def _of_phase(candidate: PhaseCandidate, selected: bool) -> Row:
     }
 
 
-def _of_structures(files: DatasetFiles, structures: tuple[str, ...]) -> list[Row]:
-    searches = [load(StructureSearch, files.search(each)) for each in structures]
-    comparison = load(Comparison, files.decision("comparison"))
-    remedied = load(Remedied, files.decision("remedies"))
+def rows_of_structures(
+    searches: Sequence[StructureSearch], comparison: Comparison, remedied: Remedied
+) -> list[Row]:
+    """The same of the automatic recipe: each candidate of each structure, and remedies."""
     choice = comparison.choice(remedied.choice.purpose)
-    rows = list(_searched(searches, comparison, choice))
-    return rows + [_remedy(each, choice) for each in remedied.trials]
+    rows = [
+        *_searched(searches, comparison, choice),
+        *(_remedy(each, choice) for each in remedied.trials),
+    ]
+    return [{name: row.get(name) for name in COLUMNS} for row in rows]
 
 
 def _searched(
@@ -125,30 +114,29 @@ def _remedy(trial: Trial, choice: Choice) -> Row:
     }
 
 
-def collect_decisions(
-    files: DatasetFiles, structures: tuple[str, ...], other: OtherModel | None
-) -> None:
-    """Put all decisions of a data set into one file, in their order."""
-    folds = load(FoldPlan, files.decision("folds"))
-    comparison = load(Comparison, files.decision("comparison"))
-    remedied = load(Remedied, files.decision("remedies"))
+def decision_record(
+    files: DatasetFiles,
+    searches: Sequence[StructureSearch],
+    comparison: Comparison,
+    remedied: Remedied,
+    other: OtherModel | None,
+) -> DecisionRecord:
+    """All decisions of a data set, in their order."""
+    folds, choice = load(FoldPlan, files.decision("folds")), remedied.choice
     decisions: tuple[Decision, ...] = (
         *_about_channels(load(RecordingInfo, files.recording_info)),
         *load(PreparationPlan, files.decision("preparation")).decisions,
         folds.decision,
         folds.repetition.decision,
         load(DelayChoice, files.decision("delay")).decision,
-        *(load(StructureSearch, files.search(each)).decision for each in structures),
+        *(each.decision for each in searches),
         *comparison.decisions,
         load(Decision, files.decision("search")),
     )
-    choice = remedied.choice
-    remarks = _remarks(files, choice.level)
-    record = DecisionRecord(
+    return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        *((*remarks, *remedied.statements), other),
+        *((*_remarks(files, choice.level), *remedied.statements), other),
     )
-    save(record, files.decisions)
 
 
 def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
@@ -192,18 +180,3 @@ def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:
             " state."
         )
     return tuple(remarks)
-
-
-def summarize_dataset(
-    files: DatasetFiles, phases: tuple[str, ...], structures: tuple[str, ...]
-) -> None:
-    """Check the model of one data set, and write the summary."""
-    evidence = evidence_of(
-        load(ModelRecord, files.model),
-        load(Validation, files.validation),
-        load(RecordingInfo, files.recording_info),
-        {phase: load(PhaseSelection, files.phase(phase)) for phase in phases},
-        [load(StructureSearch, files.search(each)) for each in structures],
-        None if phases else load(Remedied, files.decision("remedies")).choice,
-    )
-    save(summarize(evidence), files.summary)

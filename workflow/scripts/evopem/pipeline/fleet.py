@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -29,9 +29,10 @@ def collect_fleet(
 ) -> None:
     """List data sets, and follow the modes of those whose results are whole."""
     entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
-    lists = [f"{files.folder}/{Path(each).name}" for each in OVERVIEW]
-    for write in _lists(entries, template_folder(), page, lists, positions(order)).values():
-        write()
+    given = entries, template_folder(), page, positions(order)
+    followed = cache(partial(_followed, entries, positions(order)))
+    for each in OVERVIEW:
+        _write_list(f"{files.folder}/{Path(each).name}", *given, followed)
 
 
 def collect_unfinished(
@@ -50,40 +51,41 @@ def collect_unfinished(
         name: read_entry(DatasetFiles.of_dataset(name), files, name in pending)
         for name, files in required.items()
     }
-    for path, write in _lists(entries, templates, page, OVERVIEW, order).items():
+    followed = cache(partial(_followed, entries, order))
+    for path in OVERVIEW:
         try:
-            write()
+            _write_list(path, entries, templates, page, order, followed)
         except Exception as error:
             sys.stderr.write(f"{path}: the list was not written ({error}).\n")
             with suppress(OSError):
                 Path(path).unlink(missing_ok=True)
 
 
-def _lists(
+def _write_list(
+    path: str,
     entries: Mapping[str, Entry],
     templates: Path,
     page: str,
-    files: Sequence[str],
     order: Positions | None,
-) -> dict[str, Callable[[], None]]:
-    """What writes each list, by its path."""
-    index_file, csv_file, parquet_file, modes_file = files
+    followed: Callable[[], list[FollowedMode]],
+) -> None:
+    """Write one of the lists, which its name tells."""
+    match Path(path).name:
+        case "index.html":
+            name = order.name if order else ""
+            write_text(path, build_index(entries, templates, page, followed(), name))
+        case "fleet.csv":
+            write_table(path, without_formulas(fleet_table(entries)))
+        case "fleet.parquet":
+            write_parquet(path, fleet_table(entries))
+        case _:
+            write_table(path, without_formulas(followed_table(followed())))
 
-    @cache
-    def followed() -> list[FollowedMode]:
-        recordings = {
-            name: [m for m, kept in zip(entry.modes, entry.trusted, strict=True) if kept]
-            for name, entry in entries.items()
-            if isinstance(entry, DatasetSummary)
-        }
-        return follow_modes(recordings, order.places if order else None)
 
-    def index() -> str:
-        return build_index(entries, templates, page, followed(), order.name if order else "")
-
-    return {
-        index_file: lambda: write_text(index_file, index()),
-        csv_file: lambda: write_table(csv_file, without_formulas(fleet_table(entries))),
-        parquet_file: lambda: write_parquet(parquet_file, fleet_table(entries)),
-        modes_file: lambda: write_table(modes_file, without_formulas(followed_table(followed()))),
+def _followed(entries: Mapping[str, Entry], order: Positions | None) -> list[FollowedMode]:
+    recordings = {
+        name: [m for m, kept in zip(entry.modes, entry.trusted, strict=True) if kept]
+        for name, entry in entries.items()
+        if isinstance(entry, DatasetSummary)
     }
+    return follow_modes(recordings, order.places if order else None)

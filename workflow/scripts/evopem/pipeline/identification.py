@@ -2,47 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from evopem.config.defaults import read_settings
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
-from evopem.files.json_form import to_json
-from evopem.pipeline.call import Log, call
-from evopem.pipeline.planning.stage import Stage, Task
+from evopem.pipeline.call import Log
+from evopem.pipeline.planning.stage import StageJob
 from evopem.pipeline.planning.stages import stages_of
 from evopem.pipeline.progress import Announce
 from evopem.results.layout import DatasetFiles
-
-
-@dataclass(frozen=True)
-class StageJob:
-    """A stage with the values of its wildcards: one call of its function."""
-
-    stage: Stage
-    task: Task
-
-    @property
-    def name(self) -> str:
-        """Name of the stage, and the values behind it."""
-        return "/".join([self.stage.name, *self.task.values.values()])
-
-    @property
-    def read(self) -> list[str]:
-        """The results that it reads."""
-        return self.stage.read_by(self.task)
-
-    @property
-    def made(self) -> list[str]:
-        """The results that it writes."""
-        return self.stage.made_by(self.task)
-
-    def run(self, log: Log | None = None, cores: int = 1, folder: str | Path = "") -> None:
-        """Call the function of the stage."""
-        arguments = to_json(self.stage.arguments(self.task))
-        task = self.task
-        call(self.stage.function, task.files, arguments, task.values, log, cores, folder)
 
 
 def jobs(
@@ -50,8 +19,8 @@ def jobs(
 ) -> list[StageJob]:
     """Every job of a data set, each behind those whose results it reads."""
     stages = stages_of(settings, with_report)
-    tasks = [(stage, task) for stage in stages for task in stage.tasks(Task(settings, files))]
-    waiting, listed = [StageJob(*each) for each in tasks], []
+    waiting = [job for stage in stages for job in stage.jobs(settings, files)]
+    listed = []
     missing = {path for job in waiting for path in job.made}
     while waiting:
         ready = next(job for job in waiting if missing.isdisjoint(job.read))
@@ -74,7 +43,7 @@ def identify_dataset(
     listed = jobs(settings, files, with_report)
     for number, job in enumerate(listed, start=1):
         if announce is not None:
-            announce(job.stage.words(job.task), number, len(listed))
+            announce(job.words, number, len(listed))
         job.run(log, cores, folder)
     remove_parts(listed)
 

@@ -27,7 +27,7 @@ from evopem.config.configuration import (
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESERVED_NAMES
 from evopem.files.json_form import to_json
-from evopem.pipeline.planning.stage import Stage, Task
+from evopem.pipeline.planning.stage import Stage, StageJob
 from evopem.pipeline.planning.stages import PREPARING, STAGES, WHOLE, results_of, stages_of
 from evopem.results.identity import incompleteness, is_finished, was_read_from
 from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles
@@ -79,7 +79,7 @@ class Provider:
             return
         for stage in stages_of(settings, self.with_report):
             own = {wildcard: f"{{{wildcard}}}" for wildcard in stage.wildcards}
-            yield stage, sorted(stage.made_by(Task(settings, FILES, own, self.config.run)))
+            yield stage, sorted(StageJob(stage, settings, FILES, own, self.config.run).made)
 
     @property
     def with_report(self) -> bool:
@@ -206,8 +206,6 @@ class Provider:
             if not is_finished(DatasetFiles.of_dataset(name), self.config.datasets[name], code)
         }
 
-    # Of jobs.
-
 
 @dataclass(frozen=True)
 class StageRule:
@@ -257,7 +255,7 @@ class StageRule:
 
     def inputs(self, wildcards: Wildcards) -> list[str]:
         """The results that a job reads."""
-        return self.stage.read_by(self._task(wildcards))
+        return self._job(wildcards).read
 
     def modules(self, wildcards: Wildcards) -> list[Path]:
         """The modules whose code a job runs."""
@@ -268,7 +266,7 @@ class StageRule:
 
     def arguments(self, wildcards: Wildcards) -> Any:
         """What a job is given of the settings."""
-        return to_json(self.stage.arguments(self._task(wildcards)))
+        return self._job(wildcards).arguments
 
     def memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """MB that a job asks for."""
@@ -292,10 +290,10 @@ class StageRule:
         demand = self.stage.demand
         return demand == "reading" or (demand == "model" and not estimates_again(settings))
 
-    def _task(self, wildcards: Wildcards) -> Task:
+    def _job(self, wildcards: Wildcards) -> StageJob:
         values = {name: wildcards.get(name) or "" for name in self.stage.wildcards}
         config = self.provider.config
-        return Task(config.datasets[wildcards.dataset], FILES, values, config.run)
+        return StageJob(self.stage, config.datasets[wildcards.dataset], FILES, values, config.run)
 
 
 def modules_of(datasets: Iterable[DatasetSettings], with_report: bool) -> list[Path]:

@@ -1,4 +1,4 @@
-"""What a stage is: the function that a job calls, with its files and arguments.
+"""What a stage is, and one job of it: the function that it calls, with files and arguments.
 
 Nothing here imports numpy, pandas or Snakemake.
 """
@@ -6,7 +6,7 @@ Nothing here imports numpy, pandas or Snakemake.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -20,6 +20,8 @@ from evopem.config.structures import (
     is_polynomial,
     searched_forms,
 )
+from evopem.files.json_form import to_json
+from evopem.pipeline.call import Log, call
 from evopem.pipeline.planning.constraint_plan import known_rate
 from evopem.results.layout import DatasetFiles
 
@@ -29,14 +31,51 @@ _WORD = re.compile(r"{(\w+)}")
 
 
 @dataclass(frozen=True)
-class Task:
+class StageJob:
     """One job: a stage of a data set, with values of the stage's own wildcards."""
 
+    stage: Stage
     settings: DatasetSettings
     files: DatasetFiles
     # Of the wildcards by their names, such as ``{"structure": "oe"}``
     values: Mapping[str, str] = field(default_factory=dict)
-    run: RunSettings = field(default_factory=RunSettings)
+    of_run: RunSettings = field(default_factory=RunSettings)
+
+    @property
+    def name(self) -> str:
+        """Name of the stage, and the values behind it."""
+        return "/".join([self.stage.name, *self.values.values()])
+
+    @property
+    def read(self) -> list[str]:
+        """The results that it reads."""
+        return [path for name in self.stage.inputs for path in paths(name, self)]
+
+    @property
+    def made(self) -> list[str]:
+        """The results that it writes."""
+        return [path for name in self.stage.outputs for path in paths(name, self)]
+
+    @property
+    def arguments(self) -> Any:
+        """The arguments of its function that come from the settings, as JSON."""
+        given = {name: ARGUMENTS.get(name, name) for name in self.stage.given}
+        return to_json(
+            {
+                name: attribute(self.settings, value) if isinstance(value, str) else value(self)
+                for name, value in (given | {**self.stage.settings}).items()
+            }
+        )
+
+    @property
+    def words(self) -> str:
+        """What it does, in words."""
+        shown = {name: _TITLES.get(value, value) for name, value in self.values.items()}
+        return self.stage.title.format(**shown)
+
+    def run(self, log: Log | None = None, cores: int = 1, folder: str | Path = "") -> None:
+        """Call the function of the stage."""
+        call(self.stage.function, self.files, self.arguments, self.values, log, cores, folder)
 
 
 def attribute(settings: DatasetSettings, path: str) -> Any:
@@ -58,109 +97,106 @@ def holds(condition: str, settings: DatasetSettings) -> bool:
     return bool(attribute(settings, path)) == (path == condition)
 
 
-def wanted(task: Task) -> tuple[str, ...]:
+def wanted(job: StageJob) -> tuple[str, ...]:
     """The structures that may be chosen; others are searched for their models as starts."""
-    structure, searched = automatic(task).structure, searched_forms(task.settings)
+    structure, searched = automatic(job).structure, searched_forms(job.settings)
     return (structure,) if structure in searched else searched
 
 
-def _nested(task: Task) -> tuple[str, ...]:
+def _nested(job: StageJob) -> tuple[str, ...]:
     """The structures whose models are starts of a search."""
-    nested = AUTOMATIC_STRUCTURES.get(task.values["structure"], ())
-    return tuple(each for each in nested if each in searched_forms(task.settings))
+    nested = AUTOMATIC_STRUCTURES.get(job.values["structure"], ())
+    return tuple(each for each in nested if each in searched_forms(job.settings))
 
 
-def purposes(task: Task) -> tuple[str, ...]:
+def purposes(job: StageJob) -> tuple[str, ...]:
     """The purpose whose model is kept beside that of the configuration; none without inputs."""
-    kept = task.settings.automatic and task.settings.channels.inputs
-    return (automatic(task).other_purpose,) if kept else ()
+    kept = job.settings.automatic and job.settings.channels.inputs
+    return (automatic(job).other_purpose,) if kept else ()
 
 
-def _part_count(task: Task) -> int:
+def _part_count(job: StageJob) -> int:
     """How many jobs the candidates of a phase are divided into."""
-    grid, per_job = task.settings.order_grid, task.run.candidates_per_job
-    return order_grid.part_count(task.values["phase"], grid, per_job)
+    grid, per_job = job.settings.order_grid, job.of_run.candidates_per_job
+    return order_grid.part_count(job.values["phase"], grid, per_job)
 
 
-def automatic(task: Task) -> AutomaticSettings:
+def automatic(job: StageJob) -> AutomaticSettings:
     """The settings of the automatic recipe; of the chapter's the built-in ones."""
-    return task.settings.automatic or AutomaticSettings()
+    return job.settings.automatic or AutomaticSettings()
 
 
-def _previous(task: Task) -> list[str]:
-    structure = task.settings.order_grid.structure
-    previous = order_grid.previous_phase(task.values["phase"], structure)
+def _previous(job: StageJob) -> list[str]:
+    structure = job.settings.order_grid.structure
+    previous = order_grid.previous_phase(job.values["phase"], structure)
     return [previous] if previous else []
 
 
-def _resonances(task: Task) -> list[str]:
-    needed = order_grid.needs_resonances(task.values["phase"], task.settings.order_grid)
+def _resonances(job: StageJob) -> list[str]:
+    needed = order_grid.needs_resonances(job.values["phase"], job.settings.order_grid)
     return ["spectrum_summary"] if needed else []
 
 
-LISTS: Mapping[str, Callable[[Task], Sequence[str]]] = {
-    "structures": lambda task: searched_forms(task.settings),
+LISTS: Mapping[str, Callable[[StageJob], Sequence[str]]] = {
+    "structures": lambda job: searched_forms(job.settings),
     "wanted": wanted,
     "nested": _nested,
     "purposes": purposes,
-    "phases": lambda task: order_grid.phases_of_dataset(task.settings),
-    "last": lambda task: order_grid.phases_of_dataset(task.settings)[-1:],
-    "parts": lambda task: [str(number + 1) for number in range(_part_count(task))],
+    "phases": lambda job: order_grid.phases_of_dataset(job.settings),
+    "last": lambda job: order_grid.phases_of_dataset(job.settings)[-1:],
+    "parts": lambda job: [str(number + 1) for number in range(_part_count(job))],
     "previous": _previous,
     "resonances": _resonances,
 }
 """What words in the inputs and outputs of stages stand for."""
 
 
-def _of_chapter(given: Callable[[DatasetSettings], object]) -> Callable[[Task], object]:
+def _of_chapter(given: Callable[[DatasetSettings], object]) -> Callable[[StageJob], object]:
     """What the chapter's recipe is given of the settings."""
-    return lambda task: None if task.settings.automatic else given(task.settings)
+    return lambda job: None if job.settings.automatic else given(job.settings)
 
 
-def fit_to_check(task: Task) -> object:
+def fit_to_check(job: StageJob) -> object:
     """Constraints and order grid, where constraints in Hz wait for the sampling rate."""
-    settings = task.settings
+    settings = job.settings
     given = settings.automatic is None and settings.fit.constraints is not None
     waits = given and known_rate(settings) is None
     return (settings.fit, settings.order_grid) if waits else None
 
 
-def grid(of_phase: Callable[[str, OrderGrid], OrderGrid]) -> Callable[[Task], OrderGrid]:
+def grid(of_phase: Callable[[str, OrderGrid], OrderGrid]) -> Callable[[StageJob], OrderGrid]:
     """What the candidates of a phase, or the selection among them, depend on of the order grid."""
-    return lambda task: of_phase(task.values["phase"], task.settings.order_grid)
+    return lambda job: of_phase(job.values["phase"], job.settings.order_grid)
 
 
-def choices(*names: str) -> Callable[[Task], AutomaticSettings]:
+def choices(*names: str) -> Callable[[StageJob], AutomaticSettings]:
     """Some settings of the automatic recipe, the others built in."""
-    return lambda task: AutomaticSettings(
-        **{name: getattr(automatic(task), name) for name in names}
-    )
+    return lambda job: AutomaticSettings(**{name: getattr(automatic(job), name) for name in names})
 
 
-def orders_of_structure(task: Task) -> AutomaticSettings:
+def orders_of_structure(job: StageJob) -> AutomaticSettings:
     """The ranges that the search over the orders of a structure depends on."""
-    orders = automatic(task).orders
-    polynomial = is_polynomial(task.values["structure"])
+    orders = automatic(job).orders
+    polynomial = is_polynomial(job.values["structure"])
     return AutomaticSettings(orders=orders.of_polynomials if polynomial else orders.of_states)
 
 
-def _fits(task: Task) -> dict[str, object]:
+def _fits(job: StageJob) -> dict[str, object]:
     """What fits of several channels have in common; those of one channel depend on nothing."""
-    common: dict[str, object] = {"objective": "quadratic", "level": True}
-    search, own = task.settings.search, automatic(task)
-    if task.settings.is_single_channel:
-        return common | {"weighting": None, "max_root_radius": 0.9999, "seed": 1}
-    radius, seed = search.max_root_radius, search.seed
-    return common | {"weighting": own.weighting, "max_root_radius": radius, "seed": seed}
+    search = job.settings.search
+    if job.settings.is_single_channel:
+        return {}
+    own = {"weighting": automatic(job).weighting, "seed": search.seed}
+    return own | {"max_root_radius": search.max_root_radius}
 
 
-Value = str | Callable[[Task], Any]
+Value = str | Callable[[StageJob], Any]
 """An argument of a stage: the path of an attribute of the settings, or what computes it."""
 
 ARGUMENTS: Mapping[str, Value] = {
     "told": "source.channels_from_file",
-    "is_validated": lambda task: holds("source.validation_files", task.settings),
-    "given": lambda task: task.settings.automatic and task.settings.automatic.preparation,
+    "is_validated": lambda job: holds("source.validation_files", job.settings),
+    "given": lambda job: job.settings.automatic and job.settings.automatic.preparation,
     "requirements": _of_chapter(order_grid.sample_requirements),
     "nested": _nested,
     "structures": LISTS["structures"],
@@ -207,37 +243,16 @@ class Stage:
         """The file of the module that holds its function."""
         return module_of(self.function)
 
-    def tasks(self, task: Task) -> Iterator[Task]:
-        """Every job of the stage, from a task without values of wildcards."""
-        tasks = [task]
+    def jobs(self, settings: DatasetSettings, files: DatasetFiles) -> list[StageJob]:
+        """Every job of the stage for a data set."""
+        jobs = [StageJob(self, settings, files)]
         for wildcard, listed in self.wildcards.items():
-            tasks = [
+            jobs = [
                 replace(each, values={**each.values, wildcard: value})
-                for each in tasks
+                for each in jobs
                 for value in LISTS[listed](each)
             ]
-        yield from tasks
-
-    def read_by(self, task: Task) -> list[str]:
-        """The results that a job reads."""
-        return [path for name in self.inputs for path in paths(name, task)]
-
-    def made_by(self, task: Task) -> list[str]:
-        """The results that a job writes."""
-        return [path for name in self.outputs for path in paths(name, task)]
-
-    def arguments(self, task: Task) -> dict[str, Any]:
-        """The arguments of the function that come from the settings."""
-        given = {name: ARGUMENTS.get(name, name) for name in self.given}
-        return {
-            name: attribute(task.settings, value) if isinstance(value, str) else value(task)
-            for name, value in (given | {**self.settings}).items()
-        }
-
-    def words(self, task: Task) -> str:
-        """What a job does, in words."""
-        shown = {name: _TITLES.get(value, value) for name, value in task.values.items()}
-        return self.title.format(**shown)
+        return jobs
 
 
 def module_of(function: str) -> Path:
@@ -245,21 +260,21 @@ def module_of(function: str) -> Path:
     return Path(__file__).parents[1] / (function.partition(":")[0].replace(".", "/") + ".py")
 
 
-def paths(entry: str, task: Task) -> list[str]:
+def paths(entry: str, job: StageJob) -> list[str]:
     """The paths that an entry of a stage's inputs or outputs stands for."""
     name, _, condition = entry.partition(" if ")
     name, _, argument = name.partition(":")
     if name.startswith("{"):
-        return [path for each in LISTS[name[1:-1]](task) for path in paths(each, task)]
-    if not holds(condition, task.settings):
+        return [path for each in LISTS[name[1:-1]](job) for path in paths(each, job)]
+    if not holds(condition, job.settings):
         return []
-    value = getattr(task.files, name)
+    value = getattr(job.files, name)
     if not argument:
         return list(value) if isinstance(value, list) else [value]
     keys = [key for key in _WORD.findall(argument) if key in LISTS]
     return [
-        value(*argument.format(**task.values, **dict(zip(keys, each, strict=True))).split(","))
-        for each in product(*(LISTS[key](task) for key in keys))
+        value(*argument.format(**job.values, **dict(zip(keys, each, strict=True))).split(","))
+        for each in product(*(LISTS[key](job) for key in keys))
     ]
 
 

@@ -12,7 +12,7 @@ from functools import partial
 from evopem.config import order_grid
 from evopem.config.settings import DatasetSettings
 from evopem.pipeline.planning import stage as of
-from evopem.pipeline.planning.stage import Stage, Task
+from evopem.pipeline.planning.stage import Stage
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 
 PREPARING = ("synthesize", "read_recording", "prepare")
@@ -68,7 +68,7 @@ STAGES = (
             "settings": "preparation",
             "recorded": "source.all_files",
             "fit": of.fit_to_check,
-            "delays": lambda task: of.automatic(task).orders.nk,
+            "delays": lambda job: of.automatic(job).orders.nk,
         },
         demand="estimation",
     ),
@@ -158,7 +158,7 @@ STAGES = (
         given=("phases", "structures"),
         settings={
             "settings": "",
-            "phase": lambda task: order_grid.phase_of_orders_of(task.settings),
+            "phase": lambda job: order_grid.phase_of_orders_of(job.settings),
             "others": of.purposes,
         },
         demand="model",
@@ -183,7 +183,7 @@ WHOLE = Stage(
     IDENTIFICATION,
     "identification:identify_dataset",
     "identification",
-    settings={"settings": "", "with_report": lambda t: t.run.report == "html"},
+    settings={"settings": "", "with_report": lambda job: job.of_run.report == "html"},
     recorded=("files", "validation_files"),
     demand="estimation",
 )
@@ -200,11 +200,10 @@ def stages_of(settings: DatasetSettings, with_report: bool = True) -> list[Stage
 
 def results_of(settings: DatasetSettings, files: DatasetFiles, with_report: bool) -> list[str]:
     """Every result of a data set, those that only other stages read among them."""
-    whole = Task(settings, files)
     return [
         path
         for stage in stages_of(settings, with_report)
         if not stage.is_part
-        for task in stage.tasks(whole)
-        for path in stage.made_by(task)
+        for job in stage.jobs(settings, files)
+        for path in job.made
     ]
