@@ -24,8 +24,9 @@ from evopem.files.checksums import write_checksums
 from evopem.models.modes import Mode
 from evopem.models.polynomial import PolynomialModel
 from evopem.pipeline.identification import jobs, remove_parts
+from evopem.pipeline.report import report_page
 from evopem.results.dataset import DatasetResults, read_results
-from evopem.results.layout import DatasetFiles
+from evopem.results.layout import FIGURES, DatasetFiles
 from evopem.validation.validation import ValidationTables
 
 PHASES = phases_of("armax")
@@ -71,6 +72,11 @@ def finished_copy(folder: Path, identified: Identified) -> DatasetFiles:
     files = DatasetFiles(str(folder))
     finish(files)
     return files
+
+
+def undrawn_page(files: DatasetFiles) -> str:
+    """The report without its figures, which take longer than all else."""
+    return report_page(files, read_results(files), dict.fromkeys(FIGURES, "<svg/>"))
 
 
 def with_model(record: ModelRecord, model: PolynomialModel) -> ModelRecord:

@@ -41,7 +41,7 @@ DEFAULTS = {
     "spectrum": {"nfft": 512},
     "delay": {"orders": 2, "nk": 1},
     "orders": {"joint": 2, "nc": 1, "nb": 2},
-    "search": {"objective": "quadratic", "mu": 4, "lambda": 8, "nu": 2, "evaluations": 200},
+    "search": {"objective": "quadratic", "mu": 4, "lambda": 8, "nu": 2, "evaluations": 60},
 }
 
 
@@ -58,7 +58,7 @@ def configuration(**changed):
 def run(tmp_path_factory):
     folder = Folder(tmp_path_factory.mktemp("fits"))
     for name, truth in TRUTHS.items():
-        u, y, _ = polynomial_record(truth, 900, 20.0, np.random.default_rng(1))
+        u, y, _ = polynomial_record(truth, 600, 20.0, np.random.default_rng(1))
         np.savetxt(folder.path / f"{name}.csv", np.column_stack([u, y]), delimiter=",")
     folder.configure(configuration())
     folder.finish("--cores", "2")

@@ -36,7 +36,7 @@ def test_a_drop_of_the_stiffness_is_reported_with_its_recording(folder):
         "transforms": {"box_cox": "none", "difference": 0},
     }
     config = {"datasets": "recordings.csv", "follow": "day", "defaults": analysis}
-    jobs = {"one_job_per": "recording", "recordings_per_job": 4}
+    jobs = {"one_job_per": "recording", "recordings_per_job": 8}
     folder.configure(config | jobs | {"report": "none"})
     folder.finish("--cores", "2")
     with (folder.results / "fleet_modes.csv").open(encoding="utf-8") as stream:

@@ -15,6 +15,7 @@ from evopem.results.layout import OVERVIEW
 
 from .conftest import FEW_PHASES, TINY, Folder
 
+STAGED = TINY | {"report": "none"}
 SENTENCE = 'b.csv, line 51, column 2: "oops" is not a finite number; repair or remove that sample.'
 
 
@@ -89,6 +90,7 @@ def test_results_that_went_bad_are_not_listed_as_complete(copy_of_two, two):
 def staged(finished, tmp_path_factory):
     """A finished run with a job for each stage, and lists of before: they are made again."""
     folder = finished.copied(tmp_path_factory.mktemp("staged") / "copy")
+    folder.configure(STAGED)
     for file in OVERVIEW:
         (folder.path / file).touch()
         os.utime(folder.path / file, (320_000_000, 320_000_000))
@@ -168,7 +170,7 @@ def test_a_job_that_is_killed_is_not_quoted(two, folder):
 def test_a_killed_run_does_not_leave_outdated_results_listed_as_complete(copy_of_staged, staged):
     """Of a run that is killed nothing remains to correct the lists."""
     folder = copy_of_staged
-    folder.configure(TINY | {"defaults": TINY["defaults"] | {"spectrum": {"nfft": 1024}}})
+    folder.configure(STAGED | {"defaults": TINY["defaults"] | {"spectrum": {"nfft": 1024}}})
     run = psutil.Popen(
         folder.command("--cores", "1", "--until", "estimate_spectrum"), cwd=folder.path
     )
@@ -177,7 +179,7 @@ def test_a_killed_run_does_not_leave_outdated_results_listed_as_complete(copy_of
     run.wait()
     assert {status for status, *_ in table(folder).values()} == {"unfinished"}
     folder.finish("--unlock")
-    folder.configure(TINY)
+    folder.configure(STAGED)
     folder.finish("--cores", "1")
     assert table(folder) == table(staged)
 

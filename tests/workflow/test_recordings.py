@@ -28,6 +28,8 @@ DATASETS = {
         "sampling_rate": 125,
         "transforms": {"box_cox": "none", "difference": 0},
         "split": {"discard": 0, "estimation": 800},
+        "delay": {"orders": 4, "nk": [0, 1]},
+        "orders": {"joint": [4, 6], "nc": [2, 6], "nb": [4, 6]},
     },
     "bench": {
         "file": str(MOTOR_BENCH / "MultisineTypeA.mat"),

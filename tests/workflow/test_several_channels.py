@@ -81,7 +81,7 @@ def run(tmp_path_factory):
     """A job for each stage; the folder and what was printed."""
     folder = Folder(tmp_path_factory.mktemp("stages"))
     frame().to_csv(folder.path / "frame.csv", index=False)
-    folder.configure({"datasets": {"frame": DATASET}})
+    folder.configure({"datasets": {"frame": DATASET}, "report": "none"})
     return folder, folder.finish("--cores", "2")
 
 
@@ -199,9 +199,8 @@ def test_every_decision_is_a_file(run):
     assert json.loads(Path(files.decision("delay")).read_text())["delays"] == [1, 2]
 
 
-def test_the_report_shows_every_channel_and_shape(run):
-    folder, _ = run
-    page = Path(folder.files_of("frame").report).read_text(encoding="utf-8")
+def test_the_report_shows_every_channel_and_shape(at_once):
+    page = Path(at_once.files_of("frame").report).read_text(encoding="utf-8")
     for text in (
         "acc_3",
         "acc_3 ← force_y",

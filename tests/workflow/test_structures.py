@@ -46,7 +46,7 @@ CONFIG = {
             "mu": 4,
             "lambda": 8,
             "nu": 2,
-            "evaluations": 2000,
+            "evaluations": 300,
         },
     },
     "datasets": {
