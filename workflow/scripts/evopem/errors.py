@@ -1,7 +1,8 @@
-"""The one error that bad input raises."""
+"""The one error that bad input raises, and refusals of what any part of the package needs."""
 
 from __future__ import annotations
 
+import importlib.util
 import re
 from collections.abc import Sequence
 
@@ -55,3 +56,18 @@ def check_choice(source: str, value: object, choices: Sequence[str]) -> None:
     """
     if not (isinstance(value, str) and value in choices):
         raise InputError(source, f"{value!r} is not known", f"give {' or '.join(choices)}")
+
+
+FOR_RESULTS = ("pandas",)
+FOR_FIGURES = (*FOR_RESULTS, "matplotlib")
+FOR_REPORT = (*FOR_FIGURES, "jinja2")
+"""Packages of an extra, for :func:`check_packages`."""
+
+
+def check_packages(needed: Sequence[str], source: str, work: str) -> None:
+    """Refuse to begin what a missing package would end."""
+    missing = [name for name in needed if importlib.util.find_spec(name) is None]
+    if missing:
+        are = "is" if len(missing) == 1 else "are"
+        problem = f"{work} need {', '.join(missing)}, which {are} not installed"
+        raise InputError(source, problem, 'run pip install "evopem[report]"')

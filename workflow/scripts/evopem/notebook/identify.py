@@ -13,9 +13,8 @@ from evopem.config.configuration import check_environment
 from evopem.config.defaults import complete
 from evopem.config.keys import one_or_list
 from evopem.config.source_checks import RESULTS_FOLDER
-from evopem.errors import InputError
+from evopem.errors import FOR_RESULTS, InputError, check_packages
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings
-from evopem.pipeline.packages import FOR_RESULTS, check_packages
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

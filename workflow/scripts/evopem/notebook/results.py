@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from evopem.automatic.decision import Decision
-from evopem.errors import InputError
+from evopem.errors import FOR_FIGURES, FOR_REPORT, InputError, check_packages
 from evopem.figures import REPORT_FIGURES
 from evopem.figures.chart import Chart
 from evopem.figures.comparison import (
@@ -29,7 +29,6 @@ from evopem.files.checksums import check_replaceable, checksummed, delete_result
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.pipeline.packages import FOR_FIGURES, FOR_REPORT, check_packages
 from evopem.report.comparison import build_comparison, comparison_text
 from evopem.report.results_text import results_html, results_text
 from evopem.report.verdict import verdict

@@ -32,7 +32,7 @@ from evopem.models.response_tables import (
     frequency_response_table,
     time_response_table,
 )
-from evopem.pipeline.structures import errors_name_dataset, load_record, load_scorer
+from evopem.pipeline.structure_search import Scored, errors_name_dataset
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import Recording
@@ -46,9 +46,9 @@ POLYNOMIAL_EVALUATIONS = 10_000
 def _record_of(
     files: DatasetFiles,
     choice: Choice,
+    scored: Scored,
     search: SearchSettings,
-    settings: AutomaticSettings,
-    fits: CommonSettings,
+    evaluations: int | None,
     fit: FitSettings,
     plant_kept: bool = False,
     log: Log | None = None,
@@ -59,24 +59,22 @@ def _record_of(
 
     Raises InputError when the record is too short, or no model of the order meets the constraints.
     """
-    candidate, prepared = choice.candidate, load_prepared(files.prepared, files.transforms)
+    candidate, data, scorer = choice.candidate, scored.prepared.estimation, scored.scorer
     if candidate.structure in OF_SIMULATION:
         fit = replace(fit, focus="prediction")
-    data, record = prepared.estimation, load_record(files)
-    search = replace(search, objective=cast("Objective", record.plan.objective))
-    evaluations, of_states = settings.evaluations, candidate.polynomials is None
-    if evaluations is None and not of_states and data.inputs.shape[1] > 1:
+    states = candidate.polynomials is None
+    search = replace(search, objective=cast("Objective", scored.record.plan.objective))
+    if evaluations is None and not states and data.inputs.shape[1] > 1:
         evaluations = POLYNOMIAL_EVALUATIONS
     own = search if evaluations is None else replace(search, evaluations=evaluations)
     with errors_name_dataset(files), one_blas_thread():
-        scorer = load_scorer(files, settings, fits)
         found, about = estimate_choice(
-            *(choice, scorer, record, data, own),
+            *(choice, scorer, scored.record, data, own),
             *(fit if fit.changes_model else None, plant_kept, log),
         )
-    weighting = weighting_of(candidate.structure, scorer.settings) if of_states else ""
+    weighting = weighting_of(candidate.structure, scorer.settings) if states else ""
     return ModelRecord.of(
-        *(found.estimate, data, search, prepared.transforms, _level_of(choice.level, data)),
+        *(found.estimate, data, search, scored.prepared.transforms, _level_of(choice.level, data)),
         model=found.model,
         variant=(candidate.structure, weighting),
         focus=fit.focus,
@@ -112,9 +110,19 @@ def complete_model(
         record = _selected(files, search, window, phases[-1], fit)
     else:
         remedied = load(Remedied, files.decision("remedies"))
-        own = search, settings, fits, fit, remedied.plant_kept, log
-        record, about = _record_of(files, remedied.choice, *own)
+        scored = Scored.load(files, settings, fits)
+        own = search, settings.evaluations, fit, remedied.plant_kept, log
+        record, about = _record_of(files, remedied.choice, scored, *own)
         save(about, files.decision("search"))
+        for purpose in others:
+            choice = load(Comparison, files.decision("comparison")).choice(purpose)
+            given = files, choice, scored, search, 0
+            try:
+                other, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
+            except InputError:
+                # What a structure meets depends on the orders that it has come to.
+                other, _ = _record_of(*given, FitSettings())
+            save(other, files.other_model(purpose))
     model, names = record.model, (record.input_names, record.output_names)
     plant = None if record.orders is not None else record.plant
     with one_blas_thread():
@@ -122,15 +130,6 @@ def complete_model(
         write_table(files.time_response, time_response_table(model, *names, record.plant))
     save(record, files.model)
     save_model_mat(record.model, files.model_mat)
-    for purpose in others:
-        choice = load(Comparison, files.decision("comparison")).choice(purpose)
-        given = choice, search, replace(settings, evaluations=0), fits
-        try:
-            other, _ = _record_of(files, *given, FitSettings(constraints=fit.constraints))
-        except InputError:
-            # A structure that cannot meet them: the constraints are of the model that was chosen.
-            other, _ = _record_of(files, *given, FitSettings())
-        save(other, files.other_model(purpose))
 
 
 def _selected(

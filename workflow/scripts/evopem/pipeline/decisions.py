@@ -11,15 +11,15 @@ from evopem.automatic.candidates import Candidate, StructureSearch
 from evopem.automatic.decision import Alternative, Decision, DecisionRecord, OtherModel, Trial
 from evopem.automatic.held_out.folds import FoldPlan
 from evopem.automatic.orders import DelayChoice
-from evopem.automatic.preparation.plan import PreparationPlan
+from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice, Comparison
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.candidate import Candidate as PhaseCandidate
 from evopem.estimation.candidate import PhaseSelection
 from evopem.files.json_form import load
-from evopem.pipeline.structures import load_record
 from evopem.results.layout import DatasetFiles
+from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import total_samples
 from evopem.signals.recording_info import RecordingInfo
 
@@ -116,6 +116,7 @@ def _remedy(trial: Trial, choice: Choice) -> Row:
 
 def decision_record(
     files: DatasetFiles,
+    prepared: PreparedData,
     searches: Sequence[StructureSearch],
     comparison: Comparison,
     remedied: Remedied,
@@ -123,9 +124,10 @@ def decision_record(
 ) -> DecisionRecord:
     """All decisions of a data set, in their order."""
     folds, choice = load(FoldPlan, files.decision("folds")), remedied.choice
+    plan = load(PreparationPlan, files.decision("preparation"))
     decisions: tuple[Decision, ...] = (
         *_about_channels(load(RecordingInfo, files.recording_info)),
-        *load(PreparationPlan, files.decision("preparation")).decisions,
+        *plan.decisions,
         folds.decision,
         folds.repetition.decision,
         load(DelayChoice, files.decision("delay")).decision,
@@ -135,7 +137,8 @@ def decision_record(
     )
     return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        *((*_remarks(files, choice.level), *remedied.statements), other),
+        (*_remarks(PreparedRecord.of(prepared, plan), choice.level), *remedied.statements),
+        other,
     )
 
 
@@ -156,8 +159,8 @@ def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
     return (Decision("channels", pairs[0], alternatives, criterion, roles.sentence),)
 
 
-def _remarks(files: DatasetFiles, level: str) -> tuple[str, ...]:
-    stretches = load_record(files).stretches
+def _remarks(record: PreparedRecord, level: str) -> tuple[str, ...]:
+    stretches = record.stretches
     recordings = len({each.recording for each in stretches})
     remarks = []
     if recordings > 1:

@@ -5,21 +5,10 @@ By the chapter's recipe it is given, by the automatic one decided from the estim
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
-
 from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.orders import decide_delays
-from evopem.automatic.preparation.outliers import decide_outliers
-from evopem.automatic.preparation.plan import (
-    PreparationPlan,
-    decide_preparation,
-    prepared_data,
-    stretches_of,
-)
-from evopem.automatic.preparation.transforms import TransformPlan, decide_transforms
+from evopem.automatic.preparation.parts import decide_parts
+from evopem.automatic.preparation.plan import PreparedRecord, prepared_data
 from evopem.blas_threads import one_blas_thread
 from evopem.config.order_grid import check_samples
 from evopem.config.settings import (
@@ -33,11 +22,11 @@ from evopem.config.settings import (
 from evopem.errors import InputError
 from evopem.files.json_form import save
 from evopem.pipeline.planning.constraint_plan import check_fit, selectable_orders
-from evopem.pipeline.structures import errors_name_dataset, load_record
+from evopem.pipeline.structure_search import errors_name_dataset
 from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import PreparedData, save_prepared
-from evopem.signals.recording import Recording, load_recording
+from evopem.signals.recording import load_recording
 
 
 def prepare_samples(
@@ -64,7 +53,7 @@ def prepare_samples(
     if given is not None:
         with one_blas_thread():
             try:
-                plan, prepared = _decided(
+                plan, prepared = decide_parts(
                     prepared, (recording, validation), settings, given, recorded
                 )
             except InputError as error:
@@ -80,80 +69,11 @@ def prepare_samples(
         check_fit(own, selectable_orders(grid), rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)
     if given is not None:
-        stretches, names = load_record(files).stretches, prepared.estimation.input_names
+        stretches = PreparedRecord.of(prepared, plan).stretches
+        names = prepared.estimation.input_names
         with errors_name_dataset(files), one_blas_thread():
             save(decide_folds(stretches), files.decision("folds"))
             save(decide_delays(stretches, names, delays), files.decision("delay"))
-
-
-def _decided(
-    divided: PreparedData,
-    recordings: tuple[Recording, Recording | None],
-    settings: PreparationSettings,
-    given: GivenPreparation,
-    recorded: Sequence[str],
-) -> tuple[PreparationPlan, PreparedData]:
-    """The plan of a preparation, and both parts with the transforms that were decided."""
-    before = divided.transforms
-    recording, outliers = decide_outliers(recordings[0], before.estimation, before.sampling_rate)
-    if outliers.choice != "none":
-        divided = prepare(recording, settings, recordings[1])
-    transforms = TransformPlan()
-    if not given.rate_alone:
-        transforms = _decide_transforms(divided, given)
-    if transforms.box_cox is not None:
-        bent = replace(settings.transforms, box_cox=transforms.box_cox)
-        divided = prepare(recording, replace(settings, transforms=bent), recordings[1])
-    elif transforms.has_trend:
-        divided = _without_trend(divided, recording, settings, transforms)
-        given = replace(given, differences=0)  # a slope is no random walk
-    plan = decide_preparation(divided.estimation, given, recorded)
-    return replace(plan, decisions=(outliers, *plan.decisions, *transforms.decisions)), divided
-
-
-def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> TransformPlan:
-    """The transforms of the estimation samples, judged in recorded units.
-
-    A trend of one recording says nothing of others.
-    """
-    origins = divided.transforms.estimation
-    recording = divided.estimation.with_segments(
-        [
-            replace(
-                each,
-                inputs=each.inputs + np.array(origin.input_means),
-                outputs=each.outputs + np.array(origin.output_means),
-            )
-            for each, origin in zip(divided.estimation.segments, origins, strict=True)
-        ]
-    )
-    as_recorded = GivenPreparation(given.start, 1, 0, "quadratic")
-    found = stretches_of(recording, decide_preparation(recording, as_recorded))
-    return decide_transforms(
-        [each.segment for each in found],
-        [recording.segments[each.place].first + each.begin for each in found],
-        box_cox=given.box_cox,
-        trend=given.differences is not None,
-        continued=len(origins) == 1 and divided.transforms.validation_source == "cut",
-    )
-
-
-def _without_trend(
-    divided: PreparedData, recording: Recording, settings: PreparationSettings, plan: TransformPlan
-) -> PreparedData:
-    """Both parts of one recording whose trends are taken away, from its first sample on."""
-    rate = divided.transforms.sampling_rate
-    slopes = (plan.input_trend * rate,), (plan.output_trend * rate,)  # per second
-    # Where they are divided may depend on where the input rests, which a slope hides.
-    split = replace(settings.split, estimation=divided.transforms.estimation_samples)
-    level = replace(
-        recording,
-        inputs=recording.inputs - np.outer(recording.times, slopes[0]),
-        outputs=recording.outputs - np.outer(recording.times, slopes[1]),
-    )
-    found = prepare(level, replace(settings, split=split))
-    transforms = replace(found.transforms, input_trends=slopes[0], output_trends=slopes[1])
-    return replace(found, transforms=transforms)
 
 
 def _check_samples(requirements: SampleRequirements, prepared: PreparedData, place: str) -> None:

@@ -56,7 +56,7 @@ def complete_results(
         remedied = load(Remedied, files.decision("remedies"))
         choice, rows = remedied.choice, rows_of_structures(searches, comparison, remedied)
         other = _errors_of_other(files, prepared, others[0]) if others else None
-        record_of_all = decision_record(files, searches, comparison, remedied, other)
+        record_of_all = decision_record(files, prepared, searches, comparison, remedied, other)
         save(record_of_all, files.decisions)
         path, order = files.models_of_orders(choice.candidate.structure), choice.candidate.order
         found = load(OrderModels, path).models if Path(path).exists() else ()

@@ -19,10 +19,9 @@ from evopem.config.keys import COLUMNS, one_or_list
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.config.strict_yaml import check_yaml_files
-from evopem.errors import InputError
+from evopem.errors import FOR_REPORT, InputError, check_packages
 from evopem.files.checksums import delete_results, sha256_of_file
 from evopem.files.job import job
-from evopem.pipeline.packages import FOR_REPORT, check_packages
 from evopem.pipeline.progress import ProgressLine
 from evopem.results.layout import DatasetFiles
 from evopem.version import __version__

@@ -82,7 +82,7 @@ STAGES = (
     ),
     _decided(
         "search_structure",
-        "structures:search_structure",
+        "structure_search:search_structure",
         "searching the orders of {structure} models",
         inputs=("search:{nested}", *_SCORED),
         outputs=("search:{structure}", "models_of_orders:{structure}"),
@@ -92,7 +92,7 @@ STAGES = (
     ),
     _decided(
         "choose",
-        "structures:choose",
+        "structure_search:choose",
         "comparing the structures",
         inputs=("search:{wanted}", *_SCORED),
         outputs=_CHOSEN,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from evopem.automatic.candidates import (
     OrderLimits,
@@ -25,30 +25,41 @@ from evopem.config.settings import AutomaticSettings
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import load_prepared
+from evopem.signals.prepared_data import PreparedData, load_prepared
 
 
-def load_record(files: DatasetFiles) -> PreparedRecord:
-    """All stretches of the estimation samples, with the plan behind them."""
-    plan = load(PreparationPlan, files.decision("preparation"))
-    return PreparedRecord.of(load_prepared(files.prepared, files.transforms), plan)
+@dataclass(frozen=True)
+class Scored:
+    """The samples of a data set, and what fits and scores models of them."""
 
+    prepared: PreparedData
+    record: PreparedRecord
+    scorer: Scorer
 
-def load_scorer(
-    files: DatasetFiles, settings: AutomaticSettings, fits: FitSettings, of_choice: bool = False
-) -> Scorer:
-    """What fits and scores models of a data set; of a choice only those of its structure."""
-    record = load_record(files)
-    names = load_prepared(files.prepared, files.transforms).estimation.input_names
-    structure = settings.structure if of_choice else None
-    limits = OrderLimits(None if structure == "state_space" else structure, settings.orders, names)
-    return Scorer(
-        record.stretches,
-        load(FoldPlan, files.decision("folds")),
-        replace(fits, objective=record.plan.objective),
-        limits,
-        load(DelayChoice, files.decision("delay")).delays,
-    )
+    @classmethod
+    def load(
+        cls,
+        files: DatasetFiles,
+        settings: AutomaticSettings,
+        fits: FitSettings,
+        of_choice: bool = False,
+    ) -> Scored:
+        """That of a data set; of a choice only models of its structure."""
+        prepared = load_prepared(files.prepared, files.transforms)
+        record = PreparedRecord.of(prepared, load(PreparationPlan, files.decision("preparation")))
+        names = prepared.estimation.input_names
+        structure = settings.structure if of_choice else None
+        limits = OrderLimits(
+            None if structure == "state_space" else structure, settings.orders, names
+        )
+        scorer = Scorer(
+            record.stretches,
+            load(FoldPlan, files.decision("folds")),
+            replace(fits, objective=record.plan.objective),
+            limits,
+            load(DelayChoice, files.decision("delay")).delays,
+        )
+        return cls(prepared, record, scorer)
 
 
 @contextmanager
@@ -82,11 +93,12 @@ def search_structure(
 ) -> None:
     """Search the orders of one structure, from the optima of those nested in it."""
     smaller = {each: load(StructureSearch, files.search(each)) for each in nested}
+    scored = Scored.load(files, settings, fits)
     with errors_name_dataset(files), one_blas_thread():
-        found = search(load_scorer(files, settings, fits), structure, smaller, log)
+        found = search(scored.scorer, structure, smaller, log)
     save(without_covariances(found), files.search(structure))
-    estimation = load_prepared(files.prepared, files.transforms).estimation
-    save(order_models(found, load_record(files), estimation), files.models_of_orders(structure))
+    models = order_models(found, scored.record, scored.prepared.estimation)
+    save(models, files.models_of_orders(structure))
 
 
 def choose(
@@ -100,8 +112,8 @@ def choose(
     Remedies are applied to the one for the purpose until its checks hold or nothing helps.
     """
     searches = [load(StructureSearch, files.search(each)) for each in structures]
+    scorer = Scored.load(files, settings, fits, of_choice=True).scorer
     with errors_name_dataset(files), one_blas_thread():
-        scorer = load_scorer(files, settings, fits, of_choice=True)
         comparison = compare_structures(scorer, searches)
         choice = comparison.choice(settings.purpose)
         remedied = act_on_checks(scorer, choice, comparison.candidates)

@@ -1,0 +1,90 @@
+"""The preparation of both parts of recordings, decided from the estimation samples alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from evopem.automatic.preparation.outliers import decide_outliers
+from evopem.automatic.preparation.plan import (
+    PreparationPlan,
+    decide_preparation,
+    stretches_of,
+)
+from evopem.automatic.preparation.transforms import TransformPlan, decide_transforms
+from evopem.config.settings import GivenPreparation, PreparationSettings
+from evopem.signals.preparation import prepare
+from evopem.signals.prepared_data import PreparedData
+from evopem.signals.recording import Recording
+
+
+def decide_parts(
+    divided: PreparedData,
+    recordings: tuple[Recording, Recording | None],
+    settings: PreparationSettings,
+    given: GivenPreparation,
+    recorded: Sequence[str],
+) -> tuple[PreparationPlan, PreparedData]:
+    """The plan of a preparation, and both parts with the transforms that were decided."""
+    before = divided.transforms
+    recording, outliers = decide_outliers(recordings[0], before.estimation, before.sampling_rate)
+    if outliers.choice != "none":
+        divided = prepare(recording, settings, recordings[1])
+    transforms = TransformPlan()
+    if not given.rate_alone:
+        transforms = _decide_transforms(divided, given)
+    if transforms.box_cox is not None:
+        bent = replace(settings.transforms, box_cox=transforms.box_cox)
+        divided = prepare(recording, replace(settings, transforms=bent), recordings[1])
+    elif transforms.has_trend:
+        divided = _without_trend(divided, recording, settings, transforms)
+        given = replace(given, differences=0)  # a slope is no random walk
+    plan = decide_preparation(divided.estimation, given, recorded)
+    return replace(plan, decisions=(outliers, *plan.decisions, *transforms.decisions)), divided
+
+
+def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> TransformPlan:
+    """The transforms of the estimation samples, judged in recorded units.
+
+    A trend of one recording says nothing of others.
+    """
+    origins = divided.transforms.estimation
+    recording = divided.estimation.with_segments(
+        [
+            replace(
+                each,
+                inputs=each.inputs + np.array(origin.input_means),
+                outputs=each.outputs + np.array(origin.output_means),
+            )
+            for each, origin in zip(divided.estimation.segments, origins, strict=True)
+        ]
+    )
+    as_recorded = GivenPreparation(given.start, 1, 0, "quadratic")
+    found = stretches_of(recording, decide_preparation(recording, as_recorded))
+    return decide_transforms(
+        [each.segment for each in found],
+        [recording.segments[each.place].first + each.begin for each in found],
+        box_cox=given.box_cox,
+        trend=given.differences is not None,
+        continued=len(origins) == 1 and divided.transforms.validation_source == "cut",
+    )
+
+
+def _without_trend(
+    divided: PreparedData, recording: Recording, settings: PreparationSettings, plan: TransformPlan
+) -> PreparedData:
+    """Both parts of one recording whose trends are taken away, from its first sample on."""
+    rate = divided.transforms.sampling_rate
+    slopes = (plan.input_trend * rate,), (plan.output_trend * rate,)  # per second
+    # Where they are divided may depend on where the input rests, which a slope hides.
+    split = replace(settings.split, estimation=divided.transforms.estimation_samples)
+    level = replace(
+        recording,
+        inputs=recording.inputs - np.outer(recording.times, slopes[0]),
+        outputs=recording.outputs - np.outer(recording.times, slopes[1]),
+    )
+    found = prepare(level, replace(settings, split=split))
+    transforms = replace(found.transforms, input_trends=slopes[0], output_trends=slopes[1])
+    return replace(found, transforms=transforms)
