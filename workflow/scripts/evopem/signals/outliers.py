@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from evopem.signals.recording import Segment
 
@@ -199,7 +199,7 @@ def _judged(
     wrong, powers = np.zeros(len(mask), bool), [0.0, 0.0]
     for at in np.flatnonzero(mask):
         near = residuals[max(at - lags, lags) : at + lags + 1]
-        strange = np.sum(near**2) > chi2.isf(UNEXPLAINED_LEVEL, len(near))
+        strange = np.sum(near**2) > chdtri(len(near), UNEXPLAINED_LEVEL)
         powers[int(strange)] += changes[at] ** 2
         wrong[at] = not strange and clear[at] and alone[at] > AS_LIKELY * passed[at]
     return wrong, powers[0], powers[1]
