@@ -5,8 +5,9 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.automatic.preparation.outliers import decide_outliers
+from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.signals.outliers import without_outliers
-from evopem.signals.prepared_data import StretchOrigin
+from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, Segment
 
 A, B = [1.0, -1.5, 0.8], [0.0, 1.0, 0.5]
@@ -88,7 +89,7 @@ def test_what_the_system_does_is_not_a_wrong_sample(unusual):
     for seed in range(5):
         g = np.random.default_rng(seed)
         u = g.standard_normal(2000)
-        assert without_outliers([Segment(u, unusual(g, u))]).total == 0
+        assert not without_outliers([Segment(u, unusual(g, u))]).replaced[0].any()
 
 
 def test_normal_noise_has_no_wrong_sample():
@@ -96,17 +97,29 @@ def test_normal_noise_has_no_wrong_sample():
     for seed in range(50):
         g = np.random.default_rng(seed)
         u, e = g.standard_normal((2, 2000))
-        assert without_outliers([Segment(u, response(u, e, d=[1.0, -0.5]))]).total == 0
+        assert not without_outliers([Segment(u, response(u, e, d=[1.0, -0.5]))]).replaced[0].any()
 
 
-def test_samples_for_validation_stay_as_recorded():
+def prepared(recording, validation=None):
+    settings = PreparationSettings(split=SplitSettings(discard=0))
+    return prepare(recording, settings, validation).transforms
+
+
+@pytest.mark.parametrize("own_file", [False, True])
+def test_each_part_is_cleaned_by_itself(own_file):
     g = np.random.default_rng(7)
     u, e = g.standard_normal((2, 1000))
     y = response(u, 0.1 * e)
-    y[[400, 900]] += 30.0
+    y[[300, 900]] += 30.0
     recording = Recording(u, y, 10.0)
-    estimation = (StretchOrigin(0, 0, 0.0, 800, (0.0,), (0.0,)),)
-    cleaned, about = decide_outliers(recording, estimation, 10.0)
-    assert np.flatnonzero(cleaned.outputs != recording.outputs).tolist() == [400]
+    validation = Recording(u[500:], y[500:], 10.0) if own_file else None
+    if own_file:
+        recording = Recording(u[:500], y[:500], 10.0)
+    cleaned, others, about = decide_outliers(recording, validation, prepared(recording, validation))
+    changed = np.flatnonzero(cleaned.outputs != recording.outputs).tolist()
+    if own_file:
+        assert np.flatnonzero(others.outputs != validation.outputs).tolist() == [400]
+    assert changed == ([300] if own_file else [300, 900])
     assert about.choice == "replaced"
-    assert "at 40 s" in about.sentence
+    assert "at 2 times are wrong alone, 1 of them among those for validation" in about.sentence
+    assert "(30 s, " in about.sentence

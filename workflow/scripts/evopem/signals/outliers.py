@@ -45,11 +45,6 @@ class Cleaned(NamedTuple):
     outputs: list[Array]  # (N, l) of each segment
     replaced: list[NDArray[np.bool_]]  # (N, l) of each segment
 
-    @property
-    def total(self) -> int:
-        """Number of replaced samples."""
-        return int(sum(each.sum() for each in self.replaced))
-
 
 def without_outliers(segments: Sequence[Segment]) -> Cleaned:
     """Replace single wrong samples of each output by their interpolation.

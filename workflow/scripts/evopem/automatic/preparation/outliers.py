@@ -7,45 +7,60 @@ from dataclasses import replace
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.signals.outliers import LEAST_DEVIATION, without_outliers
-from evopem.signals.prepared_data import StretchOrigin
+from evopem.signals.prepared_data import StretchOrigin, Transforms
 from evopem.signals.recording import Recording
 
 MOST_NAMED = 10  # times of replaced samples that a sentence names
 
 
 def decide_outliers(
-    recording: Recording, estimation: Sequence[StretchOrigin], prepared_rate: float
-) -> tuple[Recording, Decision]:
-    """Replace wrong samples among those for estimation; the others stay as they were recorded.
+    recording: Recording, validation: Recording | None, divided: Transforms
+) -> tuple[Recording, Recording | None, Decision]:
+    """Replace wrong samples of each part, found in it alone.
 
-    `estimation`: Where the samples for estimation lie, at the prepared rate (Hz).
+    `validation`: Recording of its own. `divided`: Where the samples of both parts lie.
     """
-    rate = recording.sampling_rate
-    parts, rows = [], []
-    for begin, segment in zip(recording.segment_starts, recording.segments, strict=True):
-        for each in estimation:
-            first = round(each.start * rate) - segment.first
-            stop = min(first + round(each.samples * rate / prepared_rate), segment.samples)
-            if each.recording == segment.recording and max(first, 0) < stop:
-                parts.append(segment.between(max(first, 0), stop))
-                rows.append(slice(begin + max(first, 0), begin + stop))
-    cleaned = without_outliers(parts)
-    outputs = recording.outputs.copy()
-    times: list[str] = []
-    for row, values, replaced in zip(rows, cleaned.outputs, cleaned.replaced, strict=True):
-        outputs[row] = values
-        times += [f"{each:.6g} s" for each in recording.times[row][replaced.any(axis=1)]]
-    count, of = cleaned.total, sum(each.outputs.size for each in parts)
-    if count:
-        named = ", ".join(times[:MOST_NAMED]) + ", …" * (len(times) > MOST_NAMED)
-        sentence = (
-            f"{count} of {of} output samples for estimation are wrong alone, by more than"
-            f" {LEAST_DEVIATION:g} standard errors from what the samples on both sides tell"
-            f" (at {named}): they are replaced by that. Validation samples stay as recorded."
-        )
+    rate, own = divided.sampling_rate, 1 + max(recording.segment_recordings)
+    recording, fitted = _replaced(recording, divided.estimation, rate)
+    later = [replace(each, recording=each.recording - own) for each in divided.validation]
+    if validation is None:
+        recording, held_out = _replaced(recording, divided.validation, rate)
     else:
-        sentence = "No output sample is wrong alone."
+        validation, held_out = _replaced(validation, later, rate)
+    count = len(fitted) + len(held_out)
+    sentence = "No output sample is wrong alone."
+    if count:
+        named = [f"{each:.6g} s" for each in (*fitted, *held_out)]
+        sentence = (
+            f"Output samples at {count} times are wrong alone, {len(held_out)} of them among those"
+            f" for validation: off by more than {LEAST_DEVIATION:g} standard errors from what the"
+            f" samples on both sides tell ({', '.join(named[:MOST_NAMED])}"
+            f"{', …' * (count > MOST_NAMED)}). They are replaced by that."
+        )
     alternatives = (Alternative("none", 0.0), Alternative("replaced", float(count)))
     choice = "replaced" if count else "none"
     about = Decision("outliers", choice, alternatives, "number of wrong samples", sentence)
-    return replace(recording, outputs=outputs), about
+    return recording, validation, about
+
+
+def _replaced(
+    recording: Recording, origins: Sequence[StretchOrigin], prepared_rate: float
+) -> tuple[Recording, list[float]]:
+    """A recording whose wrong samples at some places are replaced, and their times (s)."""
+    rate, parts, rows = recording.sampling_rate, [], []
+    for begin, segment in zip(recording.segment_starts, recording.segments, strict=True):
+        for each in origins:
+            first = max(round(each.start * rate) - segment.first, 0)
+            end = round((each.start + each.samples / prepared_rate) * rate) - segment.first
+            stop = min(end, segment.samples)
+            if each.recording == segment.recording and first < stop:
+                parts.append(segment.between(first, stop))
+                rows.append(slice(begin + first, begin + stop))
+    if not parts:
+        return recording, []
+    cleaned = without_outliers(parts)
+    outputs, times = recording.outputs.copy(), []
+    for row, values, replaced in zip(rows, cleaned.outputs, cleaned.replaced, strict=True):
+        outputs[row] = values
+        times += recording.times[row][replaced.any(axis=1)].tolist()
+    return replace(recording, outputs=outputs), times

@@ -28,16 +28,15 @@ def decide_parts(
     recorded: Sequence[str],
 ) -> tuple[PreparationPlan, PreparedData]:
     """The plan of a preparation, and both parts with the transforms that were decided."""
-    before = divided.transforms
-    recording, outliers = decide_outliers(recordings[0], before.estimation, before.sampling_rate)
+    recording, validation, outliers = decide_outliers(*recordings, divided.transforms)
     if outliers.choice != "none":
-        divided = prepare(recording, settings, recordings[1])
+        divided = prepare(recording, settings, validation)
     transforms = TransformPlan()
     if not given.rate_alone:
         transforms = _decide_transforms(divided, given)
     if transforms.box_cox is not None:
         bent = replace(settings.transforms, box_cox=transforms.box_cox)
-        divided = prepare(recording, replace(settings, transforms=bent), recordings[1])
+        divided = prepare(recording, replace(settings, transforms=bent), validation)
     elif transforms.has_trend:
         divided = _without_trend(divided, recording, settings, transforms)
         given = replace(given, differences=0)  # a slope is no random walk
