@@ -109,8 +109,9 @@ def test_an_estimated_noise_state_leaves_no_transient():
     y = slow.simulate(u) + lfilter(slow.C, slow.A, e)
     u, y, e = u[1000:], y[1000:], e[1000:]
     plain = slow.residuals(u, y)
-    state = slow.prediction_state(u, y)[1]
-    settled = slow.residuals(u, y, state)
+    form = slow.state_space()
+    state = form.prediction_state(u[:, None], y[:, None])
+    settled = form.residuals(u[:, None], y[:, None], state)[:, 0]
     assert np.std(plain[100:] - e[100:]) > 0.5
     # Two states are estimated from 2000 samples of unit variance.
     assert np.sqrt(np.sum((settled[2:] - e[2:]) ** 2)) < 5.0

@@ -28,8 +28,7 @@ def record(model, samples=300, noise=0.2, seed=1):
 
 def test_residuals_are_the_innovations_that_made_the_output():
     u, y, e = record(MODEL, 2000)
-    plant, noise = MODEL.prediction_state(u, y)
-    residuals = MODEL.residuals(u, y, plant, noise)
+    residuals = MODEL.residuals(u, y)
     assert np.isnan(residuals[:4]).all()
     np.testing.assert_allclose(residuals[200:], e[200:], atol=1e-9)
 
@@ -63,8 +62,7 @@ def test_one_step_prediction_leaves_the_residuals():
 
 def test_a_prediction_over_a_long_horizon_is_the_simulation():
     u, y, _ = record(MODEL, 600)
-    plant, noise = MODEL.prediction_state(u, y)
-    far = MODEL.predict(u, y, 500, plant, noise)
+    far = MODEL.predict(u, y, 500)
     np.testing.assert_allclose(far[-50:], MODEL.simulate(u)[-50:], atol=1e-6)
 
 

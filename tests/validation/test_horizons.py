@@ -8,7 +8,7 @@ import pytest
 from evopem import PolynomialModel, SearchSettings, estimate
 from evopem.signals.recording import Recording
 from evopem.synthesis.armax import polynomial_record
-from evopem.validation.responses import HeldOut
+from evopem.validation.responses import stretches_of
 from evopem.validation.scores import error_percent
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "daisy"
@@ -29,8 +29,7 @@ def test_the_error_grows_with_the_variance_of_the_noise_not_yet_seen():
     u, y, variance = polynomial_record(model, 40000, 60.0, np.random.default_rng(1))
     horizons = (1, 2, 5, 20)
     expected = [variance * np.sum(0.64 ** np.arange(k)) for k in horizons]
-    states = model.prediction_state(u, y)
-    stretch = HeldOut(model, Recording(u, y, 1.0), None, states)
+    (stretch,) = stretches_of(model, Recording(u, y, 1.0))
     first = model.orders.first_residual
     errors = [error_percent(y[first:], stretch.predicted(k)[first:, 0]) for k in horizons]
     found = (np.array(errors) / 100.0) ** 2 * np.var(y)

@@ -26,9 +26,9 @@ def record(seed, noise):
 
 
 def model(a, noise):
-    return PolynomialModel(
-        a, np.array([1.0]), np.array([1.0]), nk=1, sampling_rate=RATE, noise_variance=noise**2
-    )
+    one = np.array([1.0])
+    found = PolynomialModel(a, one, one, nk=1, sampling_rate=RATE, noise_variance=noise**2)
+    return found.state_space()
 
 
 @pytest.mark.parametrize("noise", [0.01, 1.0, 100.0])

@@ -183,25 +183,18 @@ class PolynomialModel(Polynomials):
             "Level": self.level,
         }
 
-    def predict(
-        self,
-        inputs: ArrayLike,
-        output: ArrayLike,
-        horizon: int = 1,
-        plant_state: ArrayLike | None = None,
-        noise_state: ArrayLike | None = None,
-    ) -> Array:
+    def predict(self, inputs: ArrayLike, output: ArrayLike, horizon: int = 1) -> Array:
         """Prediction of the output from inputs and from outputs ``horizon`` samples ago, (N,).
 
         ``y_t`` less the innovations of the last ``horizon`` samples through the noise filter
-        (Ljung 1999, eq. 3.29).  NaN where the past is not known; states as in :meth:`residuals`.
+        (Ljung 1999, eq. 3.29), from rest; NaN where the past is not known.
         """
         from scipy.signal import lfilter, oaconvolve
 
         if horizon < 1:
             raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
         y = np.asarray(output, dtype=float)
-        e = self.residuals(inputs, output, plant_state, noise_state)
+        e = self.residuals(inputs, output)
         first = int(np.isnan(e).sum())
         response = self.noise_impulse_response(horizon)[:, 0, 0]
         predicted = np.full(len(y), np.nan)
@@ -303,6 +296,11 @@ def of_signals(model: Form, signals: Recording) -> Form:
         input_names=signals.input_names,
         output_names=signals.output_names,
     )
+
+
+def state_space_of(model: Model) -> StateSpaceModel:
+    """The same model in innovations form."""
+    return model if isinstance(model, StateSpaceModel) else model.state_space()
 
 
 def simulated_form(model: Model) -> StateSpaceModel:

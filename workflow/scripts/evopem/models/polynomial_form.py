@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
@@ -15,11 +15,6 @@ from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-# Singular values below the first share of the largest one are left out, and more of them where the
-# errors are larger than the fit says by this factor: a filter with clustered poles amplifies
-# rounding.
-RANKS, ROUNDING = (1e-10, 1e-7, 1e-4), 1.01
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -170,83 +165,26 @@ class Polynomials:
         polynomial = getattr(self, letter.upper())
         return uncertain_roots(polynomial[0] if letter in "bf" else polynomial, own)
 
-    def residuals(
-        self,
-        inputs: ArrayLike,
-        output: ArrayLike,
-        plant_state: ArrayLike | None = None,
-        noise_state: ArrayLike | None = None,
-        start: int | None = None,
-    ) -> Array:
+    def residuals(self, inputs: ArrayLike, output: ArrayLike) -> Array:
         """One-step prediction errors ``e = (D/C) (A y - sum (B_i/F_i) u_i - level)``, (N,).
 
-        Of (N,) or (N, m) inputs and (N,) outputs.  ``plant_state``, (nf_1 + ... + nf_m,): what the
-        past adds to the first nf_i equations of ``F_i x_i = -B_i u_i``; ``noise_state``, (max(nc,
-        nd),): to those of ``C e = D v``.  NaN before ``start``, by default
-        ``orders.first_residual``.
+        Of (N,) or (N, m) inputs and (N,) outputs, from rest; NaN before ``orders.first_residual``.
+        With a fitted state: :meth:`.StateSpaceModel.residuals` of the model in state space.
         """
         from scipy.signal import lfilter
 
         u, y = self._columns(inputs), np.asarray(output, dtype=float)
         if y.ndim != 1 or len(u) != len(y):
             raise ValueError(f"inputs and output do not match: {np.shape(inputs)} and {y.shape}")
-        first = self.orders.first_residual if start is None else start
+        first = self.orders.first_residual
         if len(y) <= first:
             raise ValueError(f"the model needs more than {first} samples, not {len(y)}")
-        ends = np.cumsum([len(f) - 1 for f in self.F])[:-1]
-        states = [None] * self.inputs if plant_state is None else np.split(plant_state, ends)
         v = lfilter(self.A, [1.0], y)[first:] - self.level
         for i, f in enumerate(self.F):
-            from_input = -lfilter(self.delayed_b(i), [1.0], u[:, i])[first:]
-            v = v + lfilter([1.0], f, _with_impulses(from_input, states[i]))
-        by_d = _with_impulses(lfilter(self.D, [1.0], v), noise_state)
+            v = v - lfilter([1.0], f, lfilter(self.delayed_b(i), [1.0], u[:, i])[first:])
         e = np.full(len(y), np.nan)
-        e[first:] = lfilter([1.0], self.C, by_d)
+        e[first:] = lfilter(self.D, self.C, v)
         return e
-
-    def prediction_state(self, inputs: ArrayLike, output: ArrayLike) -> tuple[Array, Array]:
-        """Plant state (nf,) and noise state (max(nc, nd),) with the smallest prediction errors.
-
-        Least squares over the whole stretch, (N, m) and (N,), for :meth:`residuals` and
-        :meth:`.PolynomialModel.predict`; never worse than states at rest.
-        """
-        first = self.orders.first_residual
-        residuals = self.residuals(inputs, output)[first:]
-        columns, plant = self._through_states(len(residuals)), sum(self.orders.nf)
-        best: NDArray = np.zeros(columns.shape[1])
-        lowest = float(residuals @ residuals)
-        for rcond in RANKS if columns.shape[1] else ():
-            states: NDArray = -np.linalg.lstsq(columns, residuals, rcond=rcond)[0]
-            expected = residuals + columns @ states
-            found = self.residuals(inputs, output, states[:plant], states[plant:])[first:]
-            reached = float(np.sum(found**2))
-            if reached < lowest:
-                best, lowest = states, reached
-            if reached <= ROUNDING * float(expected @ expected):
-                break
-        return best[:plant], best[plant:]
-
-    def fitted_level(self, inputs: ArrayLike, output: ArrayLike) -> float:
-        """The level with which prediction errors are smallest, states fitted as well."""
-        from scipy.signal import lfilter
-
-        residuals = replace(self, level=0.0).residuals(inputs, output)
-        residuals = residuals[self.orders.first_residual :]
-        level = lfilter(self.D, self.C, -np.ones(len(residuals)))
-        columns = np.column_stack([level, self._through_states(len(residuals))])
-        return float(-np.linalg.lstsq(columns, residuals, rcond=RANKS[0])[0][0])
-
-    def _through_states(self, samples: int) -> Array:
-        """Residuals after an initial state of one at each state of plant and noise."""
-        parts = [(np.convolve(self.C, f), self.D, len(f) - 1) for f in self.F]
-        parts.append((self.C, np.ones(1), self.orders.noise_states))
-        columns = [
-            np.pad(response, (k, 0))[:samples]
-            for below, above, count in parts
-            for response in [impulse_response(above, below, samples)]
-            for k in range(count)
-        ]
-        return np.reshape(columns, (len(columns), samples)).T
 
     def _columns(self, inputs: ArrayLike) -> Array:
         """The inputs as columns, (N, m)."""
@@ -265,16 +203,6 @@ def _arrays(given: Array | Sequence[ArrayLike]) -> tuple[Array, ...]:
     if np.ndim(given[0]) == 0:
         return (np.asarray(given, dtype=float),)
     return tuple(np.asarray(each, dtype=float) for each in given)
-
-
-def _with_impulses(signal: Array, impulses: ArrayLike | None) -> Array:
-    """A signal with numbers added to its first samples."""
-    if impulses is None:
-        return signal
-    added = np.asarray(impulses, dtype=float)[: len(signal)]
-    changed = signal.copy()
-    changed[: len(added)] += added
-    return changed
 
 
 def impulse_response(above: Array, below: Array, samples: int) -> Array:

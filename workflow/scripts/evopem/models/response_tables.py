@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.models.modes import Mode
-from evopem.models.polynomial import Model
+from evopem.models.polynomial import Model, state_space_of
 from evopem.models.state_space import StateSpaceModel
 
 NORMAL_95 = 1.959963984540054
@@ -78,7 +78,7 @@ def response_interval(
     response = (model.noise_response if noise else model.frequency_response)(frequencies)
     gain, errors = np.abs(response), np.full((2, *response.shape), np.nan)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        form = model if isinstance(model, StateSpaceModel) else model.state_space()
+        form = state_space_of(model)
         if form.covariance is not None:
             # In blocks: of many states and channels all derivatives would not fit into memory.
             size = max(1, BLOCK // (response[:1].size * len(form.covariance) or 1))
@@ -256,7 +256,7 @@ def time_response_table(
 
 def response_length(model: Model) -> int:
     """Number of samples in which the responses of a model settle, within limits."""
-    form = model if isinstance(model, StateSpaceModel) else model.state_space()
+    form = state_space_of(model)
     radius = float(np.abs(form.poles()).max(initial=0.0))
     settling = MOST_SAMPLES
     if radius < 1.0:

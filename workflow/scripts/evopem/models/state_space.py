@@ -196,6 +196,16 @@ class StateSpaceModel:
         free = self._free_responses(self.predictor, len(errors))
         return fitted(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
 
+    def with_fitted_level(self, inputs: ArrayLike, outputs: ArrayLike) -> StateSpaceModel:
+        """The model with the level whose prediction errors are smallest, states fitted as well."""
+        model = replace(self, level=np.zeros(self.outputs))
+        errors, nothing = model.residuals(inputs, outputs), np.zeros_like(inputs, dtype=float)
+        ones = np.eye(self.outputs)[:, None].repeat(len(errors), axis=1)
+        levels = np.stack([model.residuals(nothing, each) for each in ones], axis=2)
+        columns = np.concatenate([levels, self._free_responses(self.predictor, len(errors))], 2)
+        spread = np.sqrt(np.abs(np.diag(self.noise_covariance)))
+        return replace(self, level=fitted(columns, errors, spread)[: self.outputs])
+
     def simulate_from_fitted_state(
         self,
         inputs: ArrayLike,

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.modes import Mode
-from evopem.models.polynomial import PolynomialModel
 from evopem.models.states import delayed
 from evopem.validation.held_out_tests import (
     NO_TEST,
@@ -42,13 +41,9 @@ class ModalParts:
         """Divide the outputs of a stretch whose validation samples are held out."""
         model, outputs = record.model, record.outputs
         # Participations are those of inputs one sample before, beyond further delays.
-        delays = (
-            [max(nk, 1) for nk in model.nk]
-            if isinstance(model, PolynomialModel)
-            else [delay + 1 for delay in model.input_delays or (0,) * model.inputs]
-        )
-        drives = delayed(record.inputs, delays)
-        innovations = np.nan_to_num(outputs - record.predicted_from_start())
+        delays = model.input_delays or (0,) * model.inputs
+        drives = delayed(record.inputs, [delay + 1 for delay in delays])
+        innovations = outputs - record.predicted_from_start()
         past = delayed(innovations, (1,) * innovations.shape[1])
         return cls(
             outputs,
@@ -56,7 +51,7 @@ class ModalParts:
             innovations,
             [_response(mode, drives, mode.input_participation) for mode in modes],
             [_response(mode, past, mode.noise_participation) for mode in modes],
-            free_responses(model.poles(), len(outputs) - record.first),
+            free_responses(record.plant.poles(), len(outputs) - record.first),
             record.first,
         )
 

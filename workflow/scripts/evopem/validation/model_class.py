@@ -79,7 +79,7 @@ class _Stretch:
     @classmethod
     def of(cls, record: HeldOut) -> _Stretch:
         """Of all samples but those that states are fitted to."""
-        first, model, u = unscored_samples(record.model), record.model, record.inputs
+        first, model, u = unscored_samples(record.model), record.plant, record.inputs
         outputs = record.outputs
         residuals = outputs - record.predicted_from_start()
         if not model.inputs:
@@ -87,8 +87,7 @@ class _Stretch:
             return cls(residuals[first:], past[first:], u[first:], ())
         scaled = (u - u.mean(axis=0)) / np.maximum(np.std(u, axis=0), 1e-300)
         of_powers = tuple(
-            model.simulate(np.std(u, axis=0) * scaled**power).reshape(outputs.shape)[first:]
-            for power in (2, 3)
+            model.simulate(np.std(u, axis=0) * scaled**power)[first:] for power in (2, 3)
         )
         return cls(residuals[first:], record.simulated_from_rest()[first:], u[first:], of_powers)
 

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from evopem.config.settings import SpectrumSettings
 from evopem.errors import InputError
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.peaks import spectral_peaks
 from evopem.signals.recording import Recording
 from evopem.signals.spectra import Spectrum, multitaper_spectrum
-from evopem.validation.responses import Model
 
 # Share of records in which a peak of a right model exceeds its `chance`.
 CHANCE_LEVEL = 0.01
@@ -34,7 +33,10 @@ class PeakEvidence:
 
 
 def peak_evidence(
-    model: Model, samples: Recording, output: int, settings: SpectrumSettings | None = None
+    model: StateSpaceModel,
+    samples: Recording,
+    output: int,
+    settings: SpectrumSettings | None = None,
 ) -> tuple[PeakEvidence, ...]:
     """Compare the peaks of an output's spectrum with the spectrum that the model gives it.
 
@@ -70,13 +72,13 @@ def peak_evidence(
 
 
 def _response_density(
-    model: Model, samples: Recording, output: int, spectrum: Spectrum
+    model: StateSpaceModel, samples: Recording, output: int, spectrum: Spectrum
 ) -> NDArray[np.float64]:
     """Density of a simulated output; NaN where the simulation grows out of all numbers."""
     if not model.inputs:
         return np.zeros_like(spectrum.density)
     with np.errstate(all="ignore"):
-        simulated = model.simulate(samples.inputs).reshape(samples.outputs.shape)[:, output]
+        simulated = model.simulate(samples.inputs)[:, output]
     if not np.isfinite(simulated).all():
         return np.full_like(spectrum.density, math.nan)
     try:
@@ -89,16 +91,13 @@ def _response_density(
 
 
 def _noise_density(
-    model: Model, output: int, spectrum: Spectrum, index: NDArray[np.int64]
+    model: StateSpaceModel, output: int, spectrum: Spectrum, index: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """One-sided density of the model's noise at some frequencies, averaged over ± W."""
     half = spectrum.halfbandwidth_hz * np.linspace(-1.0, 1.0, NOISE_GRID)
     nyquist = spectrum.frequencies[-1]
     around = np.clip(spectrum.frequencies[index][:, None] + half, 0.0, nyquist)
     rows = model.noise_response(around.ravel())[:, output, :]
-    variance = np.atleast_2d(
-        model.noise_variance if isinstance(model, PolynomialModel) else model.noise_covariance
-    )
-    power = np.einsum("fi,ij,fj->f", rows, variance, rows.conj()).real
+    power = np.einsum("fi,ij,fj->f", rows, model.noise_covariance, rows.conj()).real
     density = power.reshape(around.shape).mean(axis=1) / nyquist
     return np.asarray(density, np.float64)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.polynomial import Model, PolynomialModel, simulated_form
+from evopem.models.polynomial import Model, simulated_form, state_space_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.states import first_samples
 from evopem.signals.prepared_data import PreparedData
@@ -21,11 +22,11 @@ Array = NDArray[np.float64]
 class HeldOut:
     """A stretch of validation samples, with the samples before it where these are known."""
 
-    model: Model  # with the level of this stretch
+    model: StateSpaceModel  # with the level of this stretch
+    plant: StateSpaceModel  # without poles of the noise alone
     recording: Recording  # the validation samples
     before: Recording | None  # what they continue
-    # Of the predictor, at the first sample of all: plant and noise state, or one state
-    states: tuple[Array, ...]
+    state: Array  # of the predictor, at the first sample of all
 
     @property
     def first(self) -> int:
@@ -52,11 +53,8 @@ class HeldOut:
         return max(unscored_samples(self.model), first_samples(self.recording.samples))
 
     def predicted_from_start(self, horizon: int = 1) -> Array:
-        """Predictions of all samples that are known, (N, l); NaN where the past is not known."""
-        if isinstance(self.model, PolynomialModel):
-            of_one = self.model.predict(self.inputs, self.outputs[:, 0], horizon, *self.states)
-            return of_one[:, None]
-        return self.model.predict(self.inputs, self.outputs, horizon, *self.states)
+        """Predictions of all samples that are known, (N, l)."""
+        return self.model.predict(self.inputs, self.outputs, horizon, self.state)
 
     def predicted(self, horizon: int = 1) -> Array:
         """Predictions of the validation samples, (N, l)."""
@@ -65,7 +63,7 @@ class HeldOut:
     def simulated_from_rest(self) -> Array:
         """Response to all inputs that are known, (N, l)."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return self.model.simulate(self.inputs).reshape(self.outputs.shape)
+            return self.plant.simulate(self.inputs)
 
     def simulated(self, free_level: bool) -> Array:
         """Response of the validation samples, (N, l), from a state that no scored one determines.
@@ -76,7 +74,7 @@ class HeldOut:
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
         known, u, y = max(self.first + self.unscored, 1), self.inputs, self.outputs
-        form = simulated_form(self.model)
+        form = self.plant
         found = form.simulate_from_fitted_state(u, y, free_level, known=known)
         if free_level:
             found = found + np.mean((y - found)[known:], axis=0)
@@ -87,26 +85,19 @@ class HeldOut:
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
         u, y = self.recording.inputs, self.recording.outputs
-        return simulated_form(self.model).simulate_from_fitted_state(u, y, free_level)
+        return self.plant.simulate_from_fitted_state(u, y, free_level)
 
 
-def unscored_samples(model: Model) -> int:
+def unscored_samples(model: StateSpaceModel) -> int:
     """Samples at the start of a record whose residuals its states determine."""
-    if isinstance(model, StateSpaceModel):
-        return model.order + max(model.input_delays, default=0)
-    orders = model.orders
-    return orders.first_residual + max(sum(orders.nf), orders.noise_states)
+    return model.order + max(model.input_delays, default=0)
 
 
 def divided(model: Model, recording: Recording, first: int) -> tuple[HeldOut, ...]:
     """The samples of each segment from ``first`` on, with those before them."""
-    found = []
-    for each in recording.separated:
-        if first < each.samples:
-            before = each.between(0, first) if first else None
-            held_out = each.between(first, each.samples)
-            found.append(HeldOut(model, held_out, before, _states(model, before or each)))
-    return tuple(found)
+    long = [each for each in recording.separated if first < each.samples]
+    before = [each.between(0, first) for each in long] if first else []
+    return _stretches(model, [each.between(first, each.samples) for each in long], before)
 
 
 def held_out_stretches(
@@ -115,36 +106,35 @@ def held_out_stretches(
     """The stretches of validation samples, each with the samples before it where there are some.
 
     The predictor runs through both parts of a continuous record, so that it knows all the measured
-    past.  With a free level each of several recordings has one of its own.
+    past.  With a free level each recording without a past has one of its own.
     """
-    if prepared.before_validation is not None:
-        pasts = prepared.before_validation.separated
-        return tuple(
-            HeldOut(model, stretch, before, _states(model, before))
-            for stretch, before in zip(prepared.validation.separated, pasts, strict=True)
-        )
-    return stretches_of(
-        model, prepared.validation, free_level and prepared.transforms.several_recordings
-    )
+    if prepared.before_validation is None:
+        return stretches_of(model, prepared.validation, free_level)
+    past = prepared.before_validation.separated
+    return _stretches(model, prepared.validation.separated, past)
 
 
 def stretches_of(
     model: Model, recording: Recording, own_levels: bool = False
 ) -> tuple[HeldOut, ...]:
-    """The segments of a recording without a past, of polynomials with levels of their own."""
-    found = []
-    for each in recording.separated:
-        own = model
-        if own_levels and isinstance(model, PolynomialModel):
-            own = replace(model, level=model.fitted_level(each.inputs, each.output))
-        found.append(HeldOut(own, each, None, _states(own, each)))
+    """The segments of a recording without a past, with levels of their own."""
+    return _stretches(model, recording.separated, (), own_levels)
+
+
+def _stretches(
+    model: Model,
+    held_out: Sequence[Recording],
+    before: Sequence[Recording | None],
+    own_levels: bool = False,
+) -> tuple[HeldOut, ...]:
+    form, plant, found = state_space_of(model), simulated_form(model), []
+    for each, past in zip_longest(held_out, before):
+        own, known = form, past or each
+        if own_levels:
+            own = form.with_fitted_level(known.inputs, known.outputs)
+        state = own.prediction_state(known.inputs, known.outputs)
+        found.append(HeldOut(own, replace(plant, level=own.level), each, past, state))
     return tuple(found)
-
-
-def _states(model: Model, record: Recording) -> tuple[Array, ...]:
-    if isinstance(model, PolynomialModel):
-        return model.prediction_state(record.inputs, record.output)
-    return (model.prediction_state(record.inputs, record.outputs),)
 
 
 @dataclass(frozen=True, eq=False)

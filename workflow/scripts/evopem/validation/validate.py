@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from evopem.config.settings import OBJECTIVES, SpectrumSettings
 from evopem.errors import check_choice
 from evopem.models.mode_matching import OrderModel
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial import PolynomialModel, state_space_of
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
 from evopem.validation.excitation import excitation_order, split_spectra
@@ -109,15 +110,15 @@ def validate(
     """
     check_choice("objective", objective, OBJECTIVES)
     held_out = held_out_stretches(model, prepared, free_level)
-    responses = responses_of(held_out, free_level)
+    responses, form = responses_of(held_out, free_level), state_space_of(model)
     if not responses.scored.any():
         raise ValueError("no validation sample is left to score; keep more samples for validation")
-    tested = EstimationResiduals.of(_estimation_stretches(model, prepared.estimation))
+    tested = EstimationResiduals.of(_estimation_stretches(form, prepared.estimation))
     recorded = recorded_series(
         prepared.transforms, responses.outputs, responses.predicted, responses.simulated
     )
     outputs, autocorrelations, horizons = _outputs(
-        model, prepared, held_out, responses, recorded, tested, objective, spectrum, lags
+        form, prepared, held_out, responses, recorded, tested, objective, spectrum, lags
     )
     pairs, crossed = _pairs(tested, prepared.validation, lags)
     models = models or [OrderModel.of(order, math.nan, model)]
@@ -163,14 +164,14 @@ def validation_errors(held_out: Sequence[HeldOut], free_level: bool = False) -> 
     )
 
 
-def _estimation_stretches(model: Model, estimation: Recording) -> Sequence[HeldOut]:
+def _estimation_stretches(model: StateSpaceModel, estimation: Recording) -> Sequence[HeldOut]:
     """The stretches with more samples than states and past take; each of several has a level."""
     taken = unscored_samples(model)
     long = [each for each in estimation.segments if each.samples > taken + 1]
     if not long:
         raise ValueError(f"no stretch has more than the {taken + 1} samples that the model needs")
-    own_levels = isinstance(model, PolynomialModel) and model.level != 0.0
-    return stretches_of(model, estimation.with_segments(long), own_levels and estimation.is_joined)
+    own_levels = estimation.is_joined and bool(model.level.any())
+    return stretches_of(model, estimation.with_segments(long), own_levels)
 
 
 def _mean(errors: Sequence[float]) -> float:
@@ -186,7 +187,7 @@ def _errors(measured: Array, computed: Array) -> list[float]:
 
 
 def _outputs(
-    model: Model,
+    model: StateSpaceModel,
     prepared: PreparedData,
     held_out: Sequence[HeldOut],
     responses: Responses,
@@ -234,14 +235,10 @@ def _ahead(held_out: Sequence[HeldOut], horizon: int) -> Array:
 
 
 def _whiteness(
-    model: Model, tested: EstimationResiduals, largest: int, objective: str
+    model: StateSpaceModel, tested: EstimationResiduals, largest: int, objective: str
 ) -> list[WhitenessTest]:
     """Joint tests of the residuals of each output over some lags up to the largest."""
-    if isinstance(model, PolynomialModel):
-        parameters = model.orders.na + model.orders.nc + model.orders.nd
-    else:
-        parameters = model.order
-    lags = ljung_box_lags(len(tested.residuals), parameters, largest)
+    lags = ljung_box_lags(len(tested.residuals), 2 * model.order, largest)
     effects = tested.fit_effects(lags)
     return [
         whiteness_test(e, lags, tested.bounds, effect, objective)
@@ -294,7 +291,7 @@ def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
     always have some alike.  The noise model is not used: where A and C have nearly common factors,
     the errors without the input have a narrow peak just where ``(B/C) u`` has one.
     """
-    model = held_out[0].model
+    model = held_out[0].plant
     if not model.inputs:
         return NO_TEST
     samples = sum(each.recording.samples for each in held_out)

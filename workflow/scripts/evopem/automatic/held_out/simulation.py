@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.models.polynomial import Model, PolynomialModel, simulated_form
-from evopem.models.state_space import StateSpaceModel
+from evopem.models.polynomial import Model, simulated_form, state_space_of
 from evopem.models.states import first_samples
 from evopem.signals.recording import Segment
 
@@ -85,12 +86,8 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
     that were fitted to what is scored would draw slow waves through the noise with roots near the
     unit circle.
     """
-    if isinstance(model, PolynomialModel) and model.inputs <= 1:
-        orders, states = model.orders, None
-        first, count = orders.first_residual, orders.single.nf + orders.noise_states
-    else:
-        states = model if isinstance(model, StateSpaceModel) else model.state_space()
-        first, count = max(states.input_delays, default=0), states.order
+    form = state_space_of(replace(model, covariance=None))
+    first, count = max(form.input_delays, default=0), form.order
     known = stretch.samples
     if before is not None:
         known = max(before.samples or first_samples(known), 2 * count + first + 2)
@@ -99,12 +96,7 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
         return np.empty((0, stretch.outputs.shape[1]))
     u, y = stretch.inputs, stretch.outputs
     with np.errstate(all="ignore"):
-        if isinstance(model, PolynomialModel) and states is None:
-            initial = model.prediction_state(u[:known], y[:known, 0])
-            errors = model.residuals(u, y[:, 0], *initial)[:, None]
-        else:
-            assert states is not None
-            errors = states.residuals(u, y, states.prediction_state(u[:known], y[:known]))
+        errors = form.residuals(u, y, form.prediction_state(u[:known], y[:known]))
     return np.asarray(errors[first if before is None else known :])
 
 
