@@ -168,9 +168,10 @@ def compared_responses(comparison: Comparison) -> Chart:
     if not panels:
         return nothing("The models have no input in common.")
     tables = [
-        thinned(each).assign(model=number) for number, each in enumerate(comparison.models, 1)
+        thinned(each).assign(model=str(number)) for number, each in enumerate(comparison.models, 1)
     ]
-    table = pd.concat(tables, ignore_index=True)
+    table = pd.concat(tables, ignore_index=True).drop(columns="coherence", errors="ignore")
+    table = table[table["source"] != "measured"]
     return Chart(table, tuple(panels), across(panels[: len(panels) // 2]))
 
 
