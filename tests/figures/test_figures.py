@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from identified import with_model, with_outcome, with_output_name, without_covariance
 
-from evopem.figures import REPORT_FIGURES
+from evopem.figures import CHARTS
 from evopem.figures.chart import Chart, Curve, Panel, rows_of
 from evopem.figures.draw import draw, unwrapped_gaps
 from evopem.figures.frequency_domain import complex_plane, residual_spectra
@@ -33,7 +33,7 @@ def results(identified):
 
 def drawn(results, name):
     """The axes of a figure, as matplotlib draws it."""
-    return draw(REPORT_FIGURES[name].chart(results)).axes
+    return draw(CHARTS[name](results)).axes
 
 
 def lines(axes):
@@ -239,7 +239,7 @@ def of_noise_alone(results):
 
 
 def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise_alone):
-    charts = {name: figure.chart(of_noise_alone) for name, figure in REPORT_FIGURES.items()}
+    charts = {name: chart_of(of_noise_alone) for name, chart_of in CHARTS.items()}
     shown = {name: chart for name, chart in charts.items() if not chart.nothing}
     assert set(FIGURES) - set(shown) == {"nyquist", "delay"}
     noise = of_noise_alone.frequency_response["noise_gain"].iloc[1:]
@@ -258,7 +258,7 @@ def test_without_an_input_the_noise_filter_and_the_prediction_are_drawn(of_noise
 def test_every_curve_has_its_columns_and_rows(results, of_noise_alone, kind):
     """The page draws a panel from these columns of the figure's own table or of a named one."""
     shown = results if kind == "with input" else of_noise_alone
-    charts = {name: figure.chart(shown) for name, figure in REPORT_FIGURES.items()}
+    charts = {name: chart_of(shown) for name, chart_of in CHARTS.items()}
     curves = 0
     for name, chart in charts.items():
         for panel in () if chart.nothing else chart.panels:
@@ -347,11 +347,11 @@ def test_what_is_missing_is_said(results):
 def test_hostile_names_are_drawn_as_text(results):
     results = with_output_name(results, HOSTILE, output_units=("V",))
     for name in ("record", "simulation"):
-        figure = draw(REPORT_FIGURES[name].chart(results))
+        figure = draw(CHARTS[name](results))
         assert "<script" not in svg_text(figure)
         # A long label is folded over several lines, of which three are kept.
         assert "".join(HOSTILE.split())[:20] in "".join(words(figure).split())
-    assert "$x^2$" in words(draw(REPORT_FIGURES["record"].chart(results)))
+    assert "$x^2$" in words(draw(CHARTS["record"](results)))
 
 
 PROGRAM = """
@@ -388,12 +388,7 @@ def test_the_settings_of_matplotlib_are_restored(results):
     assert dict(mpl.rcParams) == before
 
 
-def test_the_figures_are_those_of_the_layout():
-    """That each of them is drawn show the pages of the report."""
-    assert tuple(REPORT_FIGURES) == FIGURES
-
-
 def test_the_data_of_every_figure_are_files_of_the_results(identified):
-    for figure in REPORT_FIGURES.values():
+    for figure in FIGURES.values():
         for file in figure.data:
             assert (Path(identified.files.folder) / file).exists()

@@ -15,7 +15,7 @@ from browsing import (
     thousand,
 )
 
-from evopem.figures import REPORT_FIGURES, svg_texts
+from evopem.figures import CHARTS, svg_texts
 from evopem.figures.draw import draw as drawn_chart
 from evopem.figures.style import svg_text
 from evopem.report import build_report
@@ -38,7 +38,7 @@ def draw(figures):
     """Function that draws some of the figures anew from other results: SVG texts of all by name."""
 
     def drawn(results, *names):
-        anew = {name: svg_text(drawn_chart(REPORT_FIGURES[name].chart(results))) for name in names}
+        anew = {name: svg_text(drawn_chart(CHARTS[name](results))) for name in names}
         return figures | anew
 
     return drawn

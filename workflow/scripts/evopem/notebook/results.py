@@ -14,7 +14,7 @@ import pandas as pd
 
 from evopem.automatic.decision import Decision
 from evopem.errors import FOR_FIGURES, FOR_REPORT, InputError, check_packages
-from evopem.figures import REPORT_FIGURES
+from evopem.figures import CHARTS
 from evopem.figures.chart import Chart
 from evopem.figures.comparison import (
     Comparison,
@@ -74,7 +74,7 @@ def _plot(chart_of: Callable[[Any], Chart], kind: str = "") -> Callable[..., Any
 
 
 def _figure(name: str, kind: str = "") -> Callable[..., Any]:
-    return _plot(REPORT_FIGURES[name].chart, kind)
+    return _plot(CHARTS[name], kind)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

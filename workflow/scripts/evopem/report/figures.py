@@ -13,11 +13,12 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from evopem.figures import REPORT_FIGURES, style
+from evopem.figures import CHARTS, style
 from evopem.figures.chart import Chart
 from evopem.figures.draw import draw
 from evopem.figures.style import svg_text
 from evopem.results.dataset import DatasetResults
+from evopem.results.layout import FIGURES
 
 if TYPE_CHECKING:
     from jinja2.environment import TemplateModule
@@ -65,8 +66,8 @@ def drawn_figures(
 ) -> dict[str, dict[str, Any]]:
     """The figures of a part of the report by name; `drawings` are SVG texts by name."""
     found = {}
-    for name, figure in REPORT_FIGURES.items():
-        if figure.part == part and not (chart := figure.chart(results)).nothing:
+    for name, figure in FIGURES.items():
+        if figure.part == part and not (chart := CHARTS[name](results)).nothing:
             title, _, caption = str(getattr(captions, name)(results)).strip().partition("\n")
             words, most = (name, title, caption), MOST_CELLS // (2 - results.is_single)
             found[name] = drawn_figure(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -14,10 +14,10 @@ from evopem.report.figures import drawn_figures
 from evopem.report.sections import PHASE_NAMES, SECTIONS
 from evopem.report.templates import environment
 from evopem.results.dataset import DatasetResults
+from evopem.results.layout import IDENTIFICATION
 
 # They draw and write the page; the libraries behind the numbers are listed in the model.
 REPORT_LIBRARIES = ("pandas", "matplotlib", "jinja2", "snakemake")
-STAGE_NAMES = {"identification": "All stages, in one job"}
 BEFORE = ("read_recording", "prepare", "estimate_spectrum")
 PHASES = ("estimate_candidates", "select_candidate")
 
@@ -72,31 +72,26 @@ def build_report(
     )
 
 
-@dataclass(frozen=True)
-class Stage:
-    """Time and evaluations of one stage; None where they are not known or there are none."""
-
-    name: str
-    seconds: float | None
-    candidates: int | None = None
-    evaluations: int | None = None
-
-
-def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[Stage]:
+def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[dict[str, Any]]:
     """Seconds of every stage from the start to the end of its jobs; the searches in their order."""
-    left = dict(wall_clock)
-    searches = []
-    for phase, tried in results.candidates.groupby("phase", sort=False) if results.phases else ():
-        seconds = left.pop(phase, None)
-        name = f"Search of {PHASE_NAMES.get(phase, phase)}"
-        searches.append(Stage(name, seconds, len(tried), int(tried["evaluations"].sum())))
-    known = {
-        name: Stage(STAGE_NAMES.get(name, name.replace("_", " ").capitalize()), seconds)
-        for name, seconds in left.items()
+    tried = results.candidates.groupby("phase", sort=False)["evaluations"] if results.phases else ()
+    searches = {
+        phase: {
+            "name": f"Search of {PHASE_NAMES.get(phase, phase)}",
+            "candidates": len(evaluations),
+            "evaluations": int(evaluations.sum()),
+        }
+        for phase, evaluations in tried
     }
-    before = [known.pop(name) for name in BEFORE if name in known]
-    whole = [known.pop(name) for name in STAGE_NAMES if name in known]
-    return [*before, *searches, *known.values(), *whole]
+    others = [name for name in wall_clock if name not in {*BEFORE, *searches, IDENTIFICATION}]
+    names = [*BEFORE, *searches, *others, IDENTIFICATION]
+    words = {name: {"name": name.replace("_", " ").capitalize()} for name in names}
+    words[IDENTIFICATION] = {"name": "All stages, in one job"}
+    return [
+        {"seconds": wall_clock.get(name)} | (words | searches)[name]
+        for name in names
+        if name in {*wall_clock, *searches}
+    ]
 
 
 def command(commit: str) -> str:

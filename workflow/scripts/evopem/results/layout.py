@@ -8,15 +8,42 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from evopem.config.source_checks import RESULTS_FOLDER as FOLDER
 from evopem.errors import InputError
 
-FIGURES = (
-    *("measured_and_simulated", "gain", "poles_zeros", "stabilization", "frequency_response"),
-    *("step_and_impulse", "nyquist", "simulation", "simulation_as_recorded", "horizons"),
-    *("residuals", "residual_spectrum", "record", "spectrum", "delay", "phases", "convergence"),
-)
+_RESPONSES = ("frequency_response.csv", "spectrum.csv")
+_CORRELATIONS = ("residual_autocorrelation.csv", "cross_correlation.csv")
+
+
+class Figure(NamedTuple):
+    """One figure of the report; ``captions.html.j2`` has its title and caption."""
+
+    part: str  # of the page
+    module: str  # of :mod:`evopem.figures`, with a function of the figure's name
+    data: tuple[str, ...]  # names of the files of the results that hold what is drawn
+
+
+FIGURES = {
+    "measured_and_simulated": Figure("summary", "time_domain", ("simulation.csv",)),
+    "gain": Figure("summary", "frequency_domain", _RESPONSES),
+    "poles_zeros": Figure("modes", "orders", ("model.json",)),
+    "stabilization": Figure("modes", "orders", ("validation.json",)),
+    "frequency_response": Figure("response", "frequency_domain", _RESPONSES),
+    "step_and_impulse": Figure("response", "time_domain", ("time_response.csv",)),
+    "nyquist": Figure("response", "frequency_domain", _RESPONSES),
+    "simulation": Figure("errors", "time_domain", ("simulation.csv",)),
+    "simulation_as_recorded": Figure("errors", "time_domain", ("simulation.csv",)),
+    "horizons": Figure("errors", "time_domain", ("horizons.csv",)),
+    "residuals": Figure("residual_tests", "time_domain", _CORRELATIONS),
+    "residual_spectrum": Figure("residual_tests", "frequency_domain", ("simulation.csv",)),
+    "record": Figure("recording", "time_domain", ("recording.npz", "prepared.npz")),
+    "spectrum": Figure("recording", "frequency_domain", ("spectrum.csv",)),
+    "delay": Figure("selection", "orders", ("candidates.csv",)),
+    "phases": Figure("selection", "orders", ("candidates.csv",)),
+    "convergence": Figure("selection", "orders", ("model.json",)),
+}
 """The figures of the report, in its order."""
 
 OVERVIEW = tuple(
