@@ -75,12 +75,11 @@ def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
     places = panels_of(chart, axes)
     if chart.nothing:
         say_nothing_to_draw(places[0], chart.nothing)
+        return places[0].figure  # type: ignore[return-value]
     curves = sum(len(panel.curves) for panel in chart.panels)
     bins = min(max(POINTS // (4 * max(curves, 1)), FEWEST_BINS), MOST_BINS)
     before: list[str] = []
     for number, (panel, place) in enumerate(zip(chart.panels, places, strict=False)):
-        if chart.nothing:
-            break
         below = number + chart.columns
         last = below >= len(chart.panels) or chart.panels[below].x_label != panel.x_label
         beside = number % chart.columns and chart.panels[number - 1].y_label == panel.y_label
@@ -106,14 +105,13 @@ def _draw_panel(
     axes: Axes, panel: Panel, table: pd.DataFrame, bins: int, keyed: bool, crowded: bool
 ) -> None:
     axes.set_title(panel.title)
-    for mark in panel.marks:
-        axes.axvline(
-            *(mark.value,), color=COLOURS[mark.colour], linewidth=0.9, linestyle=DOTTED, zorder=1
-        ).set_label(mark.label or "_")
-    for level in panel.levels:
-        line = axes.axhline(level.value, color=COLOURS[level.colour], linewidth=1.0, zorder=1)
-        line.set_linestyle(DASHED)
-        line.set_label(level.label or "_")
+    for draw_line, marks, width, dashes in (
+        (axes.axvline, panel.marks, 0.9, DOTTED),
+        (axes.axhline, panel.levels, 1.0, DASHED),
+    ):
+        for mark in marks:
+            line = draw_line(mark.value, color=COLOURS[mark.colour], linewidth=width, zorder=1)
+            line.set(linestyle=dashes, label=mark.label or "_")
     if panel.plane:
         _plane(axes, panel)
     for curve in panel.curves:
@@ -198,13 +196,8 @@ def _points(axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.n
         )
         # A logarithmic axis ends above zero.
         low = np.minimum(across, 0.9 * np.abs(y))
-        axes.errorbar(
-            *(x, y, np.vstack([low, across]), along),
-            fmt="none",
-            ecolor=colour,
-            elinewidth=0.9,
-            capsize=2.0,
-        )
+        bars = np.vstack([low, across]), along
+        axes.errorbar(x, y, *bars, fmt="none", ecolor=colour, elinewidth=0.9, capsize=2.0)
     axes.plot(
         *(x, y, marker),
         color=colour,
@@ -231,15 +224,9 @@ def _plane(axes: Axes, panel: Panel) -> None:
     for fraction in (0.1, 0.2, 0.3, 0.4, 0.5):
         across, up = math.cos(2 * math.pi * fraction), math.sin(2 * math.pi * fraction)
         axes.plot([across, 1.04 * across], [up, 1.04 * up], color=INK, linewidth=0.8)
-        axes.text(
-            1.15 * across,
-            1.15 * up + (0.08 if fraction == 0.5 else 0.0),  # above the real axis
-            f"{fraction * panel.rate:.4g}" + (" Hz" if fraction == 0.1 else ""),
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            color=MUTED,
-        )
+        place = 1.15 * across, 1.15 * up + (0.08 if fraction == 0.5 else 0.0)  # above the real axis
+        label = f"{fraction * panel.rate:.4g}" + (" Hz" if fraction == 0.1 else "")
+        axes.text(*place, label, ha="center", va="center", fontsize=7.5, color=MUTED)
     axes.grid(False)
 
 
@@ -293,9 +280,6 @@ def _legend(axes: Axes, panel: Panel, crowded: bool) -> None:
 
 def unwrapped_gaps(x: np.ndarray, degrees: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Wrap a phase to ±180° and break its line where it jumps from one end to the other."""
-    x = np.asarray(x, dtype=float)
-    wrapped = (np.asarray(degrees, dtype=float) + 180.0) % 360.0 - 180.0
+    wrapped = (degrees + 180.0) % 360.0 - 180.0
     jumps = np.flatnonzero(np.abs(np.diff(wrapped)) > 180.0) + 1
-    return np.insert(x, jumps, x[jumps - 1] if jumps.size else []), np.insert(
-        wrapped, jumps, np.nan
-    )
+    return np.insert(x, jumps, x[jumps - 1]), np.insert(wrapped, jumps, np.nan)

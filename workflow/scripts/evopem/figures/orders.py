@@ -32,8 +32,8 @@ from evopem.figures.frequency_domain import true_modes
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, mode_values
 
-CRITERIA = (("rss", "RSS (%)"), ("bic", "BIC"))
-ORDERS = list(ORDER_NAMES)
+SCORES = {"rss": "RSS (%)", "bic": "BIC", "error_percent": "Error on held-out samples (%)"}
+CRITERIA = ("rss", "bic")
 TITLES = {
     "nc": "Order of C: nc = k",
     "nd": "Order of D: nd = k",
@@ -61,67 +61,56 @@ def tied_text(structure: str) -> str:
 def _scores(
     table: pd.DataFrame,
     x: tuple[str, str],
-    score: tuple[str, str],
+    column: str,
     series: Mapping[str, Where],
     line: str = "",
     **options: Any,
 ) -> Panel:
-    """A score over an order, each by its column and label: a line for each series of rows.
+    """A score over an order, given by its column and label: a line for each series of rows.
 
     ``line``: the column that is joined by lines, where it is another than that of the score.
     """
-    column, label = score
     where = next(iter(series.values())) if len(series) == 1 else ()
     marked = (*where, ("selected", "True"))
     selected = Curve("selected", column, "error", "points", where=marked, marker="o")
     curves = (*family(line or column, series), selected)
-    return Panel("", *x, label, curves, **{"scale": scale_of(table[column]), **options}, whole=True)
+    options = {"scale": scale_of(table[column]), **options}
+    return Panel("", *x, SCORES[column], curves, **options, whole=True)
 
 
 def delay(results: DatasetResults) -> Chart:
     """RSS and BIC against the order, one line for each delay."""
     if "delay" not in set(results.candidates.get("phase", ())):
         return nothing("There are no candidates of the delay search.")
-    order = plant_order(results.model.structure)
-    table = results.candidates[results.candidates["phase"] == "delay"]
-    table = table.sort_values(["nk", order])
-    x = order, f"Order k, {tied_text(results.model.structure)}"
+    structure, table = results.model.structure, results.candidates
+    order = plant_order(structure)
+    table = table[table["phase"] == "delay"].sort_values(["nk", order])
+    x = order, f"Order k, {tied_text(structure)}"
     rows: dict[str, Where] = {f"nk = {nk}": (("nk", str(nk)),) for nk in table["nk"].unique()}
-    panels = tuple(_scores(table, x, score, rows) for score in CRITERIA)
-    return Chart(table[[*ORDERS, "rss", "bic", "selected"]], panels, columns=2)
+    panels = tuple(_scores(table, x, column, rows) for column in CRITERIA)
+    return Chart(table[[*ORDER_NAMES, *CRITERIA, "selected"]], panels, columns=2)
 
 
 def phases(results: DatasetResults) -> Chart:
     """What the orders were selected by: scores or criteria, the selection marked."""
     if not results.phases:
         return _held_out(results)
-    table = results.candidates[results.candidates["phase"] != "delay"]
-    tables = {
-        phase: table[table["phase"] == phase].sort_values(
-            varied_order(phase, results.model.structure)
-        )
-        for phase in phases_of(results.model.structure)
-        if phase != "delay"
+    structure, table = results.model.structure, results.candidates
+    varied = {
+        each: varied_order(each, structure) for each in phases_of(structure) if each != "delay"
     }
-    plant = f"Plant order: {tied_text(results.model.structure)}"
-    panels = tuple(
-        replace(
-            _scores(
-                *(rows, (varied_order(phase, results.model.structure), "k"), score),
-                {"": (("phase", phase),)},
-                height=180,
-            ),
-            title=TITLES.get(phase, plant) if score is CRITERIA[0] else "",
-        )
-        for score in CRITERIA
-        for phase, rows in tables.items()
-    )
-    together = pd.concat(tables.values())[["phase", *ORDERS, "rss", "bic", "selected"]]
-    return Chart(together, panels, columns=len(tables))
-
-
-def _by_structure(table: pd.DataFrame) -> dict[str, Where]:
-    return {name: (("structure", name),) for name in dict.fromkeys(table["structure"])}
+    tables = {
+        phase: table[table["phase"] == phase].sort_values(order) for phase, order in varied.items()
+    }
+    panels = []
+    for column in CRITERIA:
+        for phase, rows in tables.items():
+            where: Where = (("phase", phase),)
+            panel = _scores(rows, (varied[phase], "k"), column, {"": where}, height=180)
+            title = TITLES.get(phase, f"Plant order: {tied_text(structure)}")
+            panels.append(replace(panel, title=title if column == CRITERIA[0] else ""))
+    together = pd.concat(tables.values())[["phase", *ORDER_NAMES, *CRITERIA, "selected"]]
+    return Chart(together, tuple(panels), columns=len(tables))
 
 
 def _held_out(results: DatasetResults) -> Chart:
@@ -129,25 +118,23 @@ def _held_out(results: DatasetResults) -> Chart:
     table = results.scores.sort_values(["structure", "order"])
     if table["order"].nunique() < 2:
         return nothing("No orders were compared.")
+    series: dict[str, Where] = {
+        each: (("structure", each),) for each in table["structure"].unique()
+    }
     errors = table["error_percent"]
     highest = 1.05 * float(min(errors.max(), 4.0 * errors.min()))
-    limits = (0.0, highest) if np.isfinite(highest) and highest > 0 else ()
-    shown: dict[str, tuple[str, dict[str, Any]]] = {
-        "error_percent": ("Error on held-out samples (%)", {"limits": limits, "scale": "linear"}),
-        "bic": ("BIC", {}),
-    }
-    for column in shown:
+    limits = (0.0, highest) if 0 < highest < np.inf else ()
+    panels = []
+    for column, options in (
+        ("error_percent", {"limits": limits, "scale": "linear"}),
+        ("bic", {}),
+    ):
         best = table.groupby(["structure", "order"])[column].transform("min")
-        table[f"lowest_{column}"] = table[column].where(table[column] == best)
-    series = _by_structure(table)
-    panels = tuple(
-        _scores(
-            *(table, ("order", "Order"), (column, label), series, f"lowest_{column}"),
-            **{"height": 280, **options},
-        )
-        for column, (label, options) in shown.items()
-    )
-    return Chart(table, panels, columns=2)
+        lowest = f"lowest_{column}"
+        table[lowest] = table[column].where(table[column] == best)
+        x = "order", "Order"
+        panels.append(_scores(table, x, column, series, lowest, height=280, **options))
+    return Chart(table, tuple(panels), columns=2)
 
 
 def convergence(results: DatasetResults) -> Chart:
@@ -164,16 +151,12 @@ def convergence(results: DatasetResults) -> Chart:
         # Differences in the last digits alone must not look like a descent.
         middle, half = float(best.mean()), SMALLEST_SPAN / 2 * abs(float(best.iloc[-1]))
         limits = (middle - half, middle + half)
-    panel = Panel(
-        *("", "evaluations", "Objective evaluations", "Lowest objective"),
-        (
-            Curve("lowest objective", "lowest_objective", "model", "steps"),
-            Curve("", "lowest_objective", "error", "points", marker=".", names="last"),
-        ),
-        scale=scale_of(best),
-        limits=limits,
+    curves = (
+        Curve("lowest objective", "lowest_objective", "model", "steps"),
+        Curve("", "lowest_objective", "error", "points", marker=".", names="last"),
     )
-    return Chart(table, (panel,))
+    panel = Panel("", "evaluations", "Objective evaluations", "Lowest objective", curves)
+    return Chart(table, (replace(panel, scale=scale_of(best), limits=limits),))
 
 
 def stabilization(results: DatasetResults) -> Chart:
@@ -184,24 +167,15 @@ def stabilization(results: DatasetResults) -> Chart:
     if table.empty:
         return nothing("No candidate has an oscillating mode.")
     table.insert(2, "damping_percent", 100 * table.pop("damping_ratio"))
+    curves = [
+        Curve(label, "order", colour, "points", where=(("status", status),), marker=marker)
+        for status, label, colour, marker in STATUSES
+    ]
+    if len(results.outputs) == 1:
+        curves.insert(0, Curve("spectrum of the output", "density", "muted", source="spectrum"))
+    order = "Order of the plant" if results.model.orders else "Order n"
     panel = Panel(
-        *(
-            "",
-            "frequency_hz",
-            "Natural frequency (Hz)",
-            "Order of the plant" if results.model.orders else "Order n",
-        ),
-        (
-            *(
-                (Curve("spectrum of the output", "density", "muted", source="spectrum"),)
-                if len(results.outputs) == 1
-                else ()
-            ),
-            *(
-                Curve(label, "order", colour, "points", where=(("status", status),), marker=marker)
-                for status, label, colour, marker in STATUSES
-            ),
-        ),
+        *("", "frequency_hz", "Natural frequency (Hz)", order, tuple(curves)),
         height=280,
         highest=results.model.sampling_rate / 2,
         marks=true_modes(results),
@@ -226,10 +200,9 @@ ELLIPSE = ("variance_real", "variance_imag", "covariance")
 
 def poles_zeros(results: DatasetResults) -> Chart:
     """Roots with 95 % ellipses, and damping over frequency with 95 % intervals."""
-    rate = results.model.sampling_rate
-    table = pd.concat([results.roots, _modes_table(results)], ignore_index=True)
-    kinds = set(results.roots["kind"])
-    roots = tuple(
+    roots, rate = results.roots, results.model.sampling_rate
+    kinds = set(roots["kind"])
+    curves = tuple(
         Curve(
             *(label, "imag", colour, "points"),
             where=(("kind", kind),),
@@ -239,36 +212,26 @@ def poles_zeros(results: DatasetResults) -> Chart:
         for kind, label, colour, marker in KINDS
         if kind in kinds
     )
-    beyond = int((results.roots[["real", "imag"]].abs().max(axis="columns") > FRAME).sum())
+    beyond = int((roots[["real", "imag"]].abs().max(axis="columns") > FRAME).sum())
     outside = f" ({beyond} root{'s' if beyond > 1 else ''} outside)" if beyond else ""
-    circle = Panel(
-        *("", "real", f"Real part{outside}", "Imaginary part", roots),
-        plane="z",
-        rate=rate,
-        height=300,
-    )
-    modes = table[table["kind"] == "mode"]
-    estimate = Curve(
-        *("estimate", "damping_percent", "model", "points"),
-        where=(("kind", "mode"),),
-        marker="x",
-        errors=("frequency_se_hz", "damping_se_percent"),
-    )
+    x_label = f"Real part{outside}"
+    circle = Panel("", "real", x_label, "Imaginary part", curves, plane="z", rate=rate, height=300)
+    both = {"mode": results.modes, "true mode": results.true_modes}
+    rows = [(kind, *mode_values(mode)) for kind, modes in both.items() for mode in modes]
+    modes = pd.DataFrame(rows, columns=["kind", *MODE_COLUMNS]).replace([np.inf, -np.inf], np.nan)
+    table = pd.concat([roots, modes], ignore_index=True)
+    if not results.modes:
+        return Chart(table, (circle,), 1)
+    drawn = Curve("estimate", "damping_percent", "model", "points", where=(("kind", "mode"),))
+    estimate = replace(drawn, marker="x", errors=("frequency_se_hz", "damping_se_percent"))
     where = (("kind", "true mode"),)
-    truth = Curve("truth", "damping_percent", "truth", "points", where=where, marker="opens")
+    truth = replace(drawn, label="truth", colour="truth", where=where, marker="opens")
     damping = Panel(
         *("Modes, with 95 % intervals", "frequency_hz", "Natural frequency (Hz)"),
         "Damping ratio (%)",
         (estimate, truth) if results.true_modes else (estimate,),
-        scale="logarithmic" if len(modes) and modes["damping_percent"].min() > 0 else "linear",
+        scale="logarithmic" if min(m.damping_ratio for m in results.modes) > 0 else "linear",
         highest=1.04 * rate / 2,
         height=300,
     )
-    return Chart(table, (circle, damping) if len(modes) else (circle,), 2 if len(modes) else 1)
-
-
-def _modes_table(results: DatasetResults) -> pd.DataFrame:
-    both = {"mode": results.modes, "true mode": results.true_modes}
-    rows = [(kind, *mode_values(mode)) for kind, modes in both.items() for mode in modes]
-    table = pd.DataFrame(rows, columns=["kind", *MODE_COLUMNS])
-    return table.replace([np.inf, -np.inf], np.nan)
+    return Chart(table, (circle, damping), 2)

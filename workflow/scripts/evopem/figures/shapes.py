@@ -45,9 +45,9 @@ class ShapeDrawing:
         flattened = reach.reshape(-1, 3) @ self.view
         self.low = flattened.min(axis=0)
         span = np.maximum(np.ptp(flattened, axis=0), 1e-9 * self.size)
-        room = np.array([WIDTH - 2 * MARGIN, HEIGHT - 2 * MARGIN])
+        room = np.array([WIDTH, HEIGHT]) - 2 * MARGIN
         self.scale = float(np.min(room / span))
-        self.offset = np.array([MARGIN, MARGIN]) + (room - span * self.scale) / 2
+        self.offset = MARGIN + (room - span * self.scale) / 2
         self.top = float(span[1] * self.scale)
 
     def drawn(self, shape: NDArray[np.complex128], label: str, moving: bool = False) -> str:
@@ -57,8 +57,9 @@ class ShapeDrawing:
         """
         turned = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
         steps = np.exp(2j * np.pi * np.arange(FRAMES + 1) / FRAMES)
-        frames = [self._outline(self._moved((turned * step).real)) for step in steps]
-        content = f'<path class="rest" d="{self._outline(self.rest)}"/>'
+        places = [self._flat((turned * step).real) for step in steps]
+        frames = [self._outline(flat) for flat in places]
+        content = f'<path class="rest" d="{self._outline(self._flat(0 * shape.real))}"/>'
         front = f'<path class="front" d="{frames[0]}"'
         if moving:
             content += (
@@ -67,41 +68,29 @@ class ShapeDrawing:
             )
         else:
             content += f'<path class="back" d="{frames[FRAMES // 2]}"/>{front}/>'
-            content += self._dots(self._moved(turned.real))
+            for point in sorted({point for _, point, _ in self.channels}):
+                x, y = places[0][point]
+                content += f'<circle class="dot" cx="{x:.1f}" cy="{y:.1f}" r="2.6">'
+                content += f"<title>{escape(self.names[point])}</title></circle>"
         return (
             f'<svg class="shape" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img"'
             f' aria-label="{escape(label, quote=True)}">{content}</svg>'
         )
 
-    def _moved(self, entries: Array) -> Array:
-        """Points displaced in the directions of their channels, (points, 3)."""
+    def _flat(self, entries: Array) -> Array:
+        """Points displaced in the directions of their channels, as they are drawn (points, 2)."""
         moved = self.rest.copy()
         for output, point, direction in self.channels:
             moved[point] += AMPLITUDE * self.size * entries[output] * direction
-        return moved
-
-    def _flat(self, points: Array) -> Array:
-        flat = (points @ self.view - self.low) * self.scale
+        flat = (moved @ self.view - self.low) * self.scale
         placed: Array = np.column_stack([flat[:, 0], self.top - flat[:, 1]]) + self.offset
         return placed
 
-    def _outline(self, points: Array) -> str:
-        flat = self._flat(points)
+    def _outline(self, flat: Array) -> str:
+        words = [f"{x:.1f} {y:.1f}" for x, y in flat]
         if not self.lines:
-            return "".join(f"M{x:.1f} {y:.1f}h.1" for x, y in flat)
-        return "".join(
-            f"M{flat[one][0]:.1f} {flat[one][1]:.1f}L{flat[other][0]:.1f} {flat[other][1]:.1f}"
-            for one, other in self.lines
-        )
-
-    def _dots(self, points: Array) -> str:
-        flat = self._flat(points)
-        measured = sorted({point for _, point, _ in self.channels})
-        return "".join(
-            f'<circle class="dot" cx="{flat[point][0]:.1f}" cy="{flat[point][1]:.1f}" r="2.6">'
-            f"<title>{escape(self.names[point])}</title></circle>"
-            for point in measured
-        )
+            return "".join(f"M{each}h.1" for each in words)
+        return "".join(f"M{words[one]}L{words[other]}" for one, other in self.lines)
 
 
 def _view(flat: NDArray[np.bool_]) -> Array:
@@ -109,11 +98,5 @@ def _view(flat: NDArray[np.bool_]) -> Array:
     if flat.any():
         kept = [axis for axis in range(3) if axis != int(np.flatnonzero(flat)[-1])]
         return np.eye(3)[:, kept]
-    slope = np.radians(30.0)
-    return np.array(
-        [
-            [np.cos(slope), -np.sin(slope)],
-            [-np.cos(slope), -np.sin(slope)],
-            [0.0, 1.0],
-        ]
-    )
+    across, down = np.cos(np.radians(30.0)), -np.sin(np.radians(30.0))
+    return np.array([[across, down], [-across, down], [0.0, 1.0]])
