@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import median, stdev
 from typing import Any
@@ -17,34 +16,12 @@ from evopem.report.numbers import THIN, number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.followed_modes import NORMAL_95, FollowedMode, group_of
+from evopem.results.identity import IncompleteDataset
 
 # Size of a row's plot of the gain, and the decibels that it shows at most.
 WIDTH, HEIGHT, DEEPEST = 120, 30, 80.0
 # Size of the chart of a followed mode; with fewer recordings it says no more than the table.
 CHART_WIDTH, CHART_HEIGHT, EDGE, FEWEST = 640, 90, 4, 3
-
-
-@dataclass(frozen=True)
-class IndexRow:
-    """A row of the page."""
-
-    name: str
-    group: str  # data sets whose names begin alike have one group
-    # Relative address of the data set's page; of a log where its results are not complete, and
-    # empty where there is none.
-    href: str
-    problem: str = ""  # why the results are not complete; empty where they are
-    summary: DatasetSummary | None = None
-    gain: dict[str, Any] | None = None  # the gain of the model as a small plot
-
-    @property
-    def rank(self) -> tuple[bool, int, int, float, str]:
-        """Rows with a smaller rank come first."""
-        if self.summary is None:
-            return (False, 0, 0, 0.0, self.name)
-        error, unknown = self.summary.simulation_error_percent, self.summary.n_checks(passed=None)
-        severity = math.inf if math.isnan(error) else error
-        return (True, -len(self.summary.failed), -unknown, -severity, self.name)
 
 
 def build_index(
@@ -58,14 +35,11 @@ def build_index(
 
     Data sets without complete results come first, then those with failed checks, then those with
     checks that could not be judged, then by decreasing simulation error."""
-    rows = sorted(
-        (_row(name, entry, page) for name, entry in entries.items()), key=lambda row: row.rank
-    )
-    sizes = Counter(row.group for row in rows)
+    groups = Counter(map(group_of, entries))
     page_of = environment(template_directory).get_template("index.html.j2")
     return page_of.render(
-        rows=rows,
-        grouped=len(sizes) > 1 and max(sizes.values()) > 1,
+        rows=[_row(name, entries[name], page) for name in sorted(entries, key=_rank_in(entries))],
+        grouped=len(groups) > 1 and max(groups.values()) > 1,
         charts=followed_charts(followed),
         warnings=[sentence for each in followed for sentence in movements(each)],
         varying=[sentence for each in followed for sentence in variation(each)],
@@ -73,11 +47,27 @@ def build_index(
     )
 
 
-def _row(name: str, entry: Entry, page: str) -> IndexRow:
-    folder, group = quote(name, safe=""), group_of(name)
+def _rank_in(entries: Mapping[str, Entry]) -> Callable[[str], tuple[Any, ...]]:
+    """Names with a smaller rank come first."""
+
+    def rank(name: str) -> tuple[Any, ...]:
+        entry = entries[name]
+        if isinstance(entry, IncompleteDataset):
+            return (False, name)
+        error = entry.simulation_error_percent
+        severity = math.inf if math.isnan(error) else error
+        return (True, -len(entry.failed), -entry.n_checks(passed=None), -severity, name)
+
+    return rank
+
+
+def _row(name: str, entry: Entry, page: str) -> dict[str, Any]:
+    """A row: names that begin alike are one group; the address is that of the page or a log."""
+    row, folder = {"name": name, "group": group_of(name)}, quote(name, safe="")
     if isinstance(entry, DatasetSummary):
-        return IndexRow(name, group, f"{folder}/{page}", summary=entry, gain=_gain(entry))
-    return IndexRow(name, group, f"{folder}/{quote(entry.log)}" if entry.log else "", entry.problem)
+        return row | {"href": f"{folder}/{page}", "summary": entry, "gain": _gain(entry)}
+    href = f"{folder}/{quote(entry.log)}" if entry.log else ""
+    return row | {"href": href, "problem": entry.problem, "summary": None}
 
 
 def _gain(summary: DatasetSummary) -> dict[str, Any] | None:

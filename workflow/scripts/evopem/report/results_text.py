@@ -32,21 +32,18 @@ def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "
 
 def results_html(name: str, verdict: str, summary: DatasetSummary) -> str:
     """The same as HTML without styles that leave it, with all that the failed checks found."""
-    head, *rows = _mode_rows(summary)
     from pandas import DataFrame
 
+    head, *rows = _mode_rows(summary)
     modes = DataFrame(rows, columns=head).to_html(index=False, border=0) if rows else _NO_MODE
     parts = [
         f"<p><strong>{escape(name)}</strong>: {escape(verdict)}</p>",
         modes,
         f"<p>{escape(_model(summary))}. Errors: {escape(_errors(summary))}.</p>",
     ]
-    if summary.failed:
-        items = "".join(
-            f"<li>{escape(check.name)}: {escape(check.statement)}</li>" for check in summary.failed
-        )
-        heading = plural(len(summary.failed), "failed check")
-        parts.append(f"<details><summary>{heading}</summary><ul>{items}</ul></details>")
+    if found := [f"<li>{escape(f'{each.name}: {each.statement}')}</li>" for each in summary.failed]:
+        heading = plural(len(found), "failed check")
+        parts.append(f"<details><summary>{heading}</summary><ul>{''.join(found)}</ul></details>")
     return "<div>" + "\n".join(parts) + "</div>"
 
 

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from statistics import fmean
-from typing import Any
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
@@ -45,8 +45,7 @@ JOINT_ORDER, ORDER_OF_C, COEFFICIENTS_OF_B = 7, 7, 6
 MOST_RIVALS = 8
 
 
-@dataclass(frozen=True)
-class ModeRow:
+class ModeRow(NamedTuple):
     """One row of the table of modes; None where there is no corresponding mode."""
 
     estimate: Mode | None
@@ -189,16 +188,14 @@ def recording_rows(results: DatasetResults) -> list[tuple[str, int, int, int, fl
     for counted, origins in ((used, transforms.estimation), (held_out, transforms.validation)):
         for each in origins:
             counted[each.recording] += each.samples
+    kind = "simulation_error_percent" if has_input else "prediction_error_percent"
     errors: dict[int, float] = {}
     for origin, found in zip(transforms.validation, results.validation.stretches, strict=False):
-        percent = found.simulation_error_percent if has_input else found.prediction_error_percent
         share = origin.samples / held_out[origin.recording]
-        errors[origin.recording] = errors.get(origin.recording, 0.0) + share * percent
+        known = errors.get(origin.recording, 0.0)
+        errors[origin.recording] = known + share * getattr(found, kind)
     return [
-        (
-            *(file.path, file.samples, used[place], held_out[place]),
-            errors.get(place, math.nan),
-        )
+        (file.path, file.samples, used[place], held_out[place], errors.get(place, math.nan))
         for place, file in enumerate(results.files if transforms.several_recordings else ())
     ]
 

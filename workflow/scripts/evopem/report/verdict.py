@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,7 +24,6 @@ from evopem.report.numbers import (
 )
 from evopem.results.channels import Channel
 from evopem.results.dataset import DatasetResults
-from evopem.validation.checks import Check
 from evopem.validation.checks.inputs import RESTING, input_rests
 from evopem.validation.checks.residuals import white
 from evopem.validation.mode_evidence import ModeEvidence
@@ -101,24 +100,21 @@ def verdict(results: DatasetResults) -> Verdict:
 
     A model without input cannot be simulated; it is judged by its prediction and its spectrum.
     """
-    outcome = {check.name: check for check in results.checks}
-    uses = [_prediction(results, outcome), _frequency_response(results, outcome)]
+    uses = [_prediction(results), _frequency_response(results)]
     if results.model.has_input:
-        uses = [*_simulations(results, outcome), *uses]
-    uses += [_modes(results), _intervals(results, outcome)]
+        uses = [*_simulations(results), *uses]
+    uses += [_modes(results), _intervals(results)]
     return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
 
 
 def sentence_of(uses: Sequence[Use]) -> str:
     """All uses in a sentence, those of one answer together."""
-    named: dict[Answer, str] = {
-        answer: enumeration([use.name for use in uses if use.answer == answer])
-        for answer in ANSWERS
-    }
-    if not named["good"] and not named["care"]:
+    if all(use.answer == "no" for use in uses):
         return "This model is good for nothing that was tested."
-    parts = [f"{_WORDS[answer]} {named[answer]}" for answer in ANSWERS if named[answer]]
-    text = "; ".join(parts)
+    named = {answer: [use.name for use in uses if use.answer == answer] for answer in ANSWERS}
+    text = "; ".join(
+        f"{_WORDS[each]} {enumeration(names)}" for each, names in named.items() if names
+    )
     return f"{text[0].upper()}{text[1:]}."
 
 
@@ -128,22 +124,22 @@ def _use(name: str, *findings: Finding) -> Use:
     return Use(name, answer, "; ".join(reason for _, reason in findings if reason))
 
 
-def _by_checks(use: str, outcome: Mapping[str, Check]) -> Finding:
+def _by_checks(use: str, results: DatasetResults) -> Finding:
     """What the checks say of a use, and which of them speak against it."""
+    words = {check.name: check.word for check in results.checks}
     essential, desirable = (
-        tuple(check for check, uses in table.items() if use in uses)
+        [check for check, uses in table.items() if use in uses and check in words]
         for table in (ESSENTIAL, DESIRABLE)
     )
-    both = (*essential, *desirable)
-    answers: tuple[tuple[tuple[str, ...], str, Answer], ...] = (
+    both = essential + desirable
+    answers: tuple[tuple[list[str], str, Answer], ...] = (
         (essential, "Failed", "no"),
         (desirable, "Failed", "care"),
         (both, "Caution", "care"),
         (both, "Not judged", "care"),
     )
     for names, word, answer in answers:
-        found = [f"“{name}”" for name in names if name in outcome and outcome[name].word == word]
-        if found:
+        if found := [f"“{name}”" for name in names if words[name] == word]:
             return answer, f"{word.lower()}: {enumeration(found)}"
     return "good", ""
 
@@ -162,13 +158,13 @@ def plural_of(noun: str, things: Sequence[object]) -> str:
     return noun if len(things) == 1 else f"{noun}s"
 
 
-def _simulations(results: DatasetResults, outcome: Mapping[str, Check]) -> list[Use]:
+def _simulations(results: DatasetResults) -> list[Use]:
     """The simulation; where transforms make it another quantity, also in recorded units."""
     validation, recorded = results.validation, results.recorded
     outputs, several = plural_of("output", results.outputs), len(results.outputs) > 1
     owner, samples = "outputs’" if several else "output’s", count(validation.samples)
     told = f" of the {owner} deviation on {samples} validation samples"
-    checked = _by_checks("simulation", outcome)
+    checked = _by_checks("simulation", results)
     worst_of: Finding = "good", ""
     if several:
         worst, own = results.worst_first[0]
@@ -191,7 +187,7 @@ def _simulations(results: DatasetResults, outcome: Mapping[str, Check]) -> list[
     return [_use(name, *findings, checked) for name, findings in found.items()]
 
 
-def _prediction(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
+def _prediction(results: DatasetResults) -> Use:
     validation, several = results.validation, len(results.outputs) > 1
     where = " on average over the outputs" if several else " on validation samples"
     # Without a noise model it is a simulation, and is as good as one.
@@ -207,10 +203,10 @@ def _prediction(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
         findings.append(("care" if largest >= ERROR_OF_MEAN else "good", told))
     if not results.model.has_noise_model and white(results.validation) is not True:
         findings.append(("care", "the residuals are coloured, which no noise model uses"))
-    return _use("one-step prediction", *findings, _by_checks("prediction", outcome))
+    return _use("one-step prediction", *findings, _by_checks("prediction", results))
 
 
-def _frequency_response(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
+def _frequency_response(results: DatasetResults) -> Use:
     """The response of the plant; of a model without input, the spectrum that its noise has."""
     validation = results.validation
     name, rests_on = f"the {plural_of('frequency response', results.pairs)}", "response"
@@ -218,7 +214,7 @@ def _frequency_response(results: DatasetResults, outcome: Mapping[str, Check]) -
     if not results.model.has_input:
         name, rests_on = f"the spectrum of the {plural_of('output', results.outputs)}", "spectrum"
         error, computed = validation.prediction_error_percent, "predicts"
-    checked = _by_checks(rests_on, outcome)
+    checked = _by_checks(rests_on, results)
     if is_number(error) and error >= ERROR_OF_MEAN:
         told = f"it {computed} no better than the mean, off by {percent(error)}"
         return _use(name, ("no", told), checked)
@@ -228,16 +224,12 @@ def _frequency_response(results: DatasetResults, outcome: Mapping[str, Check]) -
     width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
     half = 100 * float(np.median(width)) if len(inside) else math.nan
     over = "all pairs and frequencies" if len(results.pairs) > 1 else "frequency"
-    band: Finding = (
-        "good",
-        f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})",
-    )
+    told = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})"
     if math.isnan(half):
-        band = "care", "its 95 % band is not known"
+        told = "its 95 % band is not known"
     elif math.isinf(half):
-        band = "care", "its 95 % band has no upper limit at half of the frequencies or more"
-    elif half > WIDE_BAND:
-        band = "care", band[1]
+        told = "its 95 % band has no upper limit at half of the frequencies or more"
+    band: Finding = ("good" if half <= WIDE_BAND else "care", told)
     tested: Finding = ("good", "")
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
@@ -277,8 +269,8 @@ def standard_errors(record: ModelRecord) -> np.ndarray:
     return np.full(record.model.parameters.size, 0.0 if known else np.nan)
 
 
-def _intervals(results: DatasetResults, outcome: Mapping[str, Check]) -> Use:
-    checked, errors = _by_checks("intervals", outcome), standard_errors(results.model)
+def _intervals(results: DatasetResults) -> Use:
+    checked, errors = _by_checks("intervals", results), standard_errors(results.model)
     findings: list[Finding] = []
     unknown = int((~np.isfinite(errors)).sum())
     if unknown == len(errors):
