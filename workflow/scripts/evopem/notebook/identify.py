@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -110,10 +111,9 @@ def identify(
 
     folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
     root = Path(folder.name)
-    for each, file in zip(recorded, _files(DATA, recorded), strict=True):
-        each.save(root / file)
-    for each, file in zip(held_out, _files(VALIDATION, held_out), strict=True):
-        each.save(root / file)
+    for what, signals in ((DATA, recorded), (VALIDATION, held_out)):
+        for each, file in zip(signals, _files(what, signals), strict=True):
+            each.save(root / file)
     files = DatasetFiles(str(root / RESULTS_FOLDER / name))
     with one_blas_thread(), progress(show_progress) as announce:
         try:
@@ -148,22 +148,20 @@ def _validation_signals(
     given: Any, first: GivenSignals, wanted: Wanted
 ) -> tuple[GivenSignals, ...]:
     """The signals of the validation recordings, under the names of the others."""
-    source = VALIDATION
     if given is None:
         return ()
     tables = [given] if hasattr(given, "columns") else given
     if not isinstance(tables, tuple | list) or not tables:
         problem = "it is neither a table nor a pair of signals"
-        raise InputError(source, problem, "give (input, output)")
-    if all(hasattr(each, "columns") for each in tables) and not hasattr(wanted.output, "iloc"):
-        found = given_recordings(given, wanted, source)
-    elif len(tables) == 2:
-        inputs, outputs = tables
-        own = Wanted(outputs, sampling_rate=wanted.sampling_rate, time_unit=wanted.time_unit)
-        found = given_recordings(inputs, own, source)
-    else:
-        raise InputError(source, f"it has {len(tables)} signals", "give (input, output)")
-    return tuple(alike(each, first, source) for each in found)
+        raise InputError(VALIDATION, problem, "give (input, output)")
+    are_tables = all(hasattr(each, "columns") for each in tables)
+    if not are_tables or hasattr(wanted.output, "iloc"):
+        if len(tables) != 2:
+            raise InputError(VALIDATION, f"it has {len(tables)} signals", "give (input, output)")
+        given, output = tables
+        wanted = replace(wanted, output=output, input=None, time=None)
+    found = given_recordings(given, wanted, VALIDATION)
+    return tuple(alike(each, first, VALIDATION) for each in found)
 
 
 def _settings(
@@ -179,27 +177,24 @@ def _settings(
     for key in _OWN_KEYS:
         if key in keys:
             raise InputError(key, "it is no key of the analysis", "leave it out")
+    inputs, outputs = signals.input_names, signals.output_names
     own: dict[str, Any] = {
         "file": one_or_list(_files(DATA, recorded)),
-        "output": one_or_list(signals.output_names),
+        "output": one_or_list(outputs),
         "sampling_rate": float(signals.sampling_rate),
     }
-    if signals.input_names:
-        own["input"] = one_or_list(signals.input_names)
-    elif len(signals.output_names) > 1:
-        own["input"] = NONE
-    if len(signals.input_names) <= 1 and len(signals.output_names) == 1:
+    if inputs or len(outputs) > 1:
+        own["input"] = one_or_list(inputs) if inputs else NONE
+    if len(inputs) <= 1 and len(outputs) == 1:
         own["recipe"] = "auto"
     if held_out:
         own["validation_file"] = one_or_list(_files(VALIDATION, held_out))
     try:
-        content = {"datasets": {name: own | _as_lists(keys)}}
-        completed = complete(content, "identify")
+        return complete({"datasets": {name: own | _as_lists(keys)}}, "identify").datasets[name]
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}").lstrip(".")
         place = "name" if key == "datasets" else key or "identify"
         raise InputError(place, error.problem, error.remedy) from None
-    return completed.datasets[name]
 
 
 def _as_lists(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
@@ -53,14 +54,11 @@ def checked_rate(rate: Any) -> float | None:
     """A sampling rate as a number."""
     if rate is None:
         return None
-    try:
-        number = float(rate) if isinstance(rate, Real) and not isinstance(rate, bool) else np.nan
-    except OverflowError:
-        number = np.inf
-    if not (np.isfinite(number) and number > 0.0):
-        problem = f"{repr(rate)[:40]} is no rate"
-        raise InputError("sampling_rate", problem, "give a positive number of Hz")
-    return number
+    is_number = isinstance(rate, Real) and not isinstance(rate, bool)
+    if is_number and 0.0 < rate < sys.float_info.max:
+        return float(rate)
+    problem = f"{repr(rate)[:40]} is no rate"
+    raise InputError("sampling_rate", problem, "give a positive number of Hz")
 
 
 def given_signals(data: Any, wanted: Wanted, source: str = DATA) -> GivenSignals:
@@ -159,9 +157,9 @@ def _columns(
     table: Any, labels: Any, role: str, source: str
 ) -> tuple[NDArray[np.float64], list[Any]]:
     """The samples and labels of the inputs or outputs; a tuple may be one label itself."""
-    is_one = not isinstance(labels, list | tuple)
-    is_one = is_one or (isinstance(labels, tuple) and bool(_places(table, labels)))
-    listed = [] if labels is None else [labels] if is_one else list(labels)
+    listed = list(labels) if isinstance(labels, list | tuple) else [labels]
+    if labels is None or (isinstance(labels, tuple) and _places(table, labels)):
+        listed = [] if labels is None else [labels]
     if role == "output" and not listed:
         raise InputError("output", "it is missing", f"give one of {_listed(table)}")
     samples = [_samples(_column(table, label, role, source), source, role) for label in listed]

@@ -126,45 +126,37 @@ def followed_table(followed: Sequence[FollowedMode]) -> pd.DataFrame:
     """A row for each mode and recording, with 95 % intervals and what the tests say."""
     import pandas as pd
 
-    rows = [row for each in followed for row in _rows(each)]
-    table = pd.DataFrame(rows, columns=[name for name in _COLUMN_TYPES if name not in _ENDS])
-    for end, (value, error, sign) in _ENDS.items():
-        table[end] = table[value] + sign * NORMAL_95 * table[error]
-    return table[list(_COLUMN_TYPES)].astype(_COLUMN_TYPES)
-
-
-# Ends of 95 % intervals: the columns of the value and its error, and on which side.
-_ENDS = {
-    f"{name}_{end}_{unit}": (f"{name}_{unit}", f"{name}_se_{unit}", sign)
-    for name, unit in (("frequency", "hz"), ("damping", "percent"))
-    for end, sign in (("low", -1), ("high", 1))
-}
-_OF_MODE = sorted((*MODE_COLUMNS, *_ENDS), key=lambda name: not name.startswith("frequency"))
-_COLUMN_TYPES = (
-    {"group": "string", "mode": "Int64", "dataset": "string"}
-    | dict.fromkeys(("place", *_OF_MODE, "mac", "level_hz"), "float64")
-    | {"warning": "string"}
-)
+    table = pd.DataFrame(
+        [row for each in followed for row in _rows(each)],
+        columns=["group", "mode", "dataset", "place", *MODE_COLUMNS, "mac", "level_hz", "warning"],
+    )
+    # After the error of each value, its 95 % interval.
+    for name, unit in (("frequency", "hz"), ("damping", "percent")):
+        half = NORMAL_95 * table[f"{name}_se_{unit}"]
+        after = table.columns.get_loc(f"{name}_se_{unit}") + 1
+        table.insert(after, f"{name}_low_{unit}", table[f"{name}_{unit}"] - half)
+        table.insert(after + 1, f"{name}_high_{unit}", table[f"{name}_{unit}"] + half)
+    words = dict.fromkeys(("group", "dataset", "warning"), "string")
+    numbers = table.columns.difference([*words, "mode"])
+    return table.astype(words | {"mode": "Int64"} | dict.fromkeys(numbers, "float64"))
 
 
 def _rows(followed: FollowedMode) -> Iterator[tuple[object, ...]]:
     levels, first = followed.levels, followed.modes[0].shape
-    moved = {change.index for change in levels.changes} if levels else set()
+    warnings: dict[int, str] = {}
+    if levels is not None:
+        warnings = dict.fromkeys(levels.outlying, "away from its level")
+        warnings |= {change.index: "moved from here on" for change in levels.changes}
+    if followed.drift is not None:
+        warnings[0] = f"{followed.drift.kind} from here on"
     for index, (name, place, mode) in enumerate(
         zip(followed.recordings, followed.places, followed.modes, strict=True)
     ):
-        warning = None
-        if followed.drift is not None and index == 0:
-            warning = f"{followed.drift.kind} from here on"
-        elif index in moved:
-            warning = "moved from here on"
-        elif levels is not None and index in levels.outlying:
-            warning = "away from its level"
         yield (
             *(followed.group, followed.number, name, place, *mode_values(mode)),
             assurance(first, mode.shape) if len(first) > 1 else math.nan,
             math.nan if levels is None else levels.values[index],
-            warning,
+            warnings.get(index),
         )
 
 
