@@ -160,7 +160,9 @@ class Polynomials:
         return roots(self.C[1:])
 
     def uncertain_roots(self, letter: str) -> list[tuple[complex, Array]]:
-        """Roots of one of a, b, c, d, f of a model with one input, with their covariances."""
+        """Roots of one of a, b, c, d, f of a model of at most one input, with covariances."""
+        if letter in "bf" and not self.has_input:
+            return []
         own = None if self.covariance is None else self.covariance.part(self.part(letter))
         polynomial = getattr(self, letter.upper())
         return uncertain_roots(polynomial[0] if letter in "bf" else polynomial, own)
