@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 
 import evopem
 from evopem import PolynomialModel, Results, StateSpaceModel
-from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings, fit
+from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, fit
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import covariance_of
 from evopem.models.response_tables import response_standard_errors
@@ -76,7 +76,7 @@ def record_of(structure: str, seed: int) -> tuple[Array, Array]:
 def judged(structure: str, seed: int, found: Results) -> Outcome:
     """Compare a model with the truth, and with a fit of the true orders."""
     truth, stretches = truth_of(structure), [Segment(*record_of(structure, seed))]
-    true_orders = fit(stretches, truth.orders, FitSettings(), [truth]).model
+    true_orders = fit(stretches, truth.orders, models=[truth]).model
     ratio = _distance(found.model, truth) / _distance(true_orders, truth)
     errors = PolynomialErrors(
         stretches, truth.orders, "quadratic", PLANT_RADIUS, NOISE_RADIUS, True

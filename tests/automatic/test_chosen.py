@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from evopem.automatic import chosen
 from evopem.automatic.candidates import Scorer
-from evopem.automatic.fit import Fit, FitSettings
+from evopem.automatic.fit import CommonSettings, Fit
 from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.held_out.simulation import prediction_errors, simulated
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
@@ -25,8 +25,8 @@ from evopem.signals.recording import Recording, Segment
 def candidate():
     u, y, _ = output_error_record(400)
     recording = Recording(u, 5.0 * y, 10.0)
-    record = PreparedRecord.scaled(recording.segments, 10.0, PreparationPlan((0,)), centred=True)
-    scorer = Scorer(record.stretches, decide_folds(record.stretches), FitSettings())
+    record = PreparedRecord.of(recording.segments, 10.0, PreparationPlan((0,)))
+    scorer = Scorer(record.stretches, decide_folds(record.stretches), CommonSettings())
     found = scorer.candidate("oe", Orders(nb=2, nf=2, nk=1))
     return recording, record, scorer, Choice("simulation", found, "constant")
 
@@ -83,7 +83,7 @@ def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():
     stretches = [Segment(u, y)]
     errors = [np.std(y - simulated(m, stretches[0], True)[:, 0]) for m in (truth, larger)]
     assert errors[1] < 0.2 * errors[0]
-    scorer = Scorer(stretches, decide_folds(stretches), FitSettings())
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings())
     bics = [
         scorer.described("oe", Fit(m, 5, (lfilter([1.0], [1.0], e)[:, None],), 0)).simulation_bic
         for m in (truth, larger)

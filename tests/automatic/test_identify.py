@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 import evopem
 from evopem.automatic.candidates import OrderLimits, Scorer, StructureSearch
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import FitSettings
+from evopem.automatic.fit import CommonSettings
 from evopem.automatic.held_out.folds import FoldPlan, decide_folds
 from evopem.automatic.held_out.repetition import decide_repetition
 from evopem.automatic.held_out.simulation import simulated
@@ -62,7 +62,7 @@ def test_feedback_does_not_lead_to_an_output_error_model():
         u[t] = reference[t] - 0.3 * (x[t] + noise[t])
     stretches = [Segment(u, x + noise)]
     plan = FoldPlan(((2, 1),), ABOUT, decide_repetition(stretches))
-    scorer = Scorer(stretches, plan, FitSettings())
+    scorer = Scorer(stretches, plan, CommonSettings())
     searches = [
         StructureSearch(structure, tuple(scorer.candidate(structure, o) for o in orders), ABOUT)
         for structure, orders in (
@@ -79,7 +79,7 @@ def test_state_space_competes_with_polynomials_by_the_same_scores():
     u, y, _ = output_error_record(400)
     stretches = [Segment(u, y)]
     limits = OrderLimits(ranges=OrderRanges(nx=(1, 3), joint=(1, 3)))
-    scorer = Scorer(stretches, decide_folds(stretches), FitSettings(), limits, (1,))
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), limits, (1,))
     searches = [search_structure(scorer, each, {}) for each in ("armax", "ss")]
     # Two states of innovations form are an ARMAX model with as many roots of A, B and C.
     armax, ss = (next(c for c in search.candidates if c.order == 2) for search in searches)

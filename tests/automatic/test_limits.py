@@ -3,9 +3,9 @@
 import pytest
 
 from evopem.automatic.candidates import OrderLimits
+from evopem.automatic.orders import orders_of_size
 from evopem.config.settings import OrderRanges
 from evopem.errors import InputError
-from evopem.estimation.order_scan import joint_orders
 from evopem.models.structures import Orders
 
 
@@ -56,11 +56,11 @@ def test_only_the_structure_that_is_given_may_be_chosen():
 
 def test_orders_follow_the_joint_order_within_their_limits():
     given = limits(names=("hot", "cold"), nb=(1, 3), nf={"cold": (0, 0)}, nc=(2, 2))
-    joint = (joint_orders("bj", k, (1, 2)) for k in (1, 3, 5))
-    followed = [str(given.clamped("bj", each)) for each in joint]
-    assert followed[0] == "BJ([1 1],2,1,[1 0],[1 2])"
-    assert followed[1] == "BJ([3 3],2,3,[3 0],[1 2])"
-    assert followed[2] == "BJ([3 3],2,4,[5 0],[1 2])"
+    sizes = (orders_of_size("bj", n, (1, 2))[1] for n in (1, 3, 5))
+    followed = [str(given.clamped("bj", each)) for each in sizes]
+    assert followed[0] == "BJ([1 1],2,2,[1 0],[1 2])"
+    assert followed[1] == "BJ([3 3],2,2,[3 0],[1 2])"
+    assert followed[2] == "BJ([3 3],2,2,[5 0],[1 2])"
     assert given.at_upper_ends(Orders("arx", nb=(2, 3), nk=(1, 1), na=4)) == ("nb of cold",)
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.automatic.candidates import Scorer
-from evopem.automatic.fit import FitSettings
+from evopem.automatic.fit import CommonSettings
 from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.remedy_orders import with_noise_models
@@ -20,7 +20,7 @@ D = np.poly([0.8 * np.exp(1.5j), 0.8 * np.exp(-1.5j)]).real
 
 def remedied(y, u, structure, **orders):
     stretches = [Segment(u, y)]
-    scorer = Scorer(stretches, decide_folds(stretches), FitSettings())
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings())
     candidate = scorer.candidate(structure, Orders(**orders))
     return scorer, candidate, act_on_checks(scorer, Choice("simulation", candidate, "constant"))
 
@@ -59,7 +59,7 @@ def test_a_plant_keeps_its_simulations_beside_a_noise_model_of_its_own():
     u, e = np.random.default_rng(4).standard_normal((2, 1000))
     y = lfilter([0.0, 1.0, 0.6], A, u) + lfilter([1.0], [1.0, -0.9], e)
     stretches = [Segment(u, y)]
-    scorer = Scorer(stretches, decide_folds(stretches), FitSettings())
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings())
     plant = scorer.candidate("oe", Orders(nb=2, nf=2, nk=1))
     order, described = next(with_noise_models(scorer, plant))
     assert order == 1

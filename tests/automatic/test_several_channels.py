@@ -10,15 +10,14 @@ from scipy.signal import lfilter
 
 from evopem.automatic.candidates import Candidate, OrderLimits, Scorer
 from evopem.automatic.chosen import estimate_candidate
-from evopem.automatic.fit import FitSettings
+from evopem.automatic.fit import CommonSettings
 from evopem.automatic.held_out.folds import HeldOutScores, decide_folds, held_out_scores
 from evopem.automatic.orders import decide_delays, numbers_of_states, search_structure
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.state_space import until_bic_rises
 from evopem.automatic.structures import Choice, as_good, compare_structures
 from evopem.config.constraints import Constraints
-from evopem.config.settings import FitSettings as FocusAndConstraints
-from evopem.config.settings import OrderRanges, SearchSettings
+from evopem.config.settings import FitSettings, OrderRanges, SearchSettings
 from evopem.errors import NoModelError
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
@@ -50,7 +49,7 @@ def scorer_of(segments, delays=None, **ranges):
     nu = segments[0].inputs.shape[1]
     limits = OrderLimits(None, OrderRanges(**ranges), tuple(f"u{k + 1}" for k in range(nu)))
     delays = (1,) * nu if delays is None else delays
-    return Scorer(segments, decide_folds(segments), FitSettings(), limits, delays)
+    return Scorer(segments, decide_folds(segments), CommonSettings(), limits, delays)
 
 
 # Held-out samples.
@@ -286,7 +285,7 @@ def test_delays_of_the_configuration_stay():
 @pytest.mark.parametrize("evaluations", [0, 20])
 def test_a_chosen_model_meets_constraints(innovations, evaluations):
     scorer, candidates = innovations
-    fit = FocusAndConstraints(constraints=Constraints(static_gain={"u1": 4.0}))
+    fit = FitSettings(constraints=Constraints(static_gain={"u1": 4.0}))
     found = estimate_candidate(
         *(choice_of(candidates, 4).candidate, recording(), scorer),
         *(SearchSettings(evaluations=evaluations), fit),

@@ -7,7 +7,7 @@ import pytest
 from records import error_percent, output_error_record
 from scipy.optimize import approx_fprime
 
-from evopem.automatic.fit import FitSettings, fit
+from evopem.automatic.fit import fit
 from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.held_out.stretches import folds_of
 from evopem.config.structures import ORDER_NAMES
@@ -49,7 +49,7 @@ def test_the_gradient_over_stretches_is_that_of_the_values(objective):
 def test_recordings_with_their_own_levels_give_one_model():
     u, y, truth = output_error_record(600, percent=5.0)
     stretches = [Segment(u[:250], y[:250] + 7.0, 0), Segment(u[300:], y[300:] - 4.0, 1)]
-    found = fit(stretches, Orders(nb=2, nf=2, nk=1), FitSettings())
+    found = fit(stretches, Orders(nb=2, nf=2, nk=1))
     assert found.levels == pytest.approx((7.0, -4.0), abs=0.2)
     assert found.model.F[0] == pytest.approx([1.0, -1.5, 0.8], abs=0.02)
     assert error_percent(truth, simulated(found.model, Segment(u, truth + 7.0))[:, 0] - 7.0) < 3.0
@@ -57,7 +57,7 @@ def test_recordings_with_their_own_levels_give_one_model():
 
 def test_a_level_as_a_state_follows_other_samples():
     u, y, _ = output_error_record(400, percent=5.0)
-    found = fit([Segment(u, y)], Orders(nb=2, nf=2, nk=1), FitSettings()).model
+    found = fit([Segment(u, y)], Orders(nb=2, nf=2, nk=1)).model
     shifted = Segment(u, y + 50.0)
     assert error_percent(shifted.output, simulated(found, shifted, fitted_level=True)[:, 0]) < 10.0
     assert error_percent(shifted.output, simulated(found, shifted)[:, 0]) > 100.0
@@ -67,7 +67,7 @@ def test_an_integrator_is_fitted_and_simulated():
     u, e = np.random.default_rng(5).standard_normal((2, 500))
     y = 0.1 * np.concatenate([[0.0], np.cumsum(u - u.mean())[:-1]])
     y = y + 0.02 * y.std() * e
-    found = fit([Segment(u[:300], y[:300])], Orders(nb=1, nf=1, nk=1), FitSettings())
+    found = fit([Segment(u[:300], y[:300])], Orders(nb=1, nf=1, nk=1))
     held = Segment(u[300:], y[300:])
     assert abs(found.model.poles()[0]) > 0.99
     assert error_percent(held.output, simulated(found.model, held, fitted_level=True)[:, 0]) < 20.0
@@ -89,9 +89,7 @@ def with_level_as_state(model):
 @pytest.mark.parametrize("orders", [(0, 2, 0, 0, 2, 1), (2, 2, 1, 0, 0, 1)])
 def test_a_level_state_is_the_free_level_of_a_simulation(orders):
     u, y, _ = output_error_record(300)
-    model = fit(
-        [Segment(u, y)], Orders(**dict(zip(ORDER_NAMES, orders, strict=True))), FitSettings()
-    ).model
+    model = fit([Segment(u, y)], Orders(**dict(zip(ORDER_NAMES, orders, strict=True)))).model
     shifted = Segment(u, y + 5.0)
     form = with_level_as_state(model).plant().state_space()
     by_state = form.simulate_from_fitted_state(u[:, None], y[:, None] + 5.0)[:, 0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, FitSettings, log_loss
+from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, CommonSettings, log_loss
 from evopem.automatic.held_out.simulation import Model, prediction_errors
 from evopem.config.structures import OF_SIMULATION
 from evopem.estimation.criteria import lies_at_bound
@@ -64,7 +64,7 @@ def check_model(
     model: Model,
     structure: str,
     stretches: Sequence[Segment],
-    settings: FitSettings,
+    settings: CommonSettings,
     delays: tuple[int, ...] = (),
 ) -> CandidateChecks:
     """Judge a model that is at or near an optimum of the stretches.
@@ -87,11 +87,11 @@ def check_model(
 
 
 def _of_polynomials(
-    model: PolynomialModel, structure: str, stretches: Sequence[Segment], settings: FitSettings
+    model: PolynomialModel, structure: str, stretches: Sequence[Segment], settings: CommonSettings
 ) -> CandidateChecks:
     orders = replace(model.orders, structure=structure)
     errors = PolynomialErrors(
-        *(stretches, orders, settings.objective, PLANT_RADIUS, NOISE_RADIUS, settings.level)
+        *(stretches, orders, settings.objective, PLANT_RADIUS, NOISE_RADIUS, True)
     )
     point = errors.completed_by_states(model)
     covariance = covariance_of(

@@ -10,7 +10,7 @@ import numpy as np
 
 from evopem.automatic.candidate_checks import CandidateChecks, check_model
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import FOLD_STAGES, Fit, FitSettings, fit, log_loss
+from evopem.automatic.fit import FOLD_STAGES, CommonSettings, Fit, fit, log_loss
 from evopem.automatic.held_out.folds import FoldPlan, HeldOutScores, held_out_scores
 from evopem.automatic.held_out.simulation import Model, errors_simulated_on
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
@@ -197,7 +197,7 @@ class Scorer:
         self,
         stretches: Sequence[Segment],
         plan: FoldPlan,
-        settings: FitSettings,
+        settings: CommonSettings,
         limits: OrderLimits = OrderLimits(),
         delays: tuple[int, ...] = (),
     ) -> None:
@@ -250,7 +250,9 @@ class Scorer:
             if orders.parameters + sum(orders.nf) + orders.noise_states > self.most_parameters:
                 return None
             try:
-                found = fit(self.stretches, orders, self.settings, models, own_starts, structure)
+                found = fit(
+                    self.stretches, orders, self.settings.objective, models, own_starts, structure
+                )
             except NoModelError:
                 return None
             described = self.described(structure, found)
@@ -304,7 +306,8 @@ class Scorer:
         if isinstance(model, PolynomialModel):
             stages = FOLD_STAGES if on_folds else SWEEP_STAGES
             return fit(
-                *(stretches, model.orders, self.settings, [model], False, structure, stages)
+                *(stretches, model.orders, self.settings.objective, [model]),
+                *(False, structure, stages),
             ).model
         return refit(model, structure, stretches, candidate.delays, self.settings, self.stretches)
 

@@ -12,20 +12,22 @@ from numpy.typing import NDArray
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import NOISE_RADIUS
+from evopem.automatic.orders import orders_of_size
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import task_of, weighting_of
 from evopem.automatic.structures import Choice, Kind, as_good, score_of
+from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
-from evopem.config.settings import FitSettings as FocusAndConstraints
-from evopem.config.settings import ScoringWindow, SearchSettings
+from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError, NoModelError
 from evopem.estimation.estimate import estimate_polynomial
-from evopem.estimation.order_scan import joint_orders, refitted_estimate
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe, searched_objective
+from evopem.estimation.prediction_errors import checked_errors, in_scaled_units, scaled_errors
 from evopem.estimation.search.certificate import is_certified
-from evopem.estimation.search.problem import SearchResult, pooled
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
 from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.models.constraint_checks import check_constraints
@@ -57,7 +59,7 @@ def estimate_candidate(
     estimation: Recording,
     scorer: Scorer,
     search: SearchSettings,
-    fit: FocusAndConstraints | None = None,
+    fit: FitSettings | None = None,
     log: Log | None = None,
 ) -> ChosenModel:
     """A candidate, in the units of a recording, with its covariance and noise model.
@@ -101,7 +103,7 @@ def _polynomials(
     estimation: Recording,
     scorer: Scorer,
     search: SearchSettings,
-    fit: FocusAndConstraints | None,
+    fit: FitSettings | None,
     log: Log | None,
 ) -> tuple[PolynomialEstimate, tuple[str, ...]]:
     orders, model = replace(candidate.orders, structure=candidate.structure), candidate.polynomials
@@ -109,8 +111,10 @@ def _polynomials(
     if fit is not None:
         constraints = fit.constraints
         if constraints is not None and not _allowed(constraints, orders, estimation):
-            joint = joint_orders(candidate.structure, candidate.order, candidate.delays)
-            orders = scorer.limits.clamped(candidate.structure, joint)
+            same = orders_of_size(candidate.structure, candidate.order, candidate.delays)[0]
+            orders = replace(
+                scorer.limits.clamped(candidate.structure, same), structure=candidate.structure
+            )
         estimate = estimate_polynomial(
             *(estimation, orders),
             settings=search,
@@ -133,6 +137,27 @@ def _polynomials(
         if search.evaluations:
             estimate = _searched(estimate, estimation, orders, search, log)
     return estimate, scorer.limits.at_upper_ends(orders)
+
+
+def refitted_estimate(
+    model: PolynomialModel, recording: Recording, settings: SearchSettings
+) -> PolynomialEstimate:
+    """The optimum of a recording that a descent from a model ends at, or NoModelError."""
+    start = model.orders.first_residual
+    window = ScoringWindow(start, start)
+    with one_blas_thread():
+        errors = checked_errors(recording, model.orders, settings, window, level=True)
+        scaled, units = scaled_errors(errors)
+        models = [in_scaled_units(model, units)]
+        problem = PolynomialProblem(scaled, models, own_starts=False)
+        starts = problem.starts()[:1]
+        if not len(starts):
+            raise NoModelError("the descent found no finite errors")
+        descents = problem.descend(starts)
+        value = float(descents.values[0])
+        diagnostics = SearchDiagnostics.of_descents(value, descents.evaluations, 1)
+        found = SearchResult(units.restored(descents.points[0]), value, diagnostics)
+        return describe(errors, found, recording.sampling_rate, shortest=True)
 
 
 def _searched(
@@ -162,7 +187,7 @@ def estimate_choice(
     record: PreparedRecord,
     estimation: Recording,
     search: SearchSettings,
-    fit: FocusAndConstraints | None = None,
+    fit: FitSettings | None = None,
     plant_kept: bool = False,
     log: Log | None = None,
 ) -> tuple[ChosenModel, Decision]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.held_out.simulation import Model
-from evopem.config.settings import OutputWeighting
+from evopem.config.settings import Objective, OutputWeighting, SearchSettings
 from evopem.errors import NoModelError
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
@@ -29,17 +29,11 @@ FOLD_STAGES = (Stage(0.1, 1e-7, 1e-4),)
 
 
 @dataclass(frozen=True)
-class FitSettings:
-    """What all fits of one record have in common.
+class CommonSettings(SearchSettings):
+    """What all fits of one record have in common."""
 
-    The last three are those of models of several channels and of state-space models.
-    """
-
-    objective: str = "quadratic"
-    level: bool = True  # whether a constant is estimated for each recording
+    objective: Objective = "quadratic"
     weighting: OutputWeighting | None = None  # of the outputs; by structure where it is None
-    max_root_radius: float = 0.9999
-    seed: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +44,6 @@ class Fit:
     parameters: int  # coefficients and levels
     residuals: tuple[Array, ...] = field(repr=False)  # (M, l) of each stretch
     first: int  # sample of the first residual of each stretch
-    levels: tuple[float, ...] = ()  # one for each recording
 
     def residuals_from(self, first: int = 0) -> Array:
         """The residuals from sample ``first`` of each stretch on, (M, l)."""
@@ -83,24 +76,23 @@ def log_loss(errors: Array, objective: str) -> float:
 def fit(
     stretches: Sequence[Segment],
     orders: Orders,
-    settings: FitSettings,
+    objective: str = "quadratic",
     models: Sequence[PolynomialModel] = (),
     own_starts: bool = True,
     structure: str | None = None,
     stages: tuple[Stage, ...] = SWEEP_STAGES,
+    level: bool = True,
 ) -> Fit:
-    """Fit a model of one input, or none, and one output by descents from estimates and models.
+    """Fit a model of one output by descents from estimates and models.
 
     ``models``: of any orders; descents start from them, with further poles where these orders have
     more, and with ``own_starts`` from estimates by linear algebra as well.  ``structure``: name of
     the model, by default the smallest structure with these orders.  ``stages``: how descents end.
+    ``level``: whether a constant is estimated for each recording.
 
     Raises NoModelError when no stretch is long enough, or no start has finite prediction errors.
     """
-    errors = PolynomialErrors(
-        *(stretches, orders, settings.objective),
-        *(PLANT_RADIUS, NOISE_RADIUS, settings.level),
-    )
+    errors = PolynomialErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, level)
     problem = PolynomialProblem(errors, models, own_starts)
     starts = problem.starts()
     if len(starts) == 0:
@@ -117,7 +109,7 @@ def fit(
         noise_variance=float(together @ together) / max(len(together) - len(point), 1),
     )
     count = orders.parameters + len(levels)
-    return Fit(model, count, residuals, orders.first_residual, levels)
+    return Fit(model, count, residuals, orders.first_residual)
 
 
 class ArxFit(NamedTuple):
@@ -128,10 +120,19 @@ class ArxFit(NamedTuple):
     residuals: Array
 
 
-def least_squares(
-    stretches: Sequence[Segment], order: int, first: int, levels: bool = True
+def likeliest_arx(
+    stretches: Sequence[Segment], orders: Sequence[int], first: int, levels: bool = True
 ) -> ArxFit | None:
-    """The ARX model of residuals from sample ``first`` on; None where they are too few."""
+    """The ARX model of the lowest BIC of residuals from sample ``first`` on, with enough of them.
+
+    With a level for each recording, or without.
+    """
+    found = (_arx(stretches, order, first, levels) for order in orders)
+    known = [each for each in found if each is not None]
+    return min(known, key=lambda each: each.bic, default=None)
+
+
+def _arx(stretches: Sequence[Segment], order: int, first: int, levels: bool) -> ArxFit | None:
     rows, targets = [], []
     recordings = sorted({each.recording for each in stretches}) if levels else []
     for each in (long for long in stretches if long.samples > first):

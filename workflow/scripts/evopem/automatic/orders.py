@@ -141,25 +141,29 @@ def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
 
 def _path(structure: str, delays: Sequence[int]) -> Iterator[list[Orders]]:
     """Orders from small to large; those of a step are alternatives of about the same size."""
+    for n in LONG_PATH if structure == "fir" else PATH:
+        yield orders_of_size(structure, n, delays)
+    if structure == "arx":
+        yield from (orders_of_size(structure, n, delays)[:1] for n in (30, 40))
+
+
+def orders_of_size(structure: str, n: int, delays: Sequence[int]) -> list[Orders]:
+    """Orders of a structure with n poles, or coefficients of each B without poles."""
 
     def o(nb: int, less: int = 0, **others: Any) -> Orders:
         nk = [max(delay - less, 0) for delay in delays]
         return Orders(nb=(nb,) * len(delays), nk=tuple(nk), **others)
 
-    build: Callable[[int], list[Orders]] = {
-        "fir": lambda n: [o(n)],
-        "arx": lambda n: [o(n, na=n), o(2 * n, less=1, na=n)],
-        "armax": lambda n: [o(n, na=n, nc=n)],
-        "ararx": lambda n: [o(n, na=n, nd=max(n // 2, 1))],
-        "ararmax": lambda n: [o(n, na=n, nc=max(n // 2, 1), nd=1)],
-        "oe": lambda n: [o(n, nf=n), o(n + 1, less=1, nf=n)],
-        "bj": lambda n: [o(n, nd=1, nf=n), o(n, nc=2, nd=2, nf=n)],
-        "general": lambda n: [o(n, na=1, nc=min(n, 4), nd=min(n, 4), nf=n)],
-    }[structure]
-    for n in LONG_PATH if structure == "fir" else PATH:
-        yield build(n)
-    if structure == "arx":
-        yield from ([o(n, na=n)] for n in (30, 40))
+    return {
+        "fir": lambda: [o(n)],
+        "arx": lambda: [o(n, na=n), o(2 * n, less=1, na=n)],
+        "armax": lambda: [o(n, na=n, nc=n)],
+        "ararx": lambda: [o(n, na=n, nd=max(n // 2, 1))],
+        "ararmax": lambda: [o(n, na=n, nc=max(n // 2, 1), nd=1)],
+        "oe": lambda: [o(n, nf=n), o(n + 1, less=1, nf=n)],
+        "bj": lambda: [o(n, nd=1, nf=n), o(n, nc=2, nd=2, nf=n)],
+        "general": lambda: [o(n, na=1, nc=min(n, 4), nd=min(n, 4), nf=n)],
+    }[structure]()
 
 
 def _same_plant(

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from evopem.automatic.candidates import Candidate, Scorer
-from evopem.automatic.fit import FitSettings, fit, log_loss
+from evopem.automatic.fit import fit, log_loss
 from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.orders import changed
 from evopem.automatic.state_space import fits_in_state_space
@@ -200,7 +200,7 @@ def with_noise_models(scorer: Scorer, candidate: Candidate) -> Iterator[tuple[in
         if candidate.parameters + orders.parameters > scorer.most_parameters:
             return
         try:
-            found = fit(errors, orders, FitSettings(objective, level=False))
+            found = fit(errors, orders, objective, level=False)
         except NoModelError:
             continue
         noise, parameters = found.model, own + orders.parameters

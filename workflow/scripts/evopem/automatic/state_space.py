@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from evopem.automatic.fit import Fit, FitSettings
+from evopem.automatic.fit import CommonSettings, Fit
 from evopem.automatic.held_out.folds import LONG, is_large
-from evopem.config.settings import OutputWeighting, SearchSettings
+from evopem.config.settings import OutputWeighting
 from evopem.config.structures import OF_ABSOLUTE_ERRORS, STATE_SPACE_FORMS
 from evopem.estimation.state_space.estimate import RISES, estimates_of_orders
 from evopem.estimation.state_space.local_estimates import (
@@ -30,16 +30,7 @@ Log = Callable[[str], None]
 LARGE_WIDTH, LARGE_STEPS = 2, 12
 
 
-def search_settings(settings: FitSettings) -> SearchSettings:
-    """The settings of fits in the form of those of a search."""
-    return SearchSettings(
-        objective=settings.objective,  # type: ignore[arg-type]
-        seed=settings.seed,
-        max_root_radius=settings.max_root_radius,
-    )
-
-
-def weighting_of(structure: str, settings: FitSettings) -> OutputWeighting:
+def weighting_of(structure: str, settings: CommonSettings) -> OutputWeighting:
     """The weighting of the outputs of a structure in state space."""
     built_in = STATE_SPACE_FORMS[structure]
     if settings.objective == "absolute":
@@ -58,7 +49,7 @@ def fits_in_state_space(
     structure: str,
     orders: Sequence[int],
     delays: tuple[int, ...],
-    settings: FitSettings,
+    settings: CommonSettings,
     log: Log | None = None,
 ) -> Iterator[tuple[int, Fit]]:
     """Fits of ascending numbers of states until their BIC rises.
@@ -74,7 +65,7 @@ def fits_in_state_space(
         structure=structure,  # type: ignore[arg-type]
         delays=delays,
         weighting=weighting_of(structure, settings),
-        settings=search_settings(settings),
+        settings=settings,
         forgets=True,
         width=LARGE_WIDTH if large else FINAL_WIDTH,
         steps=LARGE_STEPS if large else STEPS,
@@ -109,7 +100,7 @@ def refit(
     structure: str,
     stretches: Sequence[Segment],
     delays: tuple[int, ...],
-    settings: FitSettings,
+    settings: CommonSettings,
     whole: Sequence[Segment],
 ) -> StateSpaceModel:
     """The optimum of stretches, parts of whole ones, that a descent from a model ends at.
@@ -126,7 +117,7 @@ def task_of(
     whole: Recording,
     structure: str,
     delays: tuple[int, ...],
-    settings: FitSettings,
+    settings: CommonSettings,
 ) -> StateSpaceTask:
     """What is estimated of a structure in state space."""
     return StateSpaceTask.of(
@@ -135,5 +126,5 @@ def task_of(
         delays,
         forgets=True,
         weighting=weighting_of(structure, settings),
-        settings=search_settings(settings),
+        settings=settings,
     )

@@ -8,7 +8,7 @@ from typing import cast
 
 from evopem.automatic.chosen import estimate_choice
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import FitSettings as CommonSettings
+from evopem.automatic.fit import CommonSettings
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose
@@ -16,7 +16,6 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import (
     AutomaticSettings,
     FitSettings,
-    Objective,
     ScoringWindow,
     SearchSettings,
 )
@@ -63,7 +62,7 @@ def _record_of(
     if candidate.structure in OF_SIMULATION:
         fit = replace(fit, focus="prediction")
     states = candidate.polynomials is None
-    search = replace(search, objective=cast("Objective", scored.record.plan.objective))
+    search = replace(search, objective=scored.record.plan.objective)
     if evaluations is None and not states and data.inputs.shape[1] > 1:
         evaluations = POLYNOMIAL_EVALUATIONS
     own = search if evaluations is None else replace(search, evaluations=evaluations)

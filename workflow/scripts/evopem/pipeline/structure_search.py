@@ -13,7 +13,7 @@ from evopem.automatic.candidates import (
     order_models,
     without_covariances,
 )
-from evopem.automatic.fit import FitSettings
+from evopem.automatic.fit import CommonSettings
 from evopem.automatic.held_out.folds import FoldPlan
 from evopem.automatic.orders import DelayChoice
 from evopem.automatic.orders import search_structure as search
@@ -41,13 +41,14 @@ class Scored:
         cls,
         files: DatasetFiles,
         settings: AutomaticSettings,
-        fits: FitSettings,
+        fits: CommonSettings,
         of_choice: bool = False,
     ) -> Scored:
         """That of a data set; of a choice only models of its structure."""
         prepared = load_prepared(files.prepared, files.transforms)
-        record = PreparedRecord.of(prepared, load(PreparationPlan, files.decision("preparation")))
-        names = prepared.estimation.input_names
+        plan, estimation = load(PreparationPlan, files.decision("preparation")), prepared.estimation
+        record = PreparedRecord.of(estimation.segments, estimation.sampling_rate, plan)
+        names = estimation.input_names
         structure = settings.structure if of_choice else None
         limits = OrderLimits(
             None if structure == "state_space" else structure, settings.orders, names
@@ -87,7 +88,7 @@ def search_structure(
     files: DatasetFiles,
     structure: str,
     settings: AutomaticSettings,
-    fits: FitSettings,
+    fits: CommonSettings,
     nested: tuple[str, ...],
     log: Log | None = None,
 ) -> None:
@@ -105,7 +106,7 @@ def choose(
     files: DatasetFiles,
     structures: tuple[str, ...],
     settings: AutomaticSettings,
-    fits: FitSettings,
+    fits: CommonSettings,
 ) -> None:
     """Choose a model for each purpose among the candidates of all structures.
 

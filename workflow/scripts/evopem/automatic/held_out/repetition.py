@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import least_squares
+from evopem.automatic.fit import likeliest_arx
 from evopem.signals.correlation import LONGEST_LAG, repetition_lag
 from evopem.signals.recording import Segment
 
@@ -98,8 +98,7 @@ def arx_residuals(stretch: Segment) -> Array:
     """Residuals of the ARX model of the lowest BIC, (M,), of the last M samples."""
     first, n = max(ORDERS), stretch.samples
     orders = [order for order in ORDERS if n >= max(order * SAMPLES_PER_ORDER, 3 * first)]
-    found = [least_squares([stretch], order, first) for order in orders]
-    known = [each for each in found if each is not None]
-    if not known:
+    found = likeliest_arx([stretch], orders, first)
+    if found is None:
         return np.asarray(stretch.output[first:] - stretch.output[first:].mean())
-    return min(known, key=lambda each: each.bic).residuals
+    return found.residuals

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, lowest
-from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
+from evopem.automatic.fit import FOLD_STAGES, CommonSettings, fit
 from evopem.automatic.held_out.folds import SHORTEST_BLOCK
 from evopem.automatic.held_out.simulation import Model, errors_simulated_on
 from evopem.automatic.held_out.stretches import SHORTEST_STRETCH, folds_of
@@ -144,13 +144,13 @@ def _probes(training: Sequence[Segment]) -> Iterator[tuple[str, Model]]:
     inputs, outputs = training[0].inputs.shape[1], training[0].outputs.shape[1]
     if (inputs, outputs) != (1, 1):
         delays = (0,) * inputs
-        fits = fits_in_state_space(training, "ss_oe", PROBES, delays, FitSettings())
+        fits = fits_in_state_space(training, "ss_oe", PROBES, delays, CommonSettings())
         yield from ((str(n), found.model) for n, found in fits)
         return
     for n in PROBES:
         for orders in (Orders(nb=n, nf=n, nk=0), Orders(na=n, nb=n, nk=0)):
             with suppress(NoModelError):
-                yield str(orders), fit(training, orders, FitSettings(), stages=FOLD_STAGES).model
+                yield str(orders), fit(training, orders, stages=FOLD_STAGES).model
 
 
 def decimated_stretch(stretch: Segment, factor: int) -> Segment:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import ArxFit, FitSettings, fit, least_squares, log_loss
+from evopem.automatic.fit import ArxFit, fit, likeliest_arx, log_loss
 from evopem.automatic.held_out.simulation import errors_simulated_on
 from evopem.errors import NoModelError
 from evopem.models.polynomial import PolynomialModel
@@ -90,9 +90,7 @@ def _likeliest(stretches: Sequence[Segment], times: int) -> ArxFit | None:
     orders = [n for n in ORDERS if n * SAMPLES_PER_ORDER <= samples]
     first = max(orders, default=0) + MOST_DIFFERENCES
     lower = [differenced(each, times) for each in stretches]
-    models = [least_squares(lower, n, first - times, levels=times == 0) for n in orders]
-    known = [each for each in models if each is not None]
-    return min(known, key=lambda each: each.bic, default=None)
+    return likeliest_arx(lower, orders, first - times, levels=times == 0)
 
 
 def _left_over(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
@@ -116,7 +114,7 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     lowest = dict.fromkeys(("quadratic", "absolute"), np.inf)
     for name, n in product(lowest, orders):
         with suppress(NoModelError):
-            found = fit(stretches, Orders(na=n, nb=n + 1), FitSettings(name))
+            found = fit(stretches, Orders(na=n, nb=n + 1), name)
             residuals = np.concatenate(found.residuals)
             penalty = found.parameters * np.log(len(residuals)) / len(residuals)
             lowest[name] = min(lowest[name], 0.5 * (log_loss(residuals, name) + penalty))

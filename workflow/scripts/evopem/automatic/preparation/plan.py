@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Decision, given_by_configuration
-from evopem.automatic.fit import FitSettings
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, SHORTEST_STRETCH, first_samples
 from evopem.automatic.preparation.breaks import (
     decide_clipping,
@@ -28,7 +27,7 @@ from evopem.automatic.preparation.disturbance import (
     decide_objective,
     differenced,
 )
-from evopem.config.settings import GivenPreparation
+from evopem.config.settings import GivenPreparation, Objective
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import Model
@@ -47,7 +46,7 @@ class PreparationPlan:
     starts: tuple[int, ...]  # first sample kept of each recording
     factor: int = 1  # of the decimation
     clipped: tuple[float, float] = (-np.inf, np.inf)  # limits of the output: samples are breaks
-    objective: str = "quadratic"
+    objective: Objective = "quadratic"
     decisions: tuple[Decision, ...] = ()
     stuck: bool = False  # whether stretches in which the output stands still are breaks
     differences: int = 0  # how often all channels are differenced, after decimation
@@ -74,56 +73,30 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PreparedRecord:
-    """Stretches ready for estimation, less their common means and scaled, and their plan."""
+    """Stretches ready for estimation, without means and scaled, and their plan."""
 
     stretches: tuple[Segment, ...]
     sampling_rate: float  # Hz
     plan: PreparationPlan
-    offsets: tuple[Array, Array]  # means of inputs, (m,), and outputs, (l,)
-    scales: tuple[Array, Array]  # powers of two by which they are divided
+    scales: tuple[Array, Array]  # powers of two by which inputs and outputs are divided
 
     @classmethod
-    def of(cls, prepared: PreparedData, plan: PreparationPlan) -> PreparedRecord:
-        """The estimation samples of prepared data."""
-        estimation = prepared.estimation
-        return cls.scaled(estimation.segments, estimation.sampling_rate, plan, centred=True)
-
-    @classmethod
-    def scaled(
-        cls, stretches: Sequence[Segment], rate: float, plan: PreparationPlan, centred: bool = False
-    ) -> PreparedRecord:
-        """Stretches less their means, unless they are centred, over powers of two."""
-        offsets = means_of(stretches)
-        if centred:
-            offsets = np.zeros_like(offsets[0]), np.zeros_like(offsets[1])
-        u = np.concatenate([each.inputs for each in stretches]) - offsets[0]
-        y = np.concatenate([each.outputs for each in stretches]) - offsets[1]
-        scales = [np.array([power_of_two_scale(each) for each in signals.T]) for signals in (u, y)]
-        found = cls((), rate, plan, offsets, (scales[0], scales[1]))
-        return replace(found, stretches=tuple(map(found._as_estimated, stretches)))
-
-    def _as_estimated(self, stretch: Segment) -> Segment:
-        return replace(
-            stretch,
-            inputs=(stretch.inputs - self.offsets[0]) / self.scales[0],
-            outputs=(stretch.outputs - self.offsets[1]) / self.scales[1],
+    def of(cls, stretches: Sequence[Segment], rate: float, plan: PreparationPlan) -> PreparedRecord:
+        """Stretches over powers of two."""
+        u, y = (
+            np.array([power_of_two_scale(each) for each in np.concatenate(signals).T])
+            for signals in (
+                [each.inputs for each in stretches],
+                [each.outputs for each in stretches],
+            )
         )
-
-    def of_other(self, recording: Recording, differences: int) -> list[Segment]:
-        """Other recordings with the same means and scales, and so many differences."""
-        plan = self.plan.for_others(recording)
-        return [
-            self._as_estimated(differenced(each.segment, differences))
-            for each in stretches_of(recording, plan)
-        ]
-
-    @property
-    def settings(self) -> FitSettings:
-        """What all fits have in common."""
-        return FitSettings(self.plan.objective)
+        scaled = (
+            replace(each, inputs=each.inputs / u, outputs=each.outputs / y) for each in stretches
+        )
+        return cls(tuple(scaled), rate, plan, (u, y))
 
     def in_its_units(self, model: Model) -> Any:
-        """A model of the scaled stretches in the units of the recording, less the offsets."""
+        """A model of the scaled stretches in the units of the recording."""
         return replace(model.scaled(*self.scales), sampling_rate=self.sampling_rate)
 
 
@@ -132,6 +105,12 @@ def means_of(stretches: Sequence[Segment]) -> tuple[Array, Array]:
     u = np.concatenate([each.inputs for each in stretches])
     y = np.concatenate([each.outputs for each in stretches])
     return u.mean(axis=0), y.mean(axis=0)
+
+
+def centred(stretches: Sequence[Segment]) -> list[Segment]:
+    """Stretches less the means of all."""
+    u, y = means_of(stretches)
+    return [replace(each, inputs=each.inputs - u, outputs=each.outputs - y) for each in stretches]
 
 
 _NOTHING_GIVEN = GivenPreparation()
@@ -210,7 +189,7 @@ def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequenc
 def prepare(recording: Recording, plan: PreparationPlan) -> PreparedRecord:
     """Apply a plan to the recordings that it was made for."""
     found = [differenced(each.segment, plan.differences) for each in stretches_of(recording, plan)]
-    return PreparedRecord.scaled(found, recording.sampling_rate / plan.factor, plan)
+    return PreparedRecord.of(centred(found), recording.sampling_rate / plan.factor, plan)
 
 
 def stretches_of(recording: Recording, plan: PreparationPlan) -> list[Stretch]:
@@ -246,12 +225,8 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
     `divided`: Both parts before the decisions; means are taken from them already.
     """
     before = divided.transforms
-    offsets = means_of(
-        [
-            differenced(each.segment, plan.differences)
-            for each in stretches_of(divided.estimation, plan)
-        ]
-    )
+    kept = stretches_of(divided.estimation, plan)
+    offsets = means_of([differenced(each.segment, plan.differences) for each in kept])
     estimation, origins = _part(divided.estimation, before.estimation, plan, offsets)
     others = plan.for_others(divided.validation)
     validation, held_out = _part(divided.validation, before.validation, others, offsets)

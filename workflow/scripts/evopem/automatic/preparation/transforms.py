@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.automatic.fit import FOLD_STAGES, FitSettings, fit
+from evopem.automatic.fit import FOLD_STAGES, fit
 from evopem.automatic.held_out.simulation import simulated_on
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, Fold, first_samples, folds_of
-from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
+from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord, centred
 from evopem.errors import InputError, NoModelError
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
@@ -188,9 +188,9 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     """
     from scipy.stats import spearmanr
 
-    scaled = PreparedRecord.scaled(stretches, 1.0, PreparationPlan(())).stretches
+    scaled = PreparedRecord.of(centred(stretches), 1.0, PreparationPlan(())).stretches
     try:
-        found = fit(scaled, Orders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1), FitSettings())
+        found = fit(scaled, Orders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1))
     except NoModelError:
         return float("nan")
     longer = [each for each in scaled if each.samples > found.first + 1]
@@ -230,7 +230,7 @@ def _errors(folds: Sequence[Fold], plan_of: PlanOf) -> Array:
         try:
             plan = plan_of(fold.training)
             fitted = [_transformed(each, plan) for each in fold.training]
-            model = fit(fitted, orders, FitSettings(), stages=FOLD_STAGES).model
+            model = fit(fitted, orders, stages=FOLD_STAGES).model
             left = []
             for parts in zip(fold.before, fold.held_out, strict=True):
                 past, stretch = (_transformed(each, plan) for each in parts)
