@@ -25,7 +25,7 @@ from evopem.signals.recording import Recording, Segment
 def candidate():
     u, y, _ = output_error_record(400)
     recording = Recording(u, 5.0 * y, 10.0)
-    record = PreparedRecord.of(recording.segments, 10.0, PreparationPlan((0,)))
+    record = PreparedRecord.of(recording, PreparationPlan((0,)))
     scorer = Scorer(record.stretches, decide_folds(record.stretches), CommonSettings())
     found = scorer.candidate("oe", Orders(nb=2, nf=2, nk=1))
     return recording, record, scorer, Choice("simulation", found, "constant")

@@ -41,7 +41,7 @@ def prepared(recording, transforms=UNCHANGED, **changes):
     divided = divide(recording, PreparationSettings(transforms, SplitSettings(0, 0.8)))
     plan = PreparationPlan(**{"starts": (0,)} | changes)
     data = prepared_data(divided, plan, "datasets.a")
-    record = PreparedRecord.of(data.estimation.segments, data.estimation.sampling_rate, plan)
+    record = PreparedRecord.of(data.estimation, plan)
     known = prepare(divided.estimation, plan)
     assert record.sampling_rate == known.sampling_rate
     for one, other in zip(record.stretches, known.stretches, strict=True):

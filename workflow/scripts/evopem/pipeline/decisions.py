@@ -11,7 +11,7 @@ from evopem.automatic.candidates import Candidate, StructureSearch
 from evopem.automatic.decision import Alternative, Decision, DecisionRecord, OtherModel, Trial
 from evopem.automatic.held_out.folds import FoldPlan
 from evopem.automatic.orders import DelayChoice
-from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
+from evopem.automatic.preparation.plan import PreparationPlan
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice, Comparison
 from evopem.config.structures import ORDER_NAMES
@@ -20,7 +20,7 @@ from evopem.estimation.candidate import PhaseSelection
 from evopem.files.json_form import load
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData
-from evopem.signals.recording import total_samples
+from evopem.signals.recording import Segment, total_samples
 from evopem.signals.recording_info import RecordingInfo
 
 COLUMNS = (
@@ -137,7 +137,10 @@ def decision_record(
     )
     return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        (*_remarks(PreparedRecord.of(prepared, plan), choice.level), *remedied.statements),
+        (
+            *_remarks(PreparedRecord.of(prepared.estimation, plan), choice.level),
+            *remedied.statements,
+        ),
         other,
     )
 
@@ -159,8 +162,7 @@ def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
     return (Decision("channels", pairs[0], alternatives, criterion, roles.sentence),)
 
 
-def _remarks(record: PreparedRecord, level: str) -> tuple[str, ...]:
-    stretches = record.stretches
+def _remarks(stretches: Sequence[Segment], level: str) -> tuple[str, ...]:
     recordings = len({each.recording for each in stretches})
     remarks = []
     if recordings > 1:

@@ -69,7 +69,7 @@ def prepare_samples(
         check_fit(own, selectable_orders(grid), rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)
     if given is not None:
-        stretches = PreparedRecord.of(prepared, plan).stretches
+        stretches = PreparedRecord.of(prepared.estimation, plan).stretches
         names = prepared.estimation.input_names
         with errors_name_dataset(files), one_blas_thread():
             save(decide_folds(stretches), files.decision("folds"))

@@ -46,9 +46,9 @@ class Scored:
     ) -> Scored:
         """That of a data set; of a choice only models of its structure."""
         prepared = load_prepared(files.prepared, files.transforms)
-        plan, estimation = load(PreparationPlan, files.decision("preparation")), prepared.estimation
-        record = PreparedRecord.of(estimation.segments, estimation.sampling_rate, plan)
-        names = estimation.input_names
+        plan = load(PreparationPlan, files.decision("preparation"))
+        record = PreparedRecord.of(prepared.estimation, plan)
+        names = prepared.estimation.input_names
         structure = settings.structure if of_choice else None
         limits = OrderLimits(
             None if structure == "state_space" else structure, settings.orders, names

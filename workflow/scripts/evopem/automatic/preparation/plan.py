@@ -27,6 +27,7 @@ from evopem.automatic.preparation.disturbance import (
     decide_objective,
     differenced,
 )
+from evopem.automatic.state_space import recording_of
 from evopem.config.settings import GivenPreparation, Objective
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
@@ -81,19 +82,17 @@ class PreparedRecord:
     scales: tuple[Array, Array]  # powers of two by which inputs and outputs are divided
 
     @classmethod
-    def of(cls, stretches: Sequence[Segment], rate: float, plan: PreparationPlan) -> PreparedRecord:
-        """Stretches over powers of two."""
-        u, y = (
-            np.array([power_of_two_scale(each) for each in np.concatenate(signals).T])
-            for signals in (
-                [each.inputs for each in stretches],
-                [each.outputs for each in stretches],
-            )
-        )
+    def of(cls, recording: Recording, plan: PreparationPlan) -> PreparedRecord:
+        """The stretches of a recording over powers of two."""
+        scales = [
+            np.array([power_of_two_scale(each) for each in signals.T])
+            for signals in (recording.inputs, recording.outputs)
+        ]
         scaled = (
-            replace(each, inputs=each.inputs / u, outputs=each.outputs / y) for each in stretches
+            replace(each, inputs=each.inputs / scales[0], outputs=each.outputs / scales[1])
+            for each in recording.segments
         )
-        return cls(tuple(scaled), rate, plan, (u, y))
+        return cls(tuple(scaled), recording.sampling_rate, plan, (scales[0], scales[1]))
 
     def in_its_units(self, model: Model) -> Any:
         """A model of the scaled stretches in the units of the recording."""
@@ -189,7 +188,8 @@ def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequenc
 def prepare(recording: Recording, plan: PreparationPlan) -> PreparedRecord:
     """Apply a plan to the recordings that it was made for."""
     found = [differenced(each.segment, plan.differences) for each in stretches_of(recording, plan)]
-    return PreparedRecord.of(centred(found), recording.sampling_rate / plan.factor, plan)
+    rate = recording.sampling_rate / plan.factor
+    return PreparedRecord.of(replace(recording_of(centred(found)), sampling_rate=rate), plan)
 
 
 def stretches_of(recording: Recording, plan: PreparationPlan) -> list[Stretch]:

@@ -18,6 +18,7 @@ from evopem.automatic.fit import FOLD_STAGES, fit
 from evopem.automatic.held_out.simulation import simulated_on
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, Fold, first_samples, folds_of
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord, centred
+from evopem.automatic.state_space import recording_of
 from evopem.errors import InputError, NoModelError
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
@@ -188,7 +189,7 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     """
     from scipy.stats import spearmanr
 
-    scaled = PreparedRecord.of(centred(stretches), 1.0, PreparationPlan(())).stretches
+    scaled = PreparedRecord.of(recording_of(centred(stretches)), PreparationPlan(())).stretches
     try:
         found = fit(scaled, Orders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1))
     except NoModelError:
