@@ -138,7 +138,7 @@ def decision_record(
     return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
         (
-            *_remarks(PreparedRecord.of(prepared.estimation, plan), choice.level),
+            *_remarks(prepared.estimation.segments, choice.level),
             *remedied.statements,
         ),
         other,
