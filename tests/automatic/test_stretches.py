@@ -50,7 +50,8 @@ def test_recordings_with_their_own_levels_give_one_model():
     u, y, truth = output_error_record(600, percent=5.0)
     stretches = [Segment(u[:250], y[:250] + 7.0, 0), Segment(u[300:], y[300:] - 4.0, 1)]
     found = fit(stretches, Orders(nb=2, nf=2, nk=1))
-    assert found.levels == pytest.approx((7.0, -4.0), abs=0.2)
+    assert found.parameters == 4 + 2
+    assert found.model.level == pytest.approx(7.0, abs=0.2)
     assert found.model.F[0] == pytest.approx([1.0, -1.5, 0.8], abs=0.02)
     assert error_percent(truth, simulated(found.model, Segment(u, truth + 7.0))[:, 0] - 7.0) < 3.0
 
