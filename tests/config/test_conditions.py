@@ -2,10 +2,10 @@
 
 import pytest
 
-from evopem.config.configuration import order_of, positions
+from evopem.config.configuration import Positions, order_of
 from evopem.config.defaults import complete
 from evopem.errors import InputError
-from evopem.files.json_form import to_json
+from evopem.files.json_form import from_json, to_json
 
 
 def entry(**conditions):
@@ -18,12 +18,11 @@ def test_a_condition_orders_the_recordings_and_stays_out_of_their_settings():
         "datasets": {"a": entry(temperature=21.5), "b": entry(temperature=-3)},
     }
     found = complete(config)
-    assert found.order == positions(to_json(found.order))
+    assert found.order == from_json(Positions, to_json(found.order))
     assert found.order.places == {"a": 21.5, "b": -3.0}
     plain = complete({"datasets": {"a": entry(), "b": entry()}})
     assert plain.datasets == found.datasets
     assert plain.order is None
-    assert positions({}) is None
 
 
 def test_dates_become_days():

@@ -27,6 +27,7 @@ from evopem.config.schema import schema_file
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.files.job import interrupt_on_hangup
+from evopem.files.json_form import to_json
 from evopem.pipeline.planning.constraint_plan import check_planned_fits
 from evopem.pipeline.planning.provider import FILES, LIST, Provider, modules_of
 from evopem.pipeline.planning.stages import WHOLE
@@ -240,7 +241,6 @@ def left_of(jobs):
 
 def collect_unfinished():
     """List all data sets while results are missing; the next run makes the lists again."""
-    from evopem.config.configuration import positions
     from evopem.pipeline import fleet
 
     if workflow.touch or not provider.lists:
@@ -248,7 +248,7 @@ def collect_unfinished():
     left = left_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
     fleet.collect_unfinished(
-        required, TEMPLATE_FOLDER, provider.page, left, positions(provider.order)
+        required, TEMPLATE_FOLDER, provider.page, left, provider.config.order
     )
     # Older than all results and without Snakemake's record of their inputs, they are made again
     # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0, and its

@@ -31,7 +31,7 @@ rule list_datasets:
         arguments={
             "names": list(provider.config.datasets),
             "page": provider.page,
-            "order": provider.order,
+            "order": to_json(provider.config.order),
         },
         code=code([module_of(LIST)], TEMPLATES),
     script:

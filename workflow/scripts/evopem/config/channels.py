@@ -141,15 +141,7 @@ class SyntheticSource:
     noise: Annotated[Annotated[float, Field(ge=0, le=1e6)] | None, built_in("0.1")] = None
     """the ratio of noise to output. Of `armax` alone"""
 
-    @property
-    def validation_files(self) -> tuple[str, ...]:
-        """None: nothing is recorded."""
-        return ()
-
-    @property
-    def all_files(self) -> tuple[str, ...]:
-        """None: nothing is recorded."""
-        return ()
+    validation_files = all_files = ()  # nothing is recorded
 
 
 def _vector(value: Any) -> Any:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -82,11 +82,6 @@ def order_of(
     first = min(dates.values())
     days = {name: (date - first).total_seconds() / 86_400.0 for name, date in dates.items()}
     return Positions(f"{follow} (days since {first:%Y-%m-%d %H:%M})", days)
-
-
-def positions(content: Mapping[str, Any]) -> Positions | None:
-    """The order of the recordings from a rule's parameters; None where they are empty."""
-    return Positions(content["name"], dict(content["places"])) if content else None
 
 
 @dataclass(frozen=True)
@@ -205,11 +200,6 @@ def reading_time(settings: DatasetSettings, attempt: int) -> int:
     return int(attempt * (5 + 0.25e-6 * recording_bytes(settings)))
 
 
-def estimates_again(settings: DatasetSettings) -> bool:
-    """Whether the completed model is searched, or estimated anew for its focus or constraints."""
-    return settings.automatic is not None or settings.fit.changes_model
-
-
 def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> int:
     """MB of Snakemake and of the processes that estimate candidates, or models of channels."""
     if not settings.is_single_channel:
@@ -224,8 +214,7 @@ def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> 
 def recording_seconds(settings: DatasetSettings) -> float:
     """Processor time of all stages of a recording without figures, roughly.
 
-    The text of a sample has more than the 8 bytes of :func:`max_samples`; a few times too many
-    samples do no harm here.
+    A few times too many samples, as of :func:`max_samples`, do no harm here.
     """
     if not settings.is_single_channel:
         return SECONDS_OF_CHANNELS

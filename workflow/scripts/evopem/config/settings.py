@@ -181,13 +181,8 @@ class OrderRanges:
     delay: Range | None = None  # orders k of the models whose delays the chapter's recipe compares
 
     @property
-    def of_states(self) -> OrderRanges:
-        """The ranges that a search over the orders of state-space models depends on."""
-        return OrderRanges(nx=self.nx)
-
-    @property
     def of_polynomials(self) -> OrderRanges:
-        """Those of a search over the orders of polynomial models."""
+        """The ranges that a search over the orders of polynomial models depends on."""
         return replace(self, nx=None)
 
 

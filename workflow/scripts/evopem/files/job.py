@@ -70,12 +70,9 @@ def job(
 ) -> Iterator[logging.Logger]:
     """Run the work of a job, with its messages in a log file; yields the package's logger.
 
-    An `InputError`, or a lack of memory, ends the process with exit code 1 and one sentence; until
-    the job succeeds, there is a record of it (:mod:`evopem.files.unfinished`).
-
-    ``log_file``: in a folder ``logs`` beside the results, or below.  ``inputs`` are verified
-    first, and the checksums of ``outputs`` written last.  ``ends_with_parent``: as a job of
-    Snakemake must; a command outlives its terminal, if the user wants it to.
+    An `InputError`, or a lack of memory, ends the process with exit code 1 and one sentence.
+    ``inputs`` are verified first, and the checksums of ``outputs`` written last.
+    ``ends_with_parent``: as a job of Snakemake must; a command may outlive its terminal.
     """
     log_file = Path(log_file)
     logs = next(up for up in log_file.parents if up.name == "logs")

@@ -55,16 +55,6 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
     """Build a dataclass, or a type such as ``tuple[Candidate, ...]``, from what `to_json` returned.
 
     An `InputError` says where the content of ``source``, a file or key, has another form.
-
-    Examples
-    --------
-    >>> from evopem.models.structures import Orders
-    >>> from_json(Orders, {"na": 2, "nb": [1], "nc": 2, "nk": [3]})
-    Orders(na=2, nb=(1,), nc=2, nd=0, nf=(0,), nk=(3,), structure='armax')
-    >>> from_json(Orders, {"na": 2.5, "nb": [1], "nc": 2, "nk": [3]}, "model.json")
-    Traceback (most recent call last):
-    ...
-    evopem.errors.InputError: model.json, na: 2.5 is not a whole number; delete the file ...
     """
     try:
         value: T = _read(kind, content, "")

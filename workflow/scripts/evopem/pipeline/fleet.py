@@ -7,9 +7,8 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
-from evopem.config.configuration import Positions, positions
+from evopem.config.configuration import Positions
 from evopem.files.atomic import write_parquet, write_table, write_text
 from evopem.report.index_page import build_index
 from evopem.report.templates import template_folder
@@ -25,12 +24,12 @@ from evopem.results.layout import OVERVIEW, DatasetFiles
 
 
 def collect_fleet(
-    files: DatasetFiles, names: tuple[str, ...], page: str, order: dict[str, Any]
+    files: DatasetFiles, names: tuple[str, ...], page: str, order: Positions | None
 ) -> None:
     """List data sets, and follow the modes of those whose results are whole."""
     entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
-    given = entries, template_folder(), page, positions(order)
-    followed = cache(partial(_followed, entries, positions(order)))
+    given = entries, template_folder(), page, order
+    followed = cache(partial(_followed, entries, order))
     for each in OVERVIEW:
         _write_list(f"{files.folder}/{Path(each).name}", *given, followed)
 

@@ -40,7 +40,8 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
     if len(entries) <= _SHOWN_WHOLE:
         blocks = [
             _line(name, entry)
-            if isinstance(entry, IncompleteDataset) or _is_packed(name)
+            if isinstance(entry, IncompleteDataset)
+            or not Path(DatasetFiles.of_dataset(name).config).exists()  # packed, of a batch
             else dataset_text(DatasetFiles.of_dataset(name), files[name])
             for name, entry in entries.items()
         ]
@@ -55,11 +56,6 @@ def dataset_text(files: DatasetFiles, page: str) -> str:
     """The lines about one data set of any number of channels; `page` is the file to open next."""
     summary = load(DatasetSummary, files.summary)
     return results_text(files.name, verdict(read_results(files)).sentence, summary, page)
-
-
-def _is_packed(name: str) -> bool:
-    """Whether the results of a data set lie in an archive, as those of a batch do."""
-    return not Path(DatasetFiles.of_dataset(name).config).exists()
 
 
 def _line(name: str, entry: Entry) -> str:

@@ -17,7 +17,6 @@ from typing import Any
 from evopem.config.configuration import (
     MARGIN_MINUTES,
     Configuration,
-    estimates_again,
     estimation_memory,
     estimation_time,
     is_file,
@@ -124,11 +123,6 @@ class Provider:
     def batch_checksums(self) -> list[str]:
         """The outputs of the jobs of all batches."""
         return [BATCH_CHECKSUMS.format(batch=batch) for batch in self.config.batches]
-
-    @property
-    def order(self) -> dict[str, Any]:
-        """What recordings are ordered by where modes are followed; empty for their own order."""
-        return to_json(self.config.order) if self.config.order else {}
 
     def results(self, dataset: str) -> list[str]:
         """The results of one data set, those that other jobs read among them.
@@ -287,8 +281,9 @@ class StageRule:
         return estimation_time(settings, phase, per_job, threads, attempt)
 
     def _only_reads(self, settings: DatasetSettings) -> bool:
-        demand = self.stage.demand
-        return demand == "reading" or (demand == "model" and not estimates_again(settings))
+        # Of the chapter's recipe the model is there, unless focus or constraints change it.
+        is_made = settings.automatic is None and not settings.fit.changes_model
+        return self.stage.demand == "reading" or (self.stage.demand == "model" and is_made)
 
     def _job(self, wildcards: Wildcards) -> StageJob:
         values = {name: wildcards.get(name) or "" for name in self.stage.wildcards}

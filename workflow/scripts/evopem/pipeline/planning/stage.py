@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from evopem.config import order_grid
 from evopem.config.configuration import RunSettings
-from evopem.config.settings import AutomaticSettings, DatasetSettings, OrderGrid
+from evopem.config.settings import AutomaticSettings, DatasetSettings, OrderGrid, OrderRanges
 from evopem.config.structures import (
     AUTOMATIC_STRUCTURES,
     is_polynomial,
@@ -177,8 +177,8 @@ def choices(*names: str) -> Callable[[StageJob], AutomaticSettings]:
 def orders_of_structure(job: StageJob) -> AutomaticSettings:
     """The ranges that the search over the orders of a structure depends on."""
     orders = automatic(job).orders
-    polynomial = is_polynomial(job.values["structure"])
-    return AutomaticSettings(orders=orders.of_polynomials if polynomial else orders.of_states)
+    of_states = not is_polynomial(job.values["structure"])
+    return AutomaticSettings(orders=OrderRanges(orders.nx) if of_states else orders.of_polynomials)
 
 
 def _fits(job: StageJob) -> dict[str, object]:
