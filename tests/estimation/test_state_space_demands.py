@@ -127,7 +127,8 @@ def test_several_steps_are_predicted_better_by_a_model_for_them(inputs, outputs,
         ("ss_oe_drift", "absolute", 1, 1),
     ],
 )
-def test_modes_keep_their_least_damping(structure, objective, inputs, outputs):
+def test_modes_keep_their_least_damping(structure, objective, inputs, outputs, monkeypatch):
+    monkeypatch.setattr("evopem.estimation.state_space.estimate.RANDOM_STARTS", 2)
     found = estimate_state_space(
         recorded(inputs, outputs, 150, structure=structure),
         4,

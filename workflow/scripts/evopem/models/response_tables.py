@@ -104,7 +104,8 @@ def response_slopes(
     """
     n, ny, nu = model.order, model.outputs, model.inputs
     z = np.exp(2j * np.pi * frequencies / model.sampling_rate)
-    left, right = model.resolvent(z, np.eye(n)), model.state_response(z, noise)
+    left = model.resolvent(z, np.eye(n))
+    right = model.state_response(z, model.K if noise else model.B)
     columns = right.shape[2]
     slopes = np.zeros((len(z), ny, columns, n * n + n * nu + ny * n + ny * nu + n * ny), complex)
     of_states = np.einsum("fia,fbj->fijab", left, right)

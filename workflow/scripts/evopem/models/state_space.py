@@ -375,13 +375,10 @@ class StateSpaceModel:
 
     def resolvent(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
         """``C (zI - A)^-1 right``, (..., ny, columns); NaN at a pole."""
-        return np.asarray(self.C @ self._solved(z, right), dtype=complex)
+        return np.asarray(self.C @ self.state_response(z, right), dtype=complex)
 
-    def state_response(self, z: NDArray[np.complex128], noise: bool) -> NDArray[np.complex128]:
-        """``(zI - A)^-1 B``, or of ``K``, (..., n, columns)."""
-        return self._solved(z, self.K if noise else self.B)
-
-    def _solved(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
+    def state_response(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
+        """``(zI - A)^-1 right``, (..., n, columns); NaN at a pole."""
         matrices = z[..., None, None] * np.eye(self.order) - self.A
         matrices[np.linalg.det(matrices) == 0.0] = np.nan
         solved = np.linalg.solve(matrices, np.broadcast_to(right, (*z.shape, *right.shape)))

@@ -265,13 +265,10 @@ def check_state_space_constraints(constraints: Constraints, errors: StateSpaceEr
     na, nf = (n, 0) if errors.innovations else (0, n)
     for name in names:
         own = constraints.of_input(name)
-        key = "static_gain" if own.static_gain is not None else "static_gain_bounds"
-        if own.static_gain is None and own.static_gain_bounds is None:
-            check_constraints(own, Orders(nb=n, na=na, nc=na, nf=nf, nk=1), recording.sampling_rate)
-            continue
-        if recording.outputs.shape[1] > 1 or (
-            inputs > 1 and not isinstance(getattr(constraints, key), dict)
-        ):
+        keys = ("static_gain", "static_gain_bounds")
+        key = next((each for each in keys if getattr(own, each) is not None), "")
+        named = inputs < 2 or isinstance(getattr(constraints, key, None), dict)
+        if key and not (named and recording.outputs.shape[1] == 1):
             raise InputError(
                 "constraints",
                 "a model with several channels has a static gain for each input and output, and"
@@ -279,7 +276,8 @@ def check_state_space_constraints(constraints: Constraints, errors: StateSpaceEr
                 "name the input, and estimate one output alone",
                 key,
             )
-        orders = Orders(nb=n * min(inputs, 1), na=na, nc=na, nf=nf, nk=min(inputs, 1))
+        nb = n if inputs or not key else 0
+        orders = Orders(nb=nb, na=na, nc=na, nf=nf, nk=min(nb, 1))
         check_constraints(own, orders, recording.sampling_rate)
 
 
