@@ -82,7 +82,7 @@ def test_other_programs_read_plain_json(path):
 
 @pytest.mark.parametrize(
     ("content", "problem"),
-    [("{", "is not valid JSON"), ("[]", "another form"), ('{"a": [1]}', "is missing")],
+    [("{", "is not valid JSON"), ("[]", "another form"), ('{"a": [1]}', "the key a is not known")],
 )
 def test_other_files_are_refused_in_a_sentence(tmp_path, content, problem):
     path = tmp_path / "model.json"
