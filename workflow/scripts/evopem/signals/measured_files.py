@@ -10,39 +10,36 @@ import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from evopem.errors import InputError
 from evopem.signals.readers.channels import Channel, Contents, Reference, refuse_unreadable
 
 T = TypeVar("T")
 
-FORMATS = {
-    extension: module
-    for module, extensions in {
-        "text": ".csv .tsv .txt .dat .asc .lvm",
-        "matlab": ".mat",
-        "numpy_files": ".npz .npy",
-        "parquet": ".parquet",
-        "hdf5": ".h5 .hdf5",
-        "tdms": ".tdms",
-        "uff": ".uff .unv",
-    }.items()
-    for extension in extensions.split()
-}
-"""The module of `evopem.signals.readers` that reads each extension."""
 
-COMPILED = {"matlab": "MATLAB", "hdf5": "HDF5", "parquet": "Parquet"}
-"""The readers whose libraries parse a file in compiled code, which a damaged file can crash."""
+class _Format(NamedTuple):
+    """A format, whose reader is a module of `evopem.signals.readers`."""
 
-_SIGNATURES = {
-    b"PAR1": ("Parquet", ("parquet",)),
-    b"\x89HDF\r\n\x1a\n": ("HDF5", ("hdf5", "matlab")),
-    b"PK\x03\x04": ("zip or npz", ("numpy_files",)),
-    b"\x93NUMPY": ("npy", ("numpy_files",)),
-    b"TDSm": ("TDMS", ("tdms",)),
-    b"MATLAB": ("MATLAB", ("matlab",)),
+    label: str
+    extensions: str
+    beginnings: tuple[bytes, ...] = ()  # with which its files begin
+    # Its library parses a file in compiled code, which a damaged file can crash.
+    is_compiled: bool = False
+
+
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_READERS = {
+    "text": _Format("text", ".csv .tsv .txt .dat .asc .lvm"),
+    "hdf5": _Format("HDF5", ".h5 .hdf5", (_HDF5,), True),
+    "matlab": _Format("MATLAB", ".mat", (b"MATLAB", _HDF5), True),
+    "numpy_files": _Format("npz or npy", ".npz .npy", (b"PK\x03\x04", b"\x93NUMPY")),
+    "parquet": _Format("Parquet", ".parquet", (b"PAR1",), True),
+    "tdms": _Format("TDMS", ".tdms", (b"TDSm",)),
+    "uff": _Format("a universal file", ".uff .unv"),
 }
+FORMATS = {end: name for name, each in _READERS.items() for end in each.extensions.split()}
+"""The name of the format of each extension."""
 
 
 def channel_names(path: str | Path) -> list[str]:
@@ -102,7 +99,7 @@ def _read(path: Path, options: dict[str, Any], use: Callable[[Contents], T]) -> 
 
     try:
         reader = _reader_of(local)
-        if format_of(local) in COMPILED and hasattr(os, "fork"):
+        if _READERS[format_of(local)].is_compiled and hasattr(os, "fork"):
             _refuse_crashing(opened, local)
         return opened()
     except InputError as refused:
@@ -130,10 +127,10 @@ def _reader_of(path: Path) -> ModuleType:
         ) from None
     if not beginning:
         raise InputError(str(path), "the file is empty", "export or copy it again")
-    for signature, (label, formats) in _SIGNATURES.items():
-        if beginning.startswith(signature) and format_name not in formats:
-            problem = f"its content is {label}, which the extension does not say"
-            raise InputError(str(path), problem, "give the file the extension of its format")
+    found = [name for name, each in _READERS.items() if beginning.startswith(each.beginnings)]
+    if found and format_name not in found:
+        problem = f"its content is {_READERS[found[0]].label}, which the extension does not say"
+        raise InputError(str(path), problem, "give the file the extension of its format")
     return importlib.import_module(f"evopem.signals.readers.{format_name}")
 
 
@@ -154,4 +151,4 @@ def _refuse_crashing(opened: Callable[[], object], path: Path) -> None:
             opened()
         os._exit(0)
     if os.waitpid(child, 0)[1] != 0:
-        refuse_unreadable(path, f"{COMPILED[format_of(path)]} file")
+        refuse_unreadable(path, f"{_READERS[format_of(path)].label} file")

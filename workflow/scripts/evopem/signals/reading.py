@@ -68,16 +68,23 @@ def read_measured(
             remedy = f"choose {'two ' * (len(values) == 2)}channels that were sampled together"
             raise InputError(source, problem, remedy)
     for one, other in itertools.combinations(found, 2):
-        if _are_equal(found[one].values, found[other].values):
+        pair = found[one].values, found[other].values
+        floats = all(values.dtype.kind == "f" for values in pair)
+        if np.array_equal(*pair, equal_nan=floats):
             problem = (
                 f"the {one} ({references[one]!r}) and the {other}"
                 f" ({references[other]!r}) hold the same values"
             )
             raise InputError(source, problem, "choose different channels")
     timed = _timing(found, channels, source)
-    for role in roles:
-        _refuse_other_start(found[first], found[role], timed.rate, source)
     read = read[: len(roles)]  # without the time
+    starts = [each.start for each in read]
+    for start in starts:
+        late = 0.0 if start is None or starts[0] is None else start - starts[0]
+        # A date in seconds since 1970 has a resolution of less than a microsecond as a float.
+        if abs(late) > max(0.5 / timed.rate, 1e-6):
+            remedy = "choose two channels that were sampled together"
+            raise InputError(source, f"the output begins {late:g} s after the input", remedy)
     names = _names(read, roles)
     signals = np.column_stack([timed.on_grid(values[role]) for role in roles])
     count = len(inputs)
@@ -111,22 +118,6 @@ def _signal(channel: Channel, role: str, source: str) -> Array:
             source, problem, remedy, f'{role} "{channel.name}"' if channel.name else role
         )
     return channel.values.astype(np.float64)
-
-
-def _are_equal(one: NDArray, other: NDArray) -> bool:
-    floats = one.dtype.kind == other.dtype.kind == "f"
-    return np.array_equal(one, other, equal_nan=floats)
-
-
-def _refuse_other_start(first: Channel, other: Channel, rate: float, source: str) -> None:
-    """Refuse channels that begin at different times."""
-    if first.start is None or other.start is None:
-        return
-    late = other.start - first.start
-    # A date in seconds since 1970 has a resolution of less than a microsecond as a float.
-    if abs(late) > max(0.5 / rate, 1e-6):
-        remedy = "choose two channels that were sampled together"
-        raise InputError(source, f"the output begins {late:g} s after the input", remedy)
 
 
 def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: str) -> Timing:
