@@ -86,7 +86,7 @@ def test_matlab_unknown_variable_text_and_complex(tmp_path):
 def test_matlab_lengths_and_missing_values(tmp_path):
     path = tmp_path / "record.mat"
     broken = U.copy()
-    broken[17::40] = np.nan
+    broken[17::12] = np.nan  # too many to be filled
     savemat(path, {"u": U, "short": Y[:-1], "broken": broken, "t": T[:-2]})
     assert "240 samples and the output 239" in refusal(path, "u", "short")
     assert 'output "broken", sample 18: the value is missing' in refusal(path, "u", "broken")
