@@ -21,8 +21,6 @@ from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, po
 class Rastrigin:
     """Rastrigin's function about 1.234, weighted so that no two of its many minima are equal."""
 
-    min_multistart = 64
-
     def __init__(self, dimension=3):
         self.dimension = dimension
         self.weights = np.sqrt(np.arange(1.0, dimension + 1))

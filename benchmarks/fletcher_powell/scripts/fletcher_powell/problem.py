@@ -40,11 +40,6 @@ class FletcherPowellProblem:
     def __init__(self, objective: Objective) -> None:
         self.objective = objective
 
-    @property
-    def min_multistart(self) -> int:
-        """Zero: the budget alone ends a run, so there is no multistart check."""
-        return 0
-
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """Draw individuals uniform in the box [-π, π], without evaluations."""
         return self.random(count, generator), 0

@@ -49,7 +49,7 @@ class Optimum:
     evaluations: int  # a Jacobian counts as one
 
 
-class Problem(Protocol):
+class Descended(Protocol):
     """What descents need to know of a problem."""
 
     def moved(self, point: Array, step: Array) -> Array:
@@ -62,7 +62,7 @@ class Problem(Protocol):
         """Whether a descent may end there."""
 
 
-class Squares(Problem, Protocol):
+class Squares(Descended, Protocol):
     """The same of squared errors."""
 
     def begun(self, start: Array) -> Array:
@@ -75,7 +75,7 @@ class Squares(Problem, Protocol):
         """Gradient, (n,), and Gauss-Newton Hessian, (n, n), of the criterion of the last point."""
 
 
-class AbsoluteErrors(Problem, Protocol):
+class AbsoluteErrors(Descended, Protocol):
     """The same of absolute errors."""
 
     @property

@@ -121,8 +121,7 @@ class PolynomialEstimate:
     @property
     def with_level(self) -> bool:
         """Whether a constant was estimated along."""
-        states = len(self.plant_state) + len(self.noise_state)
-        return len(self.search.point) > self.model.orders.parameters + states
+        return bool(self.levels)
 
 
 def describe(

@@ -29,11 +29,6 @@ def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:
     return ScoringWindow(first, first + max(settings.n_initial_discard, orders.nc))
 
 
-def is_chapters(orders: Orders, level: bool, data: Recording) -> bool:
-    """Whether it is the ARMAX problem of the chapter: one input, one segment and no level."""
-    return orders.structure == "armax" and orders.inputs == 1 and not level and not data.is_joined
-
-
 def prediction_errors(
     data: Recording, orders: Orders, settings: SearchSettings, window: ScoringWindow, level: bool
 ) -> PolynomialErrors:
@@ -59,7 +54,8 @@ def checked_errors(
             if not data.has_input
             else f"{orders} is of {orders.inputs} inputs; the recording has {data.inputs.shape[1]}"
         )
-    alone = is_chapters(orders, level, data)
+    # The ARMAX problem of the chapter.
+    alone = orders.structure == "armax" and orders.inputs == 1 and not (level or data.is_joined)
     first = orders.first_residual
     if window is None:
         window = default_window(orders, settings) if alone else ScoringWindow(first, first)

@@ -15,7 +15,7 @@ from evopem.estimation.pem.constrained_parameters import (
     Gain,
     GivenGain,
 )
-from evopem.estimation.pem.constrained_polynomials import Linear, Sections, null_space
+from evopem.estimation.pem.constrained_polynomials import Linear, RegionSections, null_space
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, Band, PoleRegion
 from evopem.models.constraint_checks import coefficient_index
 from evopem.models.structures import Orders
@@ -41,7 +41,7 @@ def constrained_parameters(
     o = orders
     names = tuple(names) or ("",) * o.inputs
     paths = [(constraints.of_input(name), o.of_input(k)) for k, name in enumerate(names)]
-    polynomials: dict[str, Sections | Linear] = {}
+    polynomials: dict[str, RegionSections | Linear] = {}
     gains: dict[str, GivenGain] = {}
     first = paths[0] if paths else (constraints, o)
     polynomials["a"] = plant_polynomial("a", *first, sampling_rate, radius)
@@ -89,7 +89,7 @@ def plant_polynomial(
     orders: Orders,
     sampling_rate: float,
     stability_radius: float,
-) -> Sections | Linear:
+) -> RegionSections | Linear:
     """A or F of one path, ``name``; errors as of :func:`constrained_parameters`."""
     order = getattr(orders.single, f"n{name}")
     factor = np.ones(1)
@@ -104,7 +104,7 @@ def plant_polynomial(
         radius, radius_name = constraints.max_pole_radius, "max_pole_radius"
     if constraints.of_free_poles and orders.single.nb:
         region = pole_region(constraints, sampling_rate, radius, radius_name)
-        return Sections(factor, order - len(factor) + 1, region)
+        return RegionSections(factor, order - len(factor) + 1, region)
     limit = None if radius == UNBOUNDED_RADIUS else radius
     return _linear(factor, free, values, limit, radius_name)
 

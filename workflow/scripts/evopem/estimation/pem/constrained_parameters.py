@@ -11,7 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.constrained_polynomials import EXCESS, KIND, SHARE, Linear, Sections
+from evopem.estimation.pem.constrained_polynomials import (
+    EXCESS,
+    KIND,
+    SHARE,
+    Linear,
+    RegionSections,
+)
 from evopem.estimation.pem.coordinate_errors import Mapped
 from evopem.estimation.pem.pole_region import AT_EDGE
 
@@ -78,7 +84,7 @@ class ConstrainedParameters:
 
     def __init__(
         self,
-        polynomials: Mapping[str, Sections | Linear],
+        polynomials: Mapping[str, RegionSections | Linear],
         gains: Mapping[str, GivenGain] | None = None,
         tied: bool = False,
     ) -> None:
@@ -168,7 +174,7 @@ class ConstrainedParameters:
         bounded = bounded.copy()
         for name in self.plant:
             polynomial = self.polynomials[name]
-            if isinstance(polynomial, Sections):
+            if isinstance(polynomial, RegionSections):
                 bounded[self.own[name]] = polynomial.random(generator)
         for name, given in self.gains.items():
             if given.gain.codes:

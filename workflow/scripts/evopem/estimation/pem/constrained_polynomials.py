@@ -19,7 +19,7 @@ FREE, SHARE, EXCESS, KIND = range(4)
 
 
 @dataclass(frozen=True, eq=False)
-class Sections:
+class RegionSections:
     """A monic polynomial: a fixed factor times sections whose poles lie in a region.  Coordinates:
     kind and two shares of each section, and one share of a single real pole."""
 

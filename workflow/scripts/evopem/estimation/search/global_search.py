@@ -66,14 +66,13 @@ class _Record(SearchProgress):
 
     def __init__(self, log: Callable[[str], None] | None) -> None:
         super().__init__()
-        self.points = 0
-        self.undiscovered, self.one_optimum = 1.0, False
+        self.one_optimum = False
         self._log = log
 
     @property
     def restarts(self) -> int:
         """Independent restarts, batches of random points not counted."""
-        return len(self.minima) - self.points // BATCH
+        return len(self.minima) - self.random_points // BATCH
 
     def agree(self, best: float, *more: float) -> bool:
         """Whether enough independent restarts, some more among them, ended at the lowest value."""
@@ -138,7 +137,7 @@ def global_search(
             found.add("growth and exchange", hops.point, hops.value, hops.evaluations)
         else:
             _restart(problem, settings, generator, found, known_minimum)
-    return found.result(found.points, found.undiscovered)
+    return found.result()
 
 
 def _search_neighbours(
@@ -166,12 +165,14 @@ def _descend_from_random_points(
     lowest: list[Array] = []
     used = 0
     while not lowest or (
-        found.points < BATCHES * BATCH and used < evaluations and found.undiscovered < HOPELESS
+        found.random_points < BATCHES * BATCH
+        and used < evaluations
+        and found.undiscovered < HOPELESS
     ):
         descents = problem.descend(problem.random(BATCH, generator))
         found.optima.extend(converged_values(descents))
         lowest.append(descents.points[int(np.argmin(descents.values))])
-        found.points += BATCH
+        found.random_points += BATCH
         found.undiscovered = undiscovered(found.optima)
         used += descents.evaluations
     polished = problem.polish(np.array(lowest))
@@ -191,7 +192,7 @@ def _descend_coarsely(
         problem.descend_coarsely if isinstance(problem, PolynomialProblem) else problem.descend
     )
     descents = descend(problem.random(FIRST_BATCH, generator))
-    found.optima, found.points = converged_values(descents), FIRST_BATCH
+    found.optima, found.random_points = converged_values(descents), FIRST_BATCH
     found.add("first pass", *_lowest_of(descents), descents.evaluations)
     found.undiscovered = undiscovered(found.optima, SAME_COARSE_DESCENT)
     if isinstance(problem, PolynomialProblem):

@@ -77,21 +77,18 @@ def memetic_search(
             break
         confirming = until_certified and found.random_points and agreeing() == len(found.minima)
         limit = (CONFIRMING if confirming else 1) * settings.evaluations
-    return found.result(found.random_points, found.undiscovered)
+    return found.result()
 
 
 class _Found(SearchProgress):
     """What a search has found, and the random points of its multistart check."""
 
-    random_points, undiscovered = 0, 1.0
-
     def check(self, problem: Problem, max_evaluations: int, generator: np.random.Generator) -> None:
         """Descend from random points until a further local optimum is improbable: one restart.
-        ``max_evaluations``: evaluations after which no further batch starts, beyond
-        ``problem.min_multistart`` points."""
+        ``max_evaluations``: evaluations after which no further batch starts."""
         optima: list[float] = []
         best_point, best_value, evaluations = np.empty(0), np.inf, 0
-        while self.random_points < problem.min_multistart or (
+        while not self.random_points or (
             self.undiscovered > SUFFICIENT_PROBABILITY and evaluations < max_evaluations
         ):
             batch = max(self.random_points, FIRST_BATCH)

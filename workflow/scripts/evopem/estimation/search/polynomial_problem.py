@@ -41,9 +41,6 @@ from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
-# Random points of a multistart check times samples, at least: shorter records have more optima and
-# cheaper descents.
-MIN_MULTISTART = 2**17
 # Damping of descents from neighbours of an optimum, relative to the scaled diagonal of the
 # Gauss-Newton matrix, which is singular where a section is common to all polynomials.
 NEIGHBOUR_DAMPING = 1e-3
@@ -89,11 +86,6 @@ class PolynomialProblem(HoppingProblem):
     @cached_property
     def _arx_denominator(self) -> Array:
         return next(common_denominators(self.errors))
-
-    @property
-    def min_multistart(self) -> int:
-        """Points of a multistart check."""
-        return MIN_MULTISTART // self.errors.samples
 
     def values(self, points: Array) -> Array:
         """Exact objective in percent, (M,)."""

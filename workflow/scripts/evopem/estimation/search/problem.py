@@ -28,10 +28,6 @@ SAME_COARSE_DESCENT = 1e-4
 class Problem(Protocol):
     """An objective, the region it is searched in, and a local descent."""
 
-    @property
-    def min_multistart(self) -> int:
-        """Random points that a multistart check takes at least."""
-
     def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
         """Draw a first population, (count, n), and count the evaluations that it took."""
 
@@ -132,6 +128,8 @@ class SearchProgress:
         self.optima: list[float] = []
         self.convergence: list[tuple[int, float]] = []
         self.spent = self.generations = 0
+        # Random points descended from, and the probability that another one leads elsewhere.
+        self.random_points, self.undiscovered = 0, 1.0
 
     def reach(self, point: Array, value: float) -> None:
         """Keep a point where it is lower, and note how low the search is by now."""
@@ -139,7 +137,7 @@ class SearchProgress:
             self.point, self.value = point.copy(), value
         self.convergence.append((self.spent, self.value))
 
-    def result(self, n_multistart: int, undiscovered_probability: float) -> SearchResult:
+    def result(self) -> SearchResult:
         """The best point of all, with diagnostics.  InputError when no value was finite."""
         if self.point is None:
             raise InputError(
@@ -153,8 +151,8 @@ class SearchProgress:
             restart_minima=tuple(self.minima),
             n_confirming=count_confirming(tuple(self.minima), self.value),
             n_local_optima=count_distinct(self.optima),
-            n_multistart=n_multistart,
-            undiscovered_probability=undiscovered_probability,
+            n_multistart=self.random_points,
+            undiscovered_probability=self.undiscovered,
             convergence=tuple(self.convergence),
         )
         return SearchResult(self.point, self.value, diagnostics)

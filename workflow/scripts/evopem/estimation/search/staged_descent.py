@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.estimation.pem.batch_bfgs import Descent, descend, descend_by
+from evopem.estimation.pem.coordinate_errors import CoordinateErrors
+from evopem.estimation.pem.k_step_errors import KStepErrors
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.problem import (
     SearchDiagnostics,
     SearchResult,
@@ -21,6 +24,7 @@ from evopem.estimation.search.problem import (
 )
 
 Array = NDArray[np.float64]
+PredictionErrors = PolynomialErrors | KStepErrors | CoordinateErrors
 
 MAX_ITERATIONS = 200
 # A pass over the record costs the same for one model as for eight.  Once half of the descents have
@@ -56,24 +60,6 @@ NEAR, REFINED = 1e-3, 8
 
 # Newton steps towards linear coordinates: one is exact for the quadratic objective.
 LINEAR_STEPS = {"quadratic": 1, "absolute": 4}
-
-
-class PredictionErrors(Protocol):
-    """What a descent needs to know of a prediction-error problem."""
-
-    def values(self, points: Array) -> Array:
-        """Objective of each row, (M,)."""
-
-    def values_and_gradients(
-        self, points: Array, smoothing: Array, barriers: Array
-    ) -> tuple[Array, Array]:
-        """Smoothed objective with a barrier, and its gradient."""
-
-    def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
-        """Gauss-Newton matrices, (M, n, n)."""
-
-    def mean_absolute_residuals(self, values: Array) -> Array:
-        """Size of the residuals that belong to values of the objective."""
 
 
 def staged_descent(
@@ -145,9 +131,7 @@ def _bfgs(
     def inverse_hessians(at: Array, rows: NDArray[np.intp]) -> Array:
         return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
 
-    # Errors may come with the loop over the trials of their descents.  Whether they do is asked
-    # thousands of times; a check of the whole protocol would take as long as some passes.
-    own = getattr(errors, "advance_descents", None)
+    own = errors.advance_descents if isinstance(errors, PolynomialErrors) else None
     if own is not None:
         advance = partial(own, smoothing, barriers, tolerance, MAX_ITERATIONS)
         return descend_by(advance, points, inverse_hessians, wait=wait)

@@ -34,7 +34,6 @@ class StateSpaceProblem:
     """Search problem of one recording, order and form; see :class:`.Problem`."""
 
     objective: Objective = "quadratic"
-    min_multistart = 1
     descended = 1  # quadratic optima of an order that the search over orders goes on from
 
     def __init__(self, plain: StateSpaceErrors) -> None:
