@@ -95,7 +95,7 @@ def plant_polynomial(
     factor = np.ones(1)
     if order and name == ("f" if orders.single.nf else "a"):
         for pole in constraints.fixed_poles:
-            factor = np.convolve(factor, _monic(pole, sampling_rate))
+            factor = np.convolve(factor, np.poly(poles_of_fixed(pole, sampling_rate)).real)
     free, values = _fixed(name, constraints, orders)
     bounded = constraints.stability == "required" or name == "f"
     radius = stability_radius if bounded else UNBOUNDED_RADIUS
@@ -153,14 +153,13 @@ def pole_region(
     return replace(region, bands=open_bands)
 
 
-def _monic(pole: FixedPole, sampling_rate: float) -> Array:
-    """The factor of a fixed pole, its leading 1 included."""
+def poles_of_fixed(pole: FixedPole, sampling_rate: float) -> tuple[complex, ...]:
+    """The poles of a fixed real pole, or of a fixed pair."""
     if pole.real is not None:
-        return np.array([1.0, -pole.real])
-    turn = 2.0 * np.pi * (pole.frequency_hz or 0.0) / sampling_rate
-    damping = pole.damping_ratio or 0.0
-    r = float(np.exp(-turn * damping))
-    return np.array([1.0, -2.0 * r * np.cos(turn * np.sqrt(1.0 - damping**2)), r * r])
+        return (complex(pole.real),)
+    damping, turn = pole.damping_ratio or 0.0, 2.0 * np.pi * (pole.frequency_hz or 0.0)
+    upper = np.exp(complex(-damping, np.sqrt(1.0 - damping**2)) * turn / sampling_rate)
+    return complex(upper), complex(upper.conjugate())
 
 
 def _fixed(name: str, constraints: Constraints, orders: Orders) -> tuple[NDArray[np.bool_], Array]:

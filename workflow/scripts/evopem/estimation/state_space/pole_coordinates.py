@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.config.constraints import Constraints, FixedPole
-from evopem.estimation.pem.constrained_model import gain_of, pole_region
+from evopem.config.constraints import Constraints
+from evopem.estimation.pem.constrained_model import gain_of, pole_region, poles_of_fixed
 from evopem.estimation.pem.constrained_parameters import Gain
-from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE, Sections
+from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE, RegionSections
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.state_space.errors import EDGE, ScaledRecording, StateSpaceErrors
 from evopem.estimation.state_space.sections import drawn_in
@@ -29,7 +29,9 @@ class Block:
 
     known: tuple[complex, ...]  # poles that are given: none, one real one, or all
     states: int
-    allowed: Sections | None  # polynomial of the poles; None where they are free within the radius
+    allowed: (
+        RegionSections | None
+    )  # polynomial of the poles; None where they are free within the radius
     radius: float
 
     @property
@@ -95,11 +97,11 @@ def blocks_of(errors: StateSpaceErrors, constraints: Constraints | None) -> tupl
 
     def block(known: tuple[complex, ...], states: int) -> Block:
         factor = np.atleast_1d(np.poly(known)).real
-        allowed = Sections(factor, states - len(known), region)
+        allowed = RegionSections(factor, states - len(known), region)
         restricted = known or constraints.of_free_poles
         return Block(known, states, allowed if restricted else None, radius)
 
-    given = [_given(pole, sampling_rate) for pole in constraints.fixed_poles]
+    given = [poles_of_fixed(pole, sampling_rate) for pole in constraints.fixed_poles]
     pairs: list[tuple[complex, ...]] = [poles for poles in given if len(poles) == 2]
     real = [poles[0] for poles in given if len(poles) == 1]
     single = [tuple(real[len(real) // 2 * 2 :])] if order % 2 else []
@@ -123,12 +125,3 @@ def gains_of(constraints: Constraints, data: ScaledRecording) -> dict[int, Gain]
         if (gain := gain_of(constraints, scale, name)) is not None:
             gains[column] = gain
     return gains
-
-
-def _given(pole: FixedPole, sampling_rate: float) -> tuple[complex, ...]:
-    """The poles of a fixed real pole or pair."""
-    if pole.real is not None:
-        return (complex(pole.real),)
-    damping, turn = pole.damping_ratio or 0.0, 2.0 * np.pi * (pole.frequency_hz or 0.0)
-    upper = np.exp(complex(-damping, np.sqrt(1.0 - damping**2)) * turn / sampling_rate)
-    return complex(upper), complex(upper.conjugate())
