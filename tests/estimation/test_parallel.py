@@ -24,7 +24,7 @@ def test_a_killed_process_is_named_in_one_sentence(monkeypatch):
         output_names=("y",),
     )
     monkeypatch.setattr(
-        order_selection, "_end_with_parent", lambda: os.kill(os.getpid(), signal.SIGKILL)
+        order_selection, "end_with_parent", lambda: os.kill(os.getpid(), signal.SIGKILL)
     )
     orders = [armax_orders(order, order, order, 1) for order in (1, 2, 3, 4)]
     with pytest.raises(InputError, match=r"^the candidates of phase joint: .+ was killed"):

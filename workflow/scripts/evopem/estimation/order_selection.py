@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
-import os
 import sys
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -34,6 +32,7 @@ from evopem.estimation.prediction_errors import (
 from evopem.estimation.search.certificate import Target, is_certified
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended, pooled, same_optimum
+from evopem.files.job import end_with_parent
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
@@ -325,7 +324,7 @@ def estimate_in_parallel(
     start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
     given = phase, settings, window, logging.getLogger("evopem").info, level
     try:
-        with ProcessPoolExecutor(min(cores, len(others)), start, _end_with_parent) as pool:
+        with ProcessPoolExecutor(min(cores, len(others)), start, end_with_parent) as pool:
             running = {
                 index: pool.submit(estimate_candidates, data, [orders[index]], *given)
                 for index in reversed(others)
@@ -338,15 +337,3 @@ def estimate_in_parallel(
             "run again with fewer cores or jobs, or with more memory",
         ) from None
     return [candidate for index in range(len(orders)) for candidate in found[index]]
-
-
-def _end_with_parent() -> None:
-    """End this process when its parent ends."""
-
-    def wait() -> None:
-        parent = multiprocessing.parent_process()
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()

@@ -20,9 +20,8 @@ from evopem.estimation.pem.covariance import (
     Fitted,
     loss_deviation,
     of_coefficients,
-    scores_of,
     tangent_covariance,
-    whitened,
+    whitened_covariance,
 )
 from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
@@ -44,7 +43,7 @@ Log = Callable[[str], None]
 
 # Random starts of the descents under constraints and of k-step errors; where no search is asked
 # for, those of its first pass.
-RANDOM_STARTS = 24
+RANDOM_STARTS = 36
 # Estimates of a record with several inputs that a search begins with.
 ESTIMATES = 8
 # Random draws from which starts that meet fixed coefficients are taken.
@@ -326,20 +325,14 @@ def _meets(parameters: ConstrainedParameters, bounded: Array, point: Array, near
 def _covariance(
     errors: PolynomialErrors, horizon: int | None, point: Array, fitted: Fitted
 ) -> ParameterCovariance | None:
-    ahead, k_errors = horizon != 1, errors_ahead(errors, horizon)
-    if horizon is None or (ahead and errors.objective == "absolute"):
+    if horizon is None or (horizon > 1 and errors.objective == "absolute"):
         return None
-    innovations = errors.residuals(point)
+    o, innovations = errors.orders, errors.residuals(point)
+    if horizon == 1 and o.na + o.noise_states == 0:
+        # Nothing whitens the errors of a model of the plant alone.
+        return whitened_covariance(fitted, innovations, errors.objective)
     deviation = loss_deviation(innovations, fitted.tangent.shape[1], errors.objective)
     if not np.isfinite(deviation):
         return None
-    o, noise_filter = errors.orders, (np.ones(1), np.ones(1))
-    if isinstance(k_errors, KStepErrors):
-        noise_filter = k_errors.weights(point), np.ones(1)
-    elif o.na + o.noise_states == 0:
-        # Nothing whitens the errors of a model of the plant alone.
-        scores = scores_of(innovations, fitted.tangent.shape[1], errors.objective)
-        whitening, variance = whitened(scores, fitted.tangent.shape[1])
-        if len(whitening) > 1:
-            noise_filter, deviation = (np.ones(1), whitening), float(np.sqrt(variance))
-    return tangent_covariance(fitted, noise_filter, deviation)
+    weights = np.ones(1) if horizon == 1 else KStepErrors(errors, horizon).weights(point)
+    return tangent_covariance(fitted, (weights, np.ones(1)), deviation)

@@ -68,10 +68,8 @@ def coloured_covariance(
         return None
     if input_alone:
         fitted = Fitted(jacobian, np.eye(estimated), np.zeros((0, estimated)), counts)
-        whitening, variance = whitened(score, estimated)
-        noise_filter = np.ones(1), whitening
-        found = tangent_covariance(fitted, noise_filter, float(np.sqrt(variance)))
-        return of_coefficients(found, parameters)
+        found = whitened_covariance(fitted, residuals, objective)
+        return found and of_coefficients(found, parameters)
     inverse, null_space = pseudo_inverse_factor(np.asarray(np.linalg.qr(jacobian, mode="r")))
     scores = np.split(jacobian * score[:, None], np.cumsum(np.asarray(counts, dtype=int))[:-1])
     meat = sum(map(_newey_west, scores)) * samples / max(samples - estimated, 1)
@@ -88,13 +86,24 @@ def scores_of(residuals: Array, estimated: int, objective: str) -> Array:
     return np.asarray(np.sign(residuals) * loss_deviation(residuals, estimated, objective))
 
 
-def whitened(scores: Array, estimated: int) -> tuple[Array, float]:
-    """The autoregression that whitens scores, and the variance of their innovations."""
+def whitened_covariance(
+    fitted: Fitted, residuals: Array, objective: str
+) -> ParameterCovariance | None:
+    """Covariance of a fit whose derivatives depend on the inputs alone, for residuals of any
+    colour."""
+    estimated = fitted.tangent.shape[1]
+    deviation = loss_deviation(residuals, estimated, objective)
+    if not np.isfinite(deviation):
+        return None
+    scores = scores_of(residuals, estimated, objective)
     centred = scores - scores.mean()
     whitening = autoregression(centred, MOST_COLOURING)
-    innovations = np.convolve(centred, whitening, mode="valid")
-    # The innovations of signs are as large as those of residuals: their mean square.
-    return whitening, float(innovations @ innovations) / max(len(innovations) - estimated, 1)
+    if len(whitening) > 1:
+        innovations = np.convolve(centred, whitening, mode="valid")
+        # The innovations of signs are as large as those of residuals: their mean square.
+        variance = float(innovations @ innovations) / max(len(innovations) - estimated, 1)
+        deviation = float(np.sqrt(variance))
+    return tangent_covariance(fitted, (np.ones(1), whitening), deviation)
 
 
 def is_coloured(residuals: Array) -> bool:
