@@ -234,7 +234,7 @@ def test_a_prior_counts_as_an_observation():
     options = {"structure": "fir", "orders": (2, 1)}
     free = constrained(Constraints(), u, y, **options).model
     deviation = float(np.sqrt(np.diag(free.covariance.matrix))[0])
-    prior = Prior("b0", free.b[0] + deviation, deviation)
+    prior = Prior("b0", free.B[0][0] + deviation, deviation)
     found = constrained(Constraints(priors=(prior,)), u, y, **options).model
     assert found.B[0][0] == pytest.approx(free.B[0][0] + 0.5 * deviation, rel=1e-4)
     after = float(np.sqrt(np.diag(found.covariance.matrix))[0])

@@ -92,7 +92,7 @@ def test_errors_of_the_estimate_are_within_its_standard_errors(objective):
     recording, truth = armax(seed=4, samples=4500)
     settings = SearchSettings(objective=objective)
     found = estimate(recording.input, recording.output, (7, 6, 7, 3), 100.0, settings=settings)
-    true = np.r_[truth.A[1:], truth.B[0], truth.C[1:]]
+    true = np.r_[truth.a[1:], truth.b, truth.c[1:]]
     deviation = found.model.parameters - true
     # Mahalanobis distance: chi-square with 20 degrees of freedom, 99.9 % point 45.3.
     assert deviation @ np.linalg.solve(found.model.covariance, deviation) < 45.3
