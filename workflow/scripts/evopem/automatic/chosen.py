@@ -24,10 +24,10 @@ from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe, searched_objective
-from evopem.estimation.prediction_errors import checked_errors, in_scaled_units, scaled_errors
+from evopem.estimation.prediction_errors import checked_errors
+from evopem.estimation.prediction_estimate import optimum_next_to
 from evopem.estimation.search.certificate import is_certified
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchDiagnostics, SearchResult, pooled
+from evopem.estimation.search.problem import SearchResult, pooled
 from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.models.constraint_checks import check_constraints
@@ -147,16 +147,9 @@ def refitted_estimate(
     window = ScoringWindow(start, start)
     with one_blas_thread():
         errors = checked_errors(recording, model.orders, settings, window, level=True)
-        scaled, units = scaled_errors(errors)
-        models = [in_scaled_units(model, units)]
-        problem = PolynomialProblem(scaled, models, own_starts=False)
-        starts = problem.starts()[:1]
-        if not len(starts):
+        found = optimum_next_to(model, errors)
+        if found is None:
             raise NoModelError("the descent found no finite errors")
-        descents = problem.descend(starts)
-        value = float(descents.values[0])
-        diagnostics = SearchDiagnostics.of_descents(value, descents.evaluations, 1)
-        found = SearchResult(units.restored(descents.points[0]), value, diagnostics)
         return describe(errors, found, recording.sampling_rate, shortest=True)
 
 

@@ -24,14 +24,10 @@ from evopem.estimation.candidate import (
 from evopem.estimation.delays import Fit, refine_delay
 from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
-from evopem.estimation.prediction_errors import (
-    in_scaled_units,
-    prediction_errors,
-    scaled_errors,
-)
+from evopem.estimation.prediction_errors import prediction_errors
+from evopem.estimation.prediction_estimate import optimum_next_to
 from evopem.estimation.search.certificate import Target, is_certified
-from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import descended, pooled, same_optimum
+from evopem.estimation.search.problem import pooled, same_optimum
 from evopem.files.job import end_with_parent
 from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
@@ -122,12 +118,8 @@ def reoptimize_from(
     with one_blas_thread():
         level = candidate.with_level
         errors = prediction_errors(data, candidate.orders, settings, window, level)
-        scaled, units = scaled_errors(errors)
-        models = [in_scaled_units(nested.model, units)]
-        starts = PolynomialProblem(scaled, models, own_starts=False).starts()
-        if len(starts):
-            ended = descended(PolynomialProblem(scaled), starts[0])
-            earlier = pooled(earlier, replace(ended, point=units.restored(ended.point)))
+        ended = optimum_next_to(nested.model, errors)
+        earlier = earlier if ended is None else pooled(earlier, ended)
         found = describe(errors, earlier, data.sampling_rate, shortest=True)
     return Candidate.of(found, candidate.phase)
 

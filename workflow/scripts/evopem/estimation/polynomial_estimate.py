@@ -79,9 +79,6 @@ class PolynomialEstimate:
     levels : tuple of float
         Of each recording, where a level is estimated; the model has the first one, with several
         inputs their mean.  Residuals and states are those of its segments one after the other.
-    coloured_bic : float
-        With several inputs the BIC of the innovations of an autoregression of the errors, whose
-        coefficients are counted as parameters: it compares models with and without a noise model.
     """
 
     model: PolynomialModel
@@ -96,7 +93,6 @@ class PolynomialEstimate:
     focus_objective: float = float("nan")
     constraints: ConstraintEffect | None = None
     levels: tuple[float, ...] = ()
-    coloured_bic: float = float("nan")
 
     @property
     def objective(self) -> float:

@@ -28,13 +28,14 @@ from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.priors import Priors, priors_of
 from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe
-from evopem.estimation.prediction_errors import Units, scaled_errors
+from evopem.estimation.prediction_errors import Units, in_scaled_units, scaled_errors
 from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.global_search import FIRST_BATCH, FIRST_PASS, global_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, solve_linear
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import roots
 from evopem.models.structures import Orders
 
@@ -116,6 +117,17 @@ def searched(task: EstimationTask, problem: PolynomialProblem, units: Units) -> 
     found = global_search(problem, task.settings, generator, task.log, lowest, task.target)
     found = replace(found, point=units.restored(found.point))
     return found if known is None else pooled(known, found)
+
+
+def optimum_next_to(model: PolynomialModel, errors: PolynomialErrors) -> SearchResult | None:
+    """Where a descent from a model, of these orders or smaller ones, ends, if it begins."""
+    scaled, units = scaled_errors(errors)
+    models = [in_scaled_units(model, units)]
+    starts = PolynomialProblem(scaled, models, own_starts=False).starts()
+    if not len(starts):
+        return None
+    ended = descended(PolynomialProblem(scaled), starts[0])
+    return replace(ended, point=units.restored(ended.point))
 
 
 def errors_ahead(errors: PolynomialErrors, horizon: int | None) -> PolynomialErrors | KStepErrors:

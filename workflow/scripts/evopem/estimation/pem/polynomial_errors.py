@@ -273,11 +273,6 @@ class PolynomialErrors:
         """The outputs of the residuals that count, of all stretches one after the other."""
         return np.concatenate([each.output[self.window.loss_start :] for each in self.stretches])
 
-    def scored_inputs(self) -> Array:
-        """The first input of the residuals that count; zeros without one."""
-        first = self.window.loss_start
-        return np.concatenate([each.inputs[first:, :1].sum(axis=1) for each in self.stretches])
-
     def jacobian(self, point: Array) -> Array:
         """Derivatives of the residuals that count by a point, (N, n)."""
         return np.concatenate(list(self.jacobian_blocks(point)))
