@@ -9,7 +9,7 @@ import numpy as np
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 
-from .conftest import TINY, jobs_of_each_rule
+from .conftest import FEW_PHASES, jobs_of_each_rule
 
 
 def table(folder):
@@ -29,7 +29,7 @@ def test_a_fleet_in_shards_of_batches_with_a_bad_recording_is_listed_and_later_c
     rows = "name,file,sampling_rate\n" + "".join(f"r{n},data/{n}.csv,100\n" for n in (1, 2, 3))
     recordings.write_text(rows)
     keys = {"one_job_per": "recording", "recordings_per_job": 2, "report": "none"}
-    folder.configure({"datasets": "recordings.csv", "defaults": TINY["defaults"], **keys})
+    folder.configure({"datasets": "recordings.csv", "defaults": FEW_PHASES, **keys})
 
     printed = folder.finish("--cores", "1", "--nolock", "--config", "shard=2/2")
     assert jobs_of_each_rule(printed) == {"identify_batch": 1}

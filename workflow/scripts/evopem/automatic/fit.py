@@ -14,7 +14,7 @@ from evopem.config.settings import Objective, OutputWeighting, SearchSettings
 from evopem.errors import NoModelError
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
-from evopem.estimation.search.staged_descent import Stage
+from evopem.estimation.search.staged_descent import DescentStage
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.structures import Orders
 from evopem.signals.recording import Segment
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 PLANT_RADIUS = 1.0 - 1e-7
 NOISE_RADIUS = 0.9999
 # Scores of folds need no more digits than these descents give.
-FOLD_STAGES = (Stage(0.1, 1e-7, 1e-4),)
+FOLD_STAGES = (DescentStage(0.1, 1e-7, 1e-4),)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def fit(
     models: Sequence[PolynomialModel] = (),
     own_starts: bool = True,
     structure: str | None = None,
-    stages: tuple[Stage, ...] = SWEEP_STAGES,
+    stages: tuple[DescentStage, ...] = SWEEP_STAGES,
     level: bool = True,
 ) -> Fit:
     """Fit a model of one output by descents from estimates and models.

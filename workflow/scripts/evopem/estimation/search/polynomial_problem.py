@@ -28,7 +28,7 @@ from evopem.estimation.search.section_coordinates import descend_in_sections
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
     LINEAR_STEPS,
-    Stage,
+    DescentStage,
     coarse_descent,
     polish,
     promised_values,
@@ -52,7 +52,7 @@ BY_ROOTS = 0.75
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 4
 # One stage is enough for the quadratic objective, whose corner needs no smoothing.
-SWEEP_STAGES = (Stage(0.1, 1e-7, 1e-7),)
+SWEEP_STAGES = (DescentStage(0.1, 1e-7, 1e-7),)
 
 
 class PolynomialProblem(HoppingProblem):
@@ -108,7 +108,9 @@ class PolynomialProblem(HoppingProblem):
         given = points, DESCENT_STAGES, self._largest_value, NEIGHBOUR_DAMPING
         return staged_descent(self.errors, *given)
 
-    def sweep_descent(self, points: Array, stages: tuple[Stage, ...] = SWEEP_STAGES) -> Descent:
+    def sweep_descent(
+        self, points: Array, stages: tuple[DescentStage, ...] = SWEEP_STAGES
+    ) -> Descent:
         """One BFGS from each point."""
         return staged_descent(self.errors, points, stages, float(np.min(self.values(points))))
 

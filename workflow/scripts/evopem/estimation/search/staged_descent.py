@@ -37,7 +37,7 @@ DAMPING = 1e-12
 SENSITIVE = 1e-60
 
 
-class Stage(NamedTuple):
+class DescentStage(NamedTuple):
     """One BFGS run of a descent.  The smoothing of the absolute value is in units of mean |e|, the
     weight of the stability barrier in units of the objective, and the tolerance is the relative
     decrease that ends the run."""
@@ -47,12 +47,16 @@ class Stage(NamedTuple):
     tolerance: float
 
 
-DESCENT_STAGES = (Stage(0.1, 1e-4, 1e-5), Stage(0.01, 1e-7, 1e-9))
-POLISH_STAGES = (Stage(1e-2, 1e-7, 1e-10), Stage(1e-3, 1e-8, 1e-10), Stage(1e-4, 1e-9, 1e-11))
+DESCENT_STAGES = (DescentStage(0.1, 1e-4, 1e-5), DescentStage(0.01, 1e-7, 1e-9))
+POLISH_STAGES = (
+    DescentStage(1e-2, 1e-7, 1e-10),
+    DescentStage(1e-3, 1e-8, 1e-10),
+    DescentStage(1e-4, 1e-9, 1e-11),
+)
 # Of the first pass of a race, which compares far larger differences than the other stages take most
 # of their evaluations for: of an absolute objective 0.004 of its value times parameters over
 # samples.
-COARSE_STAGES = (Stage(0.05, 1e-5, 1e-6),)
+COARSE_STAGES = (DescentStage(0.05, 1e-5, 1e-6),)
 LAST_COARSE_STAGES = POLISH_STAGES[:1]
 
 # Relative distance from the lowest value within which a descent is refined, and the most of them.
@@ -65,7 +69,7 @@ LINEAR_STEPS = {"quadratic": 1, "absolute": 4}
 def staged_descent(
     errors: PredictionErrors,
     points: Array,
-    stages: tuple[Stage, ...],
+    stages: tuple[DescentStage, ...],
     largest_value: float,
     first_damping: float = DAMPING,
     wait: float | None = WAIT,
@@ -99,7 +103,7 @@ def polish(
     errors: PredictionErrors,
     points: Array,
     largest_value: float,
-    stages: tuple[Stage, ...] = POLISH_STAGES,
+    stages: tuple[DescentStage, ...] = POLISH_STAGES,
     wait: float | None = WAIT,
 ) -> Descent:
     """Descents with ever less smoothing; never worse than where they began."""
@@ -111,7 +115,7 @@ def polish(
 
 
 def stage_weights(
-    errors: PredictionErrors, stage: Stage, values: Array, largest_value: float
+    errors: PredictionErrors, stage: DescentStage, values: Array, largest_value: float
 ) -> tuple[Array, Array]:
     """Smoothing and weight of the barrier for points that start a stage at these values."""
     mean = errors.mean_absolute_residuals(values)
