@@ -5,9 +5,8 @@ from pathlib import Path
 
 
 def test_a_run_ends_with_its_results(copy):
-    one = ("--forcerun", "estimate_spectrum", "--until", "estimate_spectrum")
-    printed = copy.finish(*one)
-    assert "estimate_spectrum truth" in printed
+    printed = copy.finish("--forcerun", "report")
+    assert "report truth" in printed
     assert "input: results/" not in printed
     end = printed.partition("steps (100%) done\n")[2]
     assert end.lstrip().startswith("truth: ")
@@ -15,7 +14,8 @@ def test_a_run_ends_with_its_results(copy):
     assert "report  results/truth/report.html" in end
     # Every detail is in the log file of the run, and on the terminal where it is asked for.
     (log,) = sorted((copy.path / ".snakemake" / "log").glob("*"))[-1:]
-    assert "input: results/truth/prepared.npz" in log.read_text()
+    assert "input: results/truth/truth.json" in log.read_text()
+    one = ("--forcerun", "estimate_spectrum", "--until", "estimate_spectrum")
     assert "input: results/" in copy.finish(*one, "--verbose")
 
 
