@@ -170,7 +170,7 @@ def test_another_project_s_file_of_the_same_name_replaces_no_results(folder, mon
         ([*RUN[:5], "--rate", "-3"], "--rate: -3 is below 1e-09"),
         ([*RUN[:5], "--rate", "50", "--config", "no.yaml"], "no.yaml: there is no such file"),
         (["data.csv", "--input", "u", "--output", "u"], "--output: u is both input and output"),
-        ([*RUN, "--results", "x" * 300], "--results: cannot be the name of a folder"),
+        ([*RUN, "--results", "x" * 300], f"{'x' * 300}/data: cannot be the name of a folder"),
         ([*RUN, "--results", "data.csv"], "data.csv: is no folder, and the results need"),
         ([*RUN, "--results", "gone"], "gone: is no folder, and the results need"),
         (["data.csv", "--input", "u", "--output", "none"], "--output: there is no output"),

@@ -83,7 +83,7 @@ def test_a_folder_without_a_configuration_or_with_a_dangling_link_is_said(folder
     assert "write one by `evopem init`" in folder.run("--dry-run").stdout
     folder.configure({"datasets": {"arm": ARM}})
     folder.results.symlink_to("nowhere")
-    assert "results: is a link to a folder that does not exist" in folder.run("--dry-run").stdout
+    assert "results: is no folder, and the results need" in folder.run("--dry-run").stdout
     folder.results.unlink()
     folder.configure({"datasets": {"arm": ARM}, "shard": f"1/{'9' * 5000}"})
     run = folder.run("--dry-run")

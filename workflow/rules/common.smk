@@ -33,7 +33,7 @@ from evopem.pipeline.planning.provider import FILES, LIST, Provider, modules_of
 from evopem.pipeline.planning.stages import WHOLE
 from evopem.pipeline.planning.stage import module_of
 from evopem.config.structures import PHASES
-from evopem.results.layout import BATCH, BATCH_CHECKSUMS, OVERVIEW
+from evopem.results.layout import BATCH, BATCH_CHECKSUMS, FOLDER, OVERVIEW
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.results.identity import forget_incomplete_batches
 from evopem.results.identity import mark_replaced_recordings
@@ -72,7 +72,9 @@ try:
             source=" and ".join(map(str, CONFIG_FILES)),
         )
     )
-    check_folders(provider.config.datasets)
+    check_folders(
+        [FOLDER, *(DatasetFiles.of_dataset(each).folder for each in provider.config.datasets)]
+    )
     check_planned_fits(
         provider.config.single_channel, " and ".join(map(str, CONFIG_FILES))
     )

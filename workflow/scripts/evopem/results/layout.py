@@ -186,16 +186,14 @@ class DatasetFiles:
         return f"{self.folder}/benchmarks/{job}.tsv"
 
 
-def check_folders(names: Iterable[str]) -> None:
-    """Refuse files, and links to nothing, where the folders of results must be."""
-    for folder in (FOLDER, *(DatasetFiles.of_dataset(name).folder for name in names)):
-        path = Path(folder)
-        if path.is_symlink() and not path.exists():
-            problem, remedy = (
-                "is a link to a folder that does not exist",
-                "make it, or the link anew",
-            )
-            raise InputError(folder, problem, remedy)
-        if path.exists() and not path.is_dir():
-            problem = "is a file, and the results need a folder of this name"
-            raise InputError(folder, problem, "move the file")
+def check_folders(folders: Iterable[str | Path]) -> None:
+    """Refuse files, links to nothing, and names that are none, where folders must be."""
+    for folder in map(Path, folders):
+        try:
+            is_other = (folder.is_symlink() or folder.exists()) and not folder.is_dir()
+        except OSError as error:
+            problem = f"cannot be the name of a folder ({error.strerror})"
+            raise InputError(str(folder), problem, "give a shorter one") from None
+        if is_other:
+            problem = "is no folder, and the results need a folder of this name"
+            raise InputError(str(folder), problem, "move it, or choose another")

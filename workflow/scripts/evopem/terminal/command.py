@@ -23,7 +23,7 @@ from evopem.errors import FOR_REPORT, InputError, check_packages
 from evopem.files.checksums import delete_results, sha256_of_file
 from evopem.files.job import job
 from evopem.pipeline.progress import ProgressLine
-from evopem.results.layout import DatasetFiles
+from evopem.results.layout import DatasetFiles, check_folders
 from evopem.version import __version__
 
 _INTERRUPTED = 130
@@ -266,15 +266,7 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
 def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
     """Refuse to overwrite the results of another recording."""
     folder = Path(files.folder)
-    for each in (folder, *folder.parents):
-        try:
-            is_other = (each.is_symlink() or each.exists()) and not each.is_dir()
-        except OSError as error:
-            problem = f"cannot be the name of a folder ({error.strerror})"
-            raise InputError("--results", problem, "give a shorter one") from None
-        if is_other:
-            problem = "is no folder, and the results need a folder of this name"
-            raise InputError(str(each), problem, "move it, or choose another with --results")
+    check_folders([folder, *folder.parents])
     # A run that did not end left nothing that is worth keeping.
     if not (Path(files.config).exists() and Path(files.report).exists()):
         return
