@@ -217,6 +217,6 @@ def test_a_recorded_file_in_a_folder_of_ones_own(recorded, folder):
     files = folder.files_of("bench-1.a")
     info = load(RecordingInfo, files.recording_info)
     assert info.files[0].path == "my data/bench 1.csv"
-    assert (info.kind, info.samples, info.outputs[0].unit) == ("file", 700, "m/s2")
+    assert (info.samples, info.outputs[0].unit) == (700, "m/s2")
     assert json.loads(Path(files.transforms).read_text())["sampling_rate"] == 50
     assert not Path(files.truth).exists()

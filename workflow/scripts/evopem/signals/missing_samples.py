@@ -42,7 +42,7 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
     ways += [(missing & ~short, SHORTEST_STRETCH)] * fills
     ways += [(missing, SHORTEST_STRETCH)]
     for left, least in ways:
-        runs = _runs(np.logical_not(left.any(axis=1)))
+        runs = runs_of(np.logical_not(left.any(axis=1)))
         ranges = [(first, stop) for first, stop in runs if stop - first >= least]
         lost = 1.0 - sum(stop - first for first, stop in ranges) / len(missing)
         if lost <= MOST_MISSING:
@@ -69,7 +69,7 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
     return recording.with_segments([whole.between(*each) for each in ranges]), filled
 
 
-def _runs(samples: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs_of(samples: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First sample of each run of true ones, and the one after its last."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], samples, [False])).astype(int)))
     return [(first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
@@ -78,7 +78,7 @@ def _runs(samples: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def _short_gaps(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The missing samples of a channel, (N,), in gaps that may be filled."""
     short = np.zeros_like(missing)
-    for first, stop in _runs(missing):
+    for first, stop in runs_of(missing):
         # Beyond an end there is nothing to interpolate to.
         if stop - first <= LONGEST_FILLED and first > 0 and stop < missing.size:
             short[first:stop] = True

@@ -16,6 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from evopem.signals.missing_samples import runs_of
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]
@@ -70,8 +71,7 @@ def _pieces(segments: Sequence[Segment]) -> Iterator[list[tuple[int, int, int]]]
     group: list[tuple[int, int, int]] = []
     for k, segment in enumerate(segments):
         good = np.isfinite(np.column_stack([segment.inputs, segment.outputs]).sum(axis=1))
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-        for begin, stop in edges.reshape(-1, 2).tolist():
+        for begin, stop in runs_of(good):
             for first in range(begin, stop, LONGEST_PIECE):
                 group.append((k, first, min(first + LONGEST_PIECE, stop)))
                 if sum(b - a for _, a, b in group) >= LONGEST_PIECE:

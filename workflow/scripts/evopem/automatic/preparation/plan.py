@@ -32,6 +32,7 @@ from evopem.config.settings import GivenPreparation, Objective
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import Model
+from evopem.signals.missing_samples import runs_of
 from evopem.signals.prepared_data import PreparedData, Rows, StretchOrigin
 from evopem.signals.recording import Recording, Segment
 from evopem.signals.transforms import difference, invert_difference
@@ -213,10 +214,8 @@ def _kept_ranges(segment: Segment, start: int, plan: PreparationPlan) -> list[tu
     good[:start] = False
     if plan.stuck:
         good &= ~standing_still(segment.output)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
     least = SHORTEST_STRETCH * plan.factor
-    ranges = [(int(begin), int(end)) for begin, end in edges.reshape(-1, 2)]
-    return [(begin, end) for begin, end in ranges if end - begin >= least]
+    return [(begin, end) for begin, end in runs_of(good) if end - begin >= least]
 
 
 def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> PreparedData:
