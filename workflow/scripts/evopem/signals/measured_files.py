@@ -33,7 +33,7 @@ _READERS = {
     "text": _Format("text", ".csv .tsv .txt .dat .asc .lvm"),
     "hdf5": _Format("HDF5", ".h5 .hdf5", (_HDF5,), True),
     "matlab": _Format("MATLAB", ".mat", (b"MATLAB", _HDF5), True),
-    "numpy_files": _Format("npz or npy", ".npz .npy", (b"PK\x03\x04", b"\x93NUMPY")),
+    "numpy_files": _Format("zip, npz or npy", ".npz .npy", (b"PK\x03\x04", b"\x93NUMPY")),
     "parquet": _Format("Parquet", ".parquet", (b"PAR1",), True),
     "tdms": _Format("TDMS", ".tdms", (b"TDSm",)),
     "uff": _Format("a universal file", ".uff .unv"),
