@@ -181,7 +181,7 @@ def test_standard_errors_of_one_step_are_those_without_constraints():
 
 
 def test_a_plant_beside_its_noise_model_serves_every_focus():
-    recording = recorded(1, 1, 120, structure="ss_oe")
+    recording = recorded(1, 1, 80, structure="ss_oe")
     simulated = estimated(recording, structure="ss_bj", focus="simulation")
     plant = estimated(recording, structure="ss_oe")
     assert simulated.focus_objective == pytest.approx(plant.objective)

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import dlsim
 
 from evopem.files.json_form import from_json, to_json
-from evopem.models.mode_shapes import assurance, mean_phase, phase_collinearity
+from evopem.models.mode_shapes import assurance, mean_phase, phase_collinearity, plane_assurance
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 
@@ -273,12 +273,6 @@ def close_pair(gap):
     return replace(model, covariance=ParameterCovariance.from_matrix(np.diag(variances)))
 
 
-def plane_assurance(first, second):
-    """Smallest squared cosine of the principal angles of two planes of shapes, (l, 2) each."""
-    bases = np.linalg.qr(first)[0], np.linalg.qr(second)[0]
-    return np.linalg.svd(bases[0].conj().T @ bases[1], compute_uv=False)[-1] ** 2
-
-
 def test_the_assurance_expected_of_a_shape_is_that_of_perturbed_models():
     m = close_pair(0.2)
     found = m.modes()
@@ -308,3 +302,12 @@ def test_shapes_of_nearly_equal_poles_are_mixed_but_their_plane_is_known():
         assert other.shape_assurance < 0.5 < 0.95 < one.shape_assurance
         assert other.plane_assurance > 0.99
     assert [mode.partner for mode in close] == [1, 0]
+
+
+def test_plane_assurance_does_not_depend_on_the_mixture():
+    generator = np.random.default_rng(6)
+    shapes = generator.standard_normal((4, 2)) + 1j * generator.standard_normal((4, 2))
+    mixed = shapes @ np.array([[1.0, 0.5j], [-0.3, 2.0]])
+    assert plane_assurance(shapes, mixed) == pytest.approx(1.0)
+    one, other = shapes[:, :1], shapes[:, 1:]
+    assert plane_assurance(one, other) == pytest.approx(assurance(one[:, 0], other[:, 0]))

@@ -45,6 +45,16 @@ def assurance(first: Complex, second: Complex) -> float:
     return float(abs(np.vdot(first, second)) ** 2 / size) if size > 0.0 else float("nan")
 
 
+def plane_assurance(first: Complex, second: Complex) -> float:
+    """Smallest squared cosine of the principal angles of two planes of shapes, (l, 2) each.
+
+    For single shapes, (l, 1), it is the modal assurance criterion.
+    """
+    bases = np.linalg.qr(first)[0], np.linalg.qr(second)[0]
+    cosines = np.linalg.svd(bases[0].conj().T @ bases[1], compute_uv=False)
+    return float(min(cosines[-1], 1.0) ** 2)
+
+
 def neighbours_among(
     poles: Complex,
     shapes: Complex,
