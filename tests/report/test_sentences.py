@@ -20,6 +20,7 @@ from evopem.report.sections import (
 )
 from evopem.report.verdict import verdict
 from evopem.signals.peaks import SpectralPeak
+from evopem.signals.recording_info import FileOrigin
 from evopem.signals.timestamps import Unevenness
 from evopem.synthesis.armax import true_mode
 
@@ -106,6 +107,15 @@ def test_uneven_stamps_are_told(results):
     assert "a tick lasts 3.33 samples" in text
     assert "interpolated" not in text
     assert told("uneven_stamps", []) == []
+
+
+def test_filled_and_left_out_samples_are_told():
+    origin = FileOrigin("a.csv", "ab" * 32, 1, "text", (1,), (2,), 900, filled=7)
+    (text,) = told("gaps", [origin, replace(origin, filled=2)])
+    assert text.startswith("9 missing values were filled by cubic splines")
+    (text,) = told("gaps", [replace(origin, filled=0, segments=2, left_out=3)])
+    assert text.startswith("3 samples are missing")
+    assert "2 stretches" in text
 
 
 def effects(results, **changes):
