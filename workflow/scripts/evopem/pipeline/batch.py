@@ -14,9 +14,10 @@ from pathlib import Path
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
 from evopem.files.archive import pack
-from evopem.files.atomic import TEMPORARY, files_below, write_text
+from evopem.files.atomic import TEMPORARY, files_below
 from evopem.files.checksums import delete_results
 from evopem.files.job import job
+from evopem.files.json_form import save
 from evopem.files.unfinished import unfinished_record
 from evopem.pipeline.identification import identify_dataset
 from evopem.results.identity import MADE_FROM, is_finished, made_from
@@ -70,7 +71,7 @@ def _identify(files: DatasetFiles, settings: DatasetSettings, code: str, cores: 
         # Sentences name the data set by its folder.
         own = DatasetFiles(str(work / files.name))
         try:
-            write_text(f"{own.folder}/{MADE_FROM}", made_from(settings, code).text)
+            save(made_from(settings, code), f"{own.folder}/{MADE_FROM}")
             identify_dataset(own, settings, with_report=False, log=logger.info, cores=cores)
             _keep(own, files)
         finally:

@@ -77,14 +77,12 @@ def _polynomials(model: PolynomialModel) -> list[tuple[str, list[float], int]]:
 
 def polynomials(model: PolynomialModel) -> list[tuple[str, list[Term]]]:
     """The polynomials of the structure in the backshift operator, each with its name."""
+
+    def term(place: int, value: float, first: int) -> Term:
+        return "-" if value < 0 else "+" if place else "", abs(value), first + place
+
     return [
-        (
-            name,
-            [
-                ("-" if value < 0 else "+" if place else "", abs(value), first + place)
-                for place, value in enumerate(values)
-            ],
-        )
+        (name, [term(place, value, first) for place, value in enumerate(values)])
         for name, values, first in _polynomials(model)
     ]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median, stdev
 from typing import Any
@@ -38,7 +38,7 @@ def build_index(
     groups = Counter(map(group_of, entries))
     page_of = environment(template_directory).get_template("index.html.j2")
     return page_of.render(
-        rows=[_row(name, entries[name], page) for name in sorted(entries, key=_rank_in(entries))],
+        rows=[_row(*each, page) for each in sorted(entries.items(), key=lambda each: _rank(*each))],
         grouped=len(groups) > 1 and max(groups.values()) > 1,
         charts=followed_charts(followed),
         warnings=[sentence for each in followed for sentence in movements(each)],
@@ -47,18 +47,13 @@ def build_index(
     )
 
 
-def _rank_in(entries: Mapping[str, Entry]) -> Callable[[str], tuple[Any, ...]]:
-    """Names with a smaller rank come first."""
-
-    def rank(name: str) -> tuple[Any, ...]:
-        entry = entries[name]
-        if isinstance(entry, IncompleteDataset):
-            return (False, name)
-        error = entry.simulation_error_percent
-        severity = math.inf if math.isnan(error) else error
-        return (True, -len(entry.failed), -entry.n_checks(passed=None), -severity, name)
-
-    return rank
+def _rank(name: str, entry: Entry) -> tuple[Any, ...]:
+    """Data sets with a smaller rank come first."""
+    if isinstance(entry, IncompleteDataset):
+        return (False, name)
+    error = entry.simulation_error_percent
+    severity = math.inf if math.isnan(error) else error
+    return (True, -len(entry.failed), -entry.n_checks(passed=None), -severity, name)
 
 
 def _row(name: str, entry: Entry, page: str) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -164,11 +164,6 @@ class MadeFrom:
     settings: str  # SHA-256 of the settings of the data set
     # SHA-256 of each recorded file by its path, empty for one that does not exist
     recordings: dict[str, str]
-
-    @property
-    def text(self) -> str:
-        """What the archive keeps."""
-        return json.dumps(asdict(self), indent=2) + "\n"
 
 
 def made_from(settings: DatasetSettings, code: str) -> MadeFrom:
