@@ -40,7 +40,8 @@ def decision(plan) -> Decision:
 
 def test_a_stationary_record_is_left_as_it_is(record):
     plan = plan_of(*record)
-    assert not plan.changes_samples
+    assert plan.box_cox is None
+    assert not plan.has_trend
     assert decision(plan).choice == "none"
 
 
@@ -80,7 +81,8 @@ def test_an_output_whose_spread_grows_with_its_level_is_transformed(record):
 def test_what_the_configuration_says_is_not_decided(record):
     u, y = record
     plan = plan_of(u, np.exp(0.15 * y), box_cox=True, trend=True)
-    assert not plan.changes_samples
+    assert plan.box_cox is None
+    assert not plan.has_trend
     assert all("configuration" in each.sentence for each in plan.decisions)
 
 

@@ -186,7 +186,7 @@ def without_covariances(search: StructureSearch) -> StructureSearch:
 class Scorer:
     """Fits and scores models of one record, each orders once.
 
-    Structures and orders of a long record of one channel are compared on its first ``MOST_SAMPLES``
+    Structures and orders of a long record of one output are compared on its first ``MOST_SAMPLES``
     samples; :meth:`on_all_samples` fits what was chosen to all.
 
     ``limits``: Other orders have no candidates. ``delays``: Of the inputs, for structures whose
@@ -204,8 +204,8 @@ class Scorer:
         self.whole, self.plan, self.settings = tuple(stretches), plan, settings
         self.limits, self.delays = limits, delays
         inputs, outputs = stretches[0].inputs.shape[1], stretches[0].outputs.shape[1]
-        self.has_input, self.is_single = inputs > 0, (inputs, outputs) == (1, 1)
-        self.stretches = first_samples(stretches, MOST_SAMPLES) if self.is_single else self.whole
+        self.has_input = inputs > 0
+        self.stretches = first_samples(stretches, MOST_SAMPLES) if outputs == 1 else self.whole
         self.samples = total_samples(self.stretches)
         self.window = min(4 * LARGEST_ORDER, min(each.samples for each in self.stretches) // 4)
         self._known: dict[tuple[str, Orders | int], Candidate] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,19 +30,6 @@ def given_by_configuration(subject: str, choice: str) -> Decision:
     """A decision that the user has taken."""
     alternatives = (Alternative(choice, np.nan),)
     return Decision(subject, choice, alternatives, "none", "Given by the configuration.")
-
-
-def lowest(alternatives: Sequence[Alternative], margin: float = 0.0) -> Alternative:
-    """The first alternative whose score is within a relative margin of the lowest.
-
-    Alternatives are given from the simplest to the most elaborate.
-    """
-    scores = np.array([each.score for each in alternatives])
-    scores = np.where(np.isfinite(scores), scores, np.inf)
-    best = float(np.min(scores))
-    if not np.isfinite(best):
-        return alternatives[0]
-    return alternatives[int(np.flatnonzero(scores <= best + margin * abs(best))[0])]
 
 
 @dataclass(frozen=True)

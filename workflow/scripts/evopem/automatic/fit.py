@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import Objective, OutputWeighting, SearchSettings
 from evopem.errors import NoModelError
+from evopem.estimation import criteria
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
 from evopem.estimation.search.staged_descent import DescentStage
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 # Poles as slow as this act as integrators in any record; closer to the circle nothing changes.
 PLANT_RADIUS = 1.0 - 1e-7
 NOISE_RADIUS = 0.9999
+# Errors beyond this are all the same.
+HUGE = 1e100
 # Scores of folds need no more digits than these descents give.
 FOLD_STAGES = (DescentStage(0.1, 1e-7, 1e-4),)
 
@@ -51,26 +54,15 @@ class Fit:
 
 
 def log_loss(errors: Array, objective: str) -> float:
-    """Twice the smallest negative log-likelihood of errors, (N,) or (N, l), for each sample.
+    """Twice the smallest negative log-likelihood of errors, (N, l), for each sample, finite.
 
     Over the scale of its distribution: the normal one, correlated between the outputs, for the
-    quadratic objective, Laplace's for the absolute one.  For one output twice the logarithm of the
-    root mean square, or mean absolute, error and a constant.
+    quadratic objective, Laplace's for the absolute one.
     """
-    tiny, huge = np.finfo(float).tiny, np.finfo(float).max
-    errors = errors.reshape(len(errors), -1)
-    with np.errstate(all="ignore"):
-        if objective == "absolute":
-            sizes, constant = np.mean(np.abs(errors), axis=0), 2.0 * np.log(2.0) + 2.0
-        else:
-            sizes, constant = np.sqrt(np.mean(errors**2, axis=0)), np.log(2.0 * np.pi) + 1.0
-    sizes = np.maximum(np.where(np.isfinite(sizes), sizes, huge), tiny)
-    total = float(np.sum(2.0 * np.log(sizes) + constant))
-    if objective == "quadratic" and errors.shape[1] > 1 and np.isfinite(errors).all():
-        scaled = errors / sizes
-        sign, log_determinant = np.linalg.slogdet(scaled.T @ scaled / len(scaled))
-        total += float(log_determinant) if sign > 0 else 0.0
-    return total
+    bounded = np.clip(np.nan_to_num(errors, nan=HUGE), -HUGE, HUGE)
+    constant = 2.0 * np.log(2.0) + 2.0 if objective == "absolute" else np.log(2.0 * np.pi) + 1.0
+    loss = criteria.log_loss(bounded, objective)
+    return max(loss, float(np.log(np.finfo(float).tiny))) + errors.shape[1] * float(constant)
 
 
 def fit(

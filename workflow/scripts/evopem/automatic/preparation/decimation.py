@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.automatic.decision import Alternative, Decision, lowest
+from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FOLD_STAGES, CommonSettings, fit
 from evopem.automatic.held_out.folds import SHORTEST_BLOCK
 from evopem.automatic.held_out.simulation import Model, errors_simulated_on
@@ -70,7 +70,9 @@ def decide_decimation(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     if not kept:
         return 1, Decision("decimation", "1", (Alternative("1", np.nan),), CRITERION, sentence)
     alternatives = [Alternative(str(f), _decimated_error(stretches, f)) for f in (1, *kept)]
-    chosen = lowest(alternatives, LEAST_GAIN)
+    best = min(each.score for each in alternatives)
+    within = (each for each in alternatives if each.score <= (1.0 + LEAST_GAIN) * best)
+    chosen = next(within, alternatives[0])
     sentence = (
         f"{below} of the sampling rate. A factor of {chosen.name} simulates held-out samples best."
     )

@@ -72,11 +72,6 @@ class TransformPlan:
         """Whether a trend is taken away."""
         return self.input_trend != 0.0 or self.output_trend != 0.0
 
-    @property
-    def changes_samples(self) -> bool:
-        """Whether any transform is taken."""
-        return self.box_cox is not None or self.has_trend
-
 
 PlanOf = Callable[[Sequence[Segment]], TransformPlan]
 Transform = tuple[str, PlanOf]
