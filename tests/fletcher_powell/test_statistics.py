@@ -123,7 +123,7 @@ def test_hypotheses_survive_their_json_form(tmp_path):
     tested = evaluate_hypotheses(summary_table(runs), runs)
     assert tested[0].holds is False
     save(tested, tmp_path / "hypotheses.json")
-    assert load(list[Hypothesis], tmp_path / "hypotheses.json") == tested
+    assert load(tuple[Hypothesis, ...], tmp_path / "hypotheses.json") == tuple(tested)
 
 
 def test_progress_has_a_floor():
@@ -138,7 +138,7 @@ def test_runs_survive_their_json_form(tmp_path):
     made = run_cases("hybrid", "seed-1", cases, 1, print)
     assert [len(run.curve or ()) for run in made] == [len(curve_grid(300))] * 2 + [0]
     save(made, tmp_path / "runs.json")
-    assert load(list[Run], tmp_path / "runs.json") == made
+    assert load(tuple[Run, ...], tmp_path / "runs.json") == tuple(made)
     assert list(runs_table(made)["run"]) == [1, 2, 1]
 
 

@@ -248,12 +248,15 @@ def settle(
     while True:
         settled = _no_worse_than_nested(settled, reoptimize)
         orders, reason = select(settled)
+        # The selection of a delay rests on all orders with it.
+        deciding = [
+            each.orders.nk == orders.nk if phase == "delay" else each.orders == orders
+            for each in settled
+        ]
         doubtful = {
             row
-            for row, candidate in enumerate(settled)
-            if _decides(candidate.orders, orders, phase)
-            and not candidate.pruned
-            and _is_doubtful(candidate, last)
+            for row, each in enumerate(settled)
+            if deciding[row] and not each.pruned and _is_doubtful(each, last)
         }
         if doubtful <= repeated:
             return PhaseSelection(phase, orders, reason, tuple(settled))
@@ -283,11 +286,6 @@ def _is_doubtful(candidate: Candidate, last: bool) -> bool:
     """Whether a selection that rests on a candidate has its search repeated."""
     found = candidate.diagnostics
     return not is_certified(found) if last else found.n_confirming == 0
-
-
-def _decides(orders: Orders, selected: Orders, phase: str) -> bool:
-    """Whether a selection rests on a candidate: for the delay, on all orders with that delay."""
-    return orders.nk == selected.nk if phase == "delay" else orders == selected
 
 
 def estimate_in_parallel(

@@ -140,7 +140,8 @@ class Units:
 
 def scaled_errors(errors: PolynomialErrors) -> tuple[PolynomialErrors, Units]:
     """The problem with signals scaled by powers of two, beside levels without input means."""
-    inputs, outputs = errors.signals
+    inputs = np.concatenate([each.inputs for each, _ in errors.places])
+    outputs = np.concatenate([each.output for each in errors.stretches])
     output_scale = power_of_two_scale(outputs)
     means = inputs.mean(axis=0) if errors.level else np.zeros(inputs.shape[1])
     input_scales = np.array([power_of_two_scale(each) for each in (inputs - means).T])

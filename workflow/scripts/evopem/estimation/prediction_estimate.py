@@ -37,7 +37,6 @@ from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, so
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import roots
-from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 Log = Callable[[str], None]
@@ -68,26 +67,16 @@ class EstimationTask:
     target: Target | None = None
 
     @property
-    def orders(self) -> Orders:
-        """Orders of the model."""
-        return self.errors.orders
-
-    @property
     def random_starts(self) -> int:
         """Random points from which descents under constraints and of other errors start."""
         return FIRST_BATCH if self.settings.evaluations == FIRST_PASS else RANDOM_STARTS
 
     def generator(self, *purpose: int) -> np.random.Generator:
         """Random draws of one purpose; without one those of the search of one-step prediction."""
-        key = (*search_key(self.errors), *purpose)
+        o = self.errors.orders
+        nb, nf, nk = (each or (0,) for each in (o.nb, o.nf, o.nk))
+        key = (o.na, *nb, o.nc, o.nd, *nf, *nk, int(self.errors.level), *purpose)
         return np.random.default_rng(np.random.SeedSequence(self.settings.seed, spawn_key=key))
-
-
-def search_key(errors: PolynomialErrors) -> tuple[int, ...]:
-    """Key of the draws of a problem: its orders, and whether a level is estimated."""
-    o = errors.orders
-    nb, nf, nk = (each or (0,) for each in (o.nb, o.nf, o.nk))
-    return (o.na, *nb, o.nc, o.nd, *nf, *nk, int(errors.level))
 
 
 def scaled_problem(errors: PolynomialErrors) -> tuple[PolynomialProblem, Units]:
@@ -105,7 +94,7 @@ def searched(task: EstimationTask, problem: PolynomialProblem, units: Units) -> 
         diagnostics = task.optimum.diagnostics
         return replace(ended, point=units.restored(ended.point), diagnostics=diagnostics)
     known = task.earlier
-    several = known is None and task.orders.inputs > 1
+    several = known is None and task.errors.orders.inputs > 1
     if several and len(starts := problem.starts()[:ESTIMATES]):
         known = multistart(problem.errors, starts, float(np.min(problem.values(starts))))
         known = replace(known, point=units.restored(known.point))
@@ -200,7 +189,7 @@ def prediction_estimate(
     )
     unscaled = replace(found, point=units.restored(found.point))
     result = describe(task.errors, unscaled, task.sampling_rate)
-    covariance = covariance and of_coefficients(covariance, task.orders.parameters, scales)
+    covariance = covariance and of_coefficients(covariance, task.errors.orders.parameters, scales)
     if found is free and not active and horizon == 1:
         covariance = result.model.covariance
     estimate = replace(

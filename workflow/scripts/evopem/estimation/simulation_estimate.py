@@ -52,7 +52,7 @@ REFINED_DIVISIONS = 3
 
 def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
     """The estimate for simulation errors: output error, then the noise model given the plant."""
-    o, shared = task.orders, _has_shared_poles(task.orders)
+    o, shared = task.errors.orders, _has_shared_poles(task.errors.orders)
     of_plant, of_noise = _divided_constraints(task.constraints, o)
     if shared:
         plant_orders = Orders(na=o.na, nb=o.nb, nc=o.na, nf=o.nf, nk=o.nk)
@@ -238,7 +238,7 @@ def _simulation_covariance(
     """Of the plant from coloured simulation errors, and of C and D fitted given the plant."""
     from scipy.linalg import block_diag
 
-    o, parts = task.orders, errors.parts()
+    o, parts = task.errors.orders, errors.parts()
     if errors.objective == "absolute":
         return None
     of_noise = _divided_constraints(task.constraints, o)[1]

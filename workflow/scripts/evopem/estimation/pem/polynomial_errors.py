@@ -152,12 +152,6 @@ class PolynomialErrors:
         """Largest allowed radius of the roots of a polynomial, "a", "c", "d" or "f"."""
         return self.plant_radius if name in "af" else self.noise_radius
 
-    @property
-    def signals(self) -> tuple[Array, Array]:
-        """All inputs, (N, m), and all outputs, of one stretch after the other."""
-        inputs = np.concatenate([each.inputs for each, _ in self.places])
-        return inputs, np.concatenate([each.output for each in self.stretches])
-
     def scaled(self, means: Array, input_scales: Array, output_scale: float) -> PolynomialErrors:
         """The problem of inputs less their means and of outputs, divided by scales."""
         divided = [

@@ -77,7 +77,7 @@ class StretchErrors:
         """One pass over the points, for residuals in the workspace, values, or gradients."""
         line, none = np.zeros(len(points), LINE), np.empty((0, 0))
         line["active"] = True
-        state = State(_rows(points), none, np.empty((0, 0, 0)), none, line)
+        state = State(np.ascontiguousarray(points), none, np.empty((0, 0, 0)), none, line)
         given = self._record, self.objective, self._workspace, task, state
         _, _, values, gradients = passes(*given, smoothing, barriers, 0.0, 0, 0, 0)
         return values, gradients
@@ -118,7 +118,7 @@ class StretchErrors:
         second derivative: twice the density of the residuals at zero."""
         matrices: Array = gauss_newton_matrices(
             *(self._record, self.objective, self._workspace, self._lag_sums, DENSITY_BANDWIDTH),
-            *(_rows(points), smoothing),
+            *(np.ascontiguousarray(points), smoothing),
         )
         return matrices
 
@@ -212,8 +212,3 @@ class _Regressors:
 def _from_rest(signal: Array, before: int) -> tuple[Array, int]:
     """A signal with zeros before it, and where it begins."""
     return np.concatenate([np.zeros(before), signal]), before
-
-
-def _rows(points: Array) -> Array:
-    """A population as the kernels are compiled for: rows one after the other in memory."""
-    return np.ascontiguousarray(points)
