@@ -238,16 +238,13 @@ def _of_input(u: Array, e: Array) -> float:
     past_inputs = [np.ones(n - lags), *(u[lags - k : n - k] for k in range(1, lags + 1))]
     past_errors = [each[lags - k : n - k] for each in e.T for k in range(1, lags + 1)]
     target = u[lags:]
-    without = _sum_of_squares(np.column_stack(past_inputs), target)
-    with_residuals = _sum_of_squares(np.column_stack([*past_inputs, *past_errors]), target)
+    without, with_residuals = (
+        float(np.sum((target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]) ** 2))
+        for columns in map(np.column_stack, (past_inputs, [*past_inputs, *past_errors]))
+    )
     added = len(past_errors)
     freedom = len(target) - lags - added - 1
     if not with_residuals > 0.0 or freedom < 1:
         return 1.0
     statistic = (without - with_residuals) / added / (with_residuals / freedom)
     return float(f.sf(statistic, added, freedom))
-
-
-def _sum_of_squares(regressors: Array, target: Array) -> float:
-    e = target - regressors @ np.linalg.lstsq(regressors, target, rcond=None)[0]
-    return float(e @ e)

@@ -143,9 +143,8 @@ def refitted_estimate(
     model: PolynomialModel, recording: Recording, settings: SearchSettings
 ) -> PolynomialEstimate:
     """The optimum of a recording that a descent from a model ends at, or NoModelError."""
-    start = model.orders.first_residual
-    window = ScoringWindow(start, start)
     with one_blas_thread():
+        window = window_of(model.orders)
         errors = checked_errors(recording, model.orders, settings, window, level=True)
         found = optimum_next_to(model, errors)
         if found is None:
@@ -199,7 +198,10 @@ def estimate_choice(
         alone = replace(choice.candidate, structure="oe", model=plant)
         given = replace(choice, candidate=alone), scorer, record, estimation, search
         found, about = estimate_choice(*given, log=log)
-        return _with_noise_model(found, noise, estimation, search), about
+        assert isinstance(found.model, PolynomialModel)
+        model = replace(found.model, C=noise.C, D=noise.D, structure="bj", covariance=None)
+        estimate = described_by_search(model, found.estimate.search, search, estimation)
+        return replace(found, estimate=estimate, model=estimate.model), about
     candidate = replace(choice.candidate, model=record.in_its_units(choice.candidate.model))
     found = estimate_candidate(candidate, estimation, scorer, search, fit, log)
     if fit is not None or search.evaluations == 0:
@@ -215,16 +217,6 @@ def estimate_choice(
     judged = scorer.scored(replace(choice.candidate, model=searched))
     about = _about_search(choice, found, compared, judged)
     return (compared if about.choice == COMPARED else found), about
-
-
-def _with_noise_model(
-    found: ChosenModel, noise: PolynomialModel, estimation: Recording, search: SearchSettings
-) -> ChosenModel:
-    """A plant with a noise model that was fitted to its simulation errors."""
-    assert isinstance(found.model, PolynomialModel)
-    model = replace(found.model, C=noise.C, D=noise.D, structure="bj", covariance=None)
-    estimate = described_by_search(model, found.estimate.search, search, estimation)
-    return replace(found, estimate=estimate, model=estimate.model)
 
 
 def described_by_search(
