@@ -73,7 +73,13 @@ try:
         )
     )
     check_folders(
-        [FOLDER, *(DatasetFiles.of_dataset(each).folder for each in provider.config.datasets)]
+        [
+            FOLDER,
+            *(
+                DatasetFiles.of_dataset(each).folder
+                for each in provider.config.datasets
+            ),
+        ]
     )
     check_planned_fits(
         provider.config.single_channel, " and ".join(map(str, CONFIG_FILES))
