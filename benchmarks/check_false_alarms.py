@@ -28,7 +28,7 @@ from evopem.config.settings import (
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
-from evopem.models.structures import armax_orders
+from evopem.models.orders import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.signals.recording_info import describe_recording
@@ -73,7 +73,7 @@ def judged(seed: int, noise: float, objective: str) -> list[Check]:
     validation, _ = validate(found.model, prepared, WINDOW.loss_start, objective)
     phases = {
         phase: PhaseSelection(phase, ORDERS, "", (candidate,))
-        for phase in ("delay", "joint", "nc", "nb")
+        for phase in ("delay", "plant", "nc", "nb")
     }
     ranges = ranges_of_phases(phases)
     return checks(Evidence(record, validation, describe_recording(recording), ranges))

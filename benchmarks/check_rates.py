@@ -30,7 +30,7 @@ from evopem.config.settings import PreparationSettings, ScoringWindow  # noqa: E
 from evopem.estimation.delays import Fit, refine_delay  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.models.mode_matching import OrderModel  # noqa: E402
-from evopem.models.structures import armax_orders  # noqa: E402
+from evopem.models.orders import armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording, Segment  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402

@@ -24,7 +24,7 @@ def configuration(samples: int) -> dict[str, object]:
         "defaults": {
             "recipe": "chapter",
             "delay": {"orders": [14, 14], "nk": [1, 3]},
-            "orders": {"joint": [12, 14], "nc": [14, 16], "nb": [14, 16]},
+            "orders": {"plant": [12, 14], "nc": [14, 16], "nb": [14, 16]},
             "search": {"mu": 3, "lambda": 8, "nu": 8, "evaluations": 200},
         },
         "datasets": {"record": {"synthesis": "armax", "samples": samples}},

@@ -22,7 +22,7 @@ CONFIG = {
         "recipe": "chapter",
         "transforms": {"box_cox": "none", "difference": 0},
         "delay": {"orders": [2, 2], "nk": [1, 1]},
-        "orders": {"joint": [2, 2], "nc": [2, 2], "nb": [2, 2]},
+        "orders": {"plant": [2, 2], "nc": [2, 2], "nb": [2, 2]},
         "search": {"mu": 2, "lambda": 4, "nu": 2, "evaluations": 100},
     },
     "datasets": {"long": {"file": "long.npz", "input": "u", "output": "y", "sampling_rate": 1000}},

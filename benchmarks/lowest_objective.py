@@ -34,7 +34,7 @@ from evopem.config.settings import ScoringWindow, SearchSettings  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.estimation.search.global_search import global_search  # noqa: E402
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
-from evopem.models.structures import Orders, armax_orders  # noqa: E402
+from evopem.models.orders import Orders, armax_orders  # noqa: E402
 from evopem.signals.recording import Recording, Segment  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 

@@ -31,7 +31,7 @@ from filtered_polynomials import FilteredPolynomials  # noqa: E402
 from evopem import Orders, PolynomialModel, SearchSettings, estimate  # noqa: E402
 from evopem.config.structures import ORDER_NAMES  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
-from evopem.models.structures import orders_of  # noqa: E402
+from evopem.models.orders import orders_of  # noqa: E402
 from evopem.signals.recording import Segment  # noqa: E402
 from evopem.synthesis.armax import polynomial_record  # noqa: E402
 

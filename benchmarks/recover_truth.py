@@ -34,7 +34,7 @@ from evopem.estimation.order_selection import (  # noqa: E402
     select_candidate,
 )
 from evopem.models.modes import Mode  # noqa: E402
-from evopem.models.structures import Orders, armax_orders  # noqa: E402
+from evopem.models.orders import Orders, armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis import synthesize  # noqa: E402

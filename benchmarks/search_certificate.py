@@ -47,7 +47,7 @@ from evopem.estimation.search.global_search import (  # noqa: E402
     global_search,
 )
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
-from evopem.models.structures import Orders, orders_of  # noqa: E402
+from evopem.models.orders import Orders, orders_of  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
 from evopem.synthesis.armax import polynomial_record  # noqa: E402
 

@@ -49,7 +49,7 @@ from evopem.estimation.pem.kernels.simd import LANES  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.estimation.search.global_search import global_search  # noqa: E402
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
-from evopem.models.structures import Orders, armax_orders, orders_of  # noqa: E402
+from evopem.models.orders import Orders, armax_orders, orders_of  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -76,10 +76,10 @@ SAMPLE = (
 def chapter_candidates() -> list[Orders]:
     """The delay sweep and the three phases of the chapter, section 5."""
     delay = [armax_orders(k, k, k, nk) for k in range(6, 10) for nk in range(4)]
-    joint = [armax_orders(k, k, k, 3) for k in range(6, 15)]
+    plant = [armax_orders(k, k, k, 3) for k in range(6, 15)]
     nc = [armax_orders(7, 7, k, 3) for k in range(2, 17)]
     nb = [armax_orders(7, k, 7, 3) for k in range(2, 17)]
-    return list(dict.fromkeys([*delay, *joint, *nc, *nb]))
+    return list(dict.fromkeys([*delay, *plant, *nc, *nb]))
 
 
 def problem(seed: int, orders: Orders, samples: int = SAMPLES) -> PolynomialErrors:

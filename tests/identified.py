@@ -40,7 +40,7 @@ WRITTEN = {
     "split": {"discard": 100, "estimation": 1000},
     "spectrum": {"nfft": 2048},
     "delay": {"orders": [6, 7], "nk": [2, 3]},
-    "orders": {"joint": [6, 8], "nc": [5, 8], "nb": [5, 7]},
+    "orders": {"plant": [6, 8], "nc": [5, 8], "nb": [5, 7]},
     "search": {"evaluations": 4000},
 }
 SETTINGS = complete({"datasets": {"bench": WRITTEN}}).datasets["bench"]

@@ -16,8 +16,8 @@ from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import Choice
 from evopem.config.settings import SearchSettings
 from evopem.files.json_form import from_json, to_json
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment
 
 

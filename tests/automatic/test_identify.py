@@ -16,7 +16,7 @@ from evopem.automatic.orders import search_structure
 from evopem.automatic.structures import compare_structures
 from evopem.config.settings import OrderRanges
 from evopem.estimation.estimate import estimate
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
 
 SAMPLES = 120
@@ -78,7 +78,7 @@ def test_feedback_does_not_lead_to_an_output_error_model():
 def test_state_space_competes_with_polynomials_by_the_same_scores():
     u, y, _ = output_error_record(400)
     stretches = [Segment(u, y)]
-    limits = OrderLimits(ranges=OrderRanges(nx=(1, 3), joint=(1, 3)))
+    limits = OrderLimits(ranges=OrderRanges(nx=(1, 3), plant=(1, 3)))
     scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), limits, (1,))
     searches = [search_structure(scorer, each, {}) for each in ("armax", "ss")]
     # Two states of innovations form are an ARMAX model with as many roots of A, B and C.

@@ -6,7 +6,7 @@ from evopem.automatic.candidates import OrderLimits
 from evopem.automatic.orders import orders_of_size
 from evopem.config.settings import OrderRanges
 from evopem.errors import InputError
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 
 
 def limits(structure=None, names=("input",), **ranges):
@@ -25,16 +25,16 @@ def test_without_limits_everything_is_allowed():
 
 def test_a_path_moves_inside_the_limits_without_repetitions():
     path = [[orders(na=n, nb=n, nc=n)] for n in (1, 2, 3, 4, 5, 6)]
-    moved = [each for (each,) in limits(joint=(3, 4), nk=(1, 1)).within("armax", path)]
+    moved = [each for (each,) in limits(plant=(3, 4), nk=(1, 1)).within("armax", path)]
     assert [each.na for each in moved] == [3, 3, 3, 4, 4, 4]
     assert len(set(moved)) == 6
     assert {each.nk for each in moved} == {(1,)}
-    fixed = limits(joint=(3, 3), nb=(2, 2), nc=(1, 1), nk=(1, 1))
+    fixed = limits(plant=(3, 3), nb=(2, 2), nc=(1, 1), nk=(1, 1))
     assert len(list(fixed.within("armax", path))) == 1
 
 
 def test_a_structure_without_an_order_has_no_limit_of_it():
-    given = limits(joint=(2, 3), nc=(1, 2))
+    given = limits(plant=(2, 3), nc=(1, 2))
     assert given.allow("oe", orders(nb=4, nf=2))
     assert not given.allow("oe", orders(nb=4, nf=4))
     assert given.allow("fir", orders(nb=40))

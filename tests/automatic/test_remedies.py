@@ -10,7 +10,7 @@ from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.remedy_orders import with_noise_models
 from evopem.automatic.structures import Choice
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
 from evopem.validation.checks.roots import DISTINCT
 

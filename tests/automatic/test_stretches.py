@@ -12,7 +12,7 @@ from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.held_out.stretches import folds_of
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 from evopem.signals.recording import Segment, total_samples
 
 

@@ -43,10 +43,10 @@ def test_a_source_alone_leaves_every_decision_to_the_recording():
         (", structure: oe", {"structure": "oe"}),
         (", delay: {nk: 2}", {"orders": OrderRanges(nk=(2, 2))}),
         (
-            ", orders: {joint: [2, 5], nb: 3}",
-            {"orders": OrderRanges(joint=(2, 5), nb=(3, 3))},
+            ", orders: {plant: [2, 5], nb: 3}",
+            {"orders": OrderRanges(plant=(2, 5), nb=(3, 3))},
         ),
-        (", orders: {joint: auto}", {}),
+        (", orders: {plant: auto}", {}),
         (", resample: none", {"preparation": GivenPreparation(factor=1)}),
         (", split: {discard: 30}", {"preparation": GivenPreparation(start=0)}),
         (

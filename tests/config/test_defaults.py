@@ -70,7 +70,7 @@ def test_the_built_in_values_are_the_documented_ones():
     assert arm.preparation.transforms == TransformSettings(1.1, 2, 0)
     assert arm.preparation.split == SplitSettings(500, 0.8)
     assert arm.spectrum == SpectrumSettings(4.0, 8192)
-    ranges = {"joint": (6, 14), "nc": (2, 16), "nb": (2, 16), "nd": (0, 4), "na": (0, 2)}
+    ranges = {"plant": (6, 14), "nc": (2, 16), "nb": (2, 16), "nd": (0, 4), "na": (0, 2)}
     assert arm.order_grid.ranges == OrderRanges(delay=(6, 9), nk=(0, 3), **ranges)
     search = arm.search
     assert (search.objective, search.refine) == ("absolute", "worst")
@@ -228,7 +228,7 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         (ARM % "delay: {orders: []}", "datasets.arm.delay.orders", "[] holds 0 values"),
         (ARM % "orders: {nb: [2, 99]}", "datasets.arm.orders.nb[1]", "99 is above 60"),
         (ARM % "delay: {orders: [6, x]}", "datasets.arm.delay.orders[1]", "x cannot be used"),
-        (ARM % "orders: {joint: autoo}", "datasets.arm.orders.joint", "did you mean auto?"),
+        (ARM % "orders: {plant: autoo}", "datasets.arm.orders.plant", "did you mean auto?"),
         (ARM % "orders: {nc: auto}", "datasets.arm.orders.nc", "auto cannot be used"),
         (ARM % "search: ", "datasets.arm.search", "there is no value"),
         (ARM % "search: {refine: wurst}", "datasets.arm.search.refine", "did you mean worst?"),

@@ -173,7 +173,7 @@ def nested(depth):
         ({"file": "x.csv", "input": datetime.datetime(2024, 1, 31)}, "cannot be used"),
         ({"file": "x.csv", "input_unit": "\ud800"}, "U+D800 is no text"),
         ({"file": "x.csv", "input_unit": {1, 2}}, "cannot be used"),
-        ({"file": "x.csv", "orders": {"joint": "auto\n"}}, "is not known"),
+        ({"file": "x.csv", "orders": {"plant": "auto\n"}}, "is not known"),
         ({"file": "x.csv", 7: 1}, "the key 7 is not text"),
         ({"file": "x.csv", "k" * 100_000: 1}, "has 100000 characters"),
         ({"file": "x.csv", "spectrum": {"nfft": 2**40}}, "is above"),

@@ -58,27 +58,27 @@ def test_the_built_in_grid_is_the_chapters():
     assert tuples(candidate_orders("delay", arm)) == [
         (k, k, k, nk) for k in (6, 7, 8, 9) for nk in (0, 1, 2, 3)
     ]
-    assert tuples(candidate_orders("joint", arm, SELECTED)) == [(k, k, k, 3) for k in range(6, 15)]
+    assert tuples(candidate_orders("plant", arm, SELECTED)) == [(k, k, k, 3) for k in range(6, 15)]
     assert tuples(candidate_orders("nc", arm, SELECTED)) == [(7, 7, k, 3) for k in range(2, 17)]
     assert tuples(candidate_orders("nb", arm, SELECTED)) == [(7, k, 7, 3) for k in range(2, 17)]
 
 
 def test_each_phase_starts_from_the_selection_of_the_one_before():
-    assert [previous_phase(phase, "armax") for phase in PHASES] == [None, "delay", "joint", "nc"]
+    assert [previous_phase(phase, "armax") for phase in PHASES] == [None, "delay", "plant", "nc"]
     with pytest.raises(ValueError, match="selection of phase delay"):
-        candidate_orders("joint", grid())
+        candidate_orders("plant", grid())
 
 
 @pytest.mark.parametrize(("peaks", "lowest"), [(0, 2), (1, 2), (3, 6), (7, 14), (20, 14)])
 def test_auto_takes_two_orders_for_each_peak(peaks, lowest):
-    arm = grid("orders: {joint: auto}")
-    orders = [candidate["na"] for candidate in candidate_orders("joint", arm, SELECTED, peaks)]
+    arm = grid("orders: {plant: auto}")
+    orders = [candidate["na"] for candidate in candidate_orders("plant", arm, SELECTED, peaks)]
     assert orders == list(range(lowest, 15))
-    assert len(orders) <= max_candidate_count("joint", arm) == 13
+    assert len(orders) <= max_candidate_count("plant", arm) == 13
 
 
 def test_only_the_joint_phase_with_auto_needs_the_spectrum():
-    assert [needs_resonances(phase, grid("orders: {joint: auto}")) for phase in PHASES] == [
+    assert [needs_resonances(phase, grid("orders: {plant: auto}")) for phase in PHASES] == [
         False,
         True,
         False,
@@ -124,7 +124,7 @@ def test_a_phase_is_given_its_own_range_alone(phase):
             CHAPTER_RANGES,
             delay=(2, 3),
             nk=(4, 5),
-            joint=(2, 3),
+            plant=(2, 3),
             nc=(4, 5),
             nb=(6, 7),
             nd=(0, 4),
@@ -148,7 +148,7 @@ def test_a_phase_is_given_its_own_range_alone(phase):
 def test_every_candidate_is_in_exactly_one_part(lower, count, per_job, phase):
     limits = (lower, lower + count - 1)
     order_grid = OrderGrid(
-        replace(CHAPTER_RANGES, delay=limits, nk=(0, 2), joint=limits, nc=limits, nb=limits)
+        replace(CHAPTER_RANGES, delay=limits, nk=(0, 2), plant=limits, nc=limits, nb=limits)
     )
     candidates = tuples(candidate_orders(phase, order_grid, SELECTED))
     parts = part_count(phase, order_grid, per_job)
@@ -165,15 +165,15 @@ ranges = st.tuples(st.integers(1, 20), st.integers(1, 20)).map(sorted).map(tuple
 @given(
     nk=st.tuples(st.integers(0, 5), st.integers(0, 5)).map(sorted).map(tuple),
     orders=ranges,
-    joint=ranges | st.none(),
+    plant=ranges | st.none(),
     nc=ranges,
     nb=ranges,
     data=st.data(),
 )
 def test_no_candidate_exceeds_what_the_window_and_the_requirements_allow_for(
-    nk, orders, joint, nc, nb, data
+    nk, orders, plant, nc, nb, data
 ):
-    order_grid = OrderGrid(replace(CHAPTER_RANGES, delay=orders, nk=nk, joint=joint, nc=nc, nb=nb))
+    order_grid = OrderGrid(replace(CHAPTER_RANGES, delay=orders, nk=nk, plant=plant, nc=nc, nb=nb))
     window = scoring_window(settings_with(order_grid))
     requirements = sample_requirements(settings_with(order_grid))
     assert window.loss_start == window.residual_start == requirements.loss_start

@@ -63,13 +63,13 @@ def test_a_job_that_estimates_asks_for_its_processes(recorded, simulated):
         # 2 s and 2 ns for each of 20 000 evaluations of 5000 * 46 entries: 11.2 s a candidate.
         # Three times that for 16, 9, 15 and 15 candidates, after ten minutes.
         ("delay", "auto", 1, 10 + 8.96),
-        ("joint", "auto", 1, 10 + 5.04),
+        ("plant", "auto", 1, 10 + 5.04),
         ("nc", "auto", 1, 10 + 8.4),
         (None, "auto", 1, 10 + 30.8),
         (None, "auto", 4, 10 + 7.7),
         # 16 candidates in three jobs: six in the largest. Nine in two: five.
         ("delay", 6, 1, 10 + 3.36),
-        ("joint", 6, 1, 10 + 2.8),
+        ("plant", 6, 1, 10 + 2.8),
     ],
 )
 def test_a_job_that_estimates_asks_for_the_time_of_its_candidates(

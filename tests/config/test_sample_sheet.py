@@ -22,7 +22,7 @@ def completed(text, name="recordings.csv", **more):
 def test_a_row_is_an_entry():
     """The same data sets as in YAML: dots lead below, brackets hold lists, no text is no key."""
     table = completed(
-        "name,file,input,sampling_rate,time,split.estimation,orders.joint,transforms.box_cox\n"
+        "name,file,input,sampling_rate,time,split.estimation,orders.plant,transforms.box_cox\n"
         '2020-1,data/1.csv,torque,100,,0.5,"[6, 9]",none\n'
         "b,2.csv,3,,t,800,auto,1.1\n"
     )
@@ -32,7 +32,7 @@ def test_a_row_is_an_entry():
             "input": "torque",
             "sampling_rate": 100,
             "split": {"estimation": 0.5},
-            "orders": {"joint": [6, 9]},
+            "orders": {"plant": [6, 9]},
             "transforms": {"box_cox": "none"},
         },
         "b": {
@@ -40,7 +40,7 @@ def test_a_row_is_an_entry():
             "input": 3,
             "time": "t",
             "split": {"estimation": 800},
-            "orders": {"joint": "auto"},
+            "orders": {"plant": "auto"},
             "transforms": {"box_cox": 1.1},
         },
     }

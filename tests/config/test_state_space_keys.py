@@ -59,12 +59,12 @@ def test_the_structure_alone_does_so_too():
 
 
 def test_several_inputs_and_one_output_take_every_polynomial_structure():
-    keys = "input: [u1, u2]\n    output: y\n    structure: {}\n    orders: {{joint: [2, 5]}}"
+    keys = "input: [u1, u2]\n    output: y\n    structure: {}\n    orders: {{plant: [2, 5]}}"
     for structure in ("fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"):
         found = dataset(keys.format(structure))
         assert not found.is_single_channel
         assert searched_forms(found)[-1] == structure
-        assert found.automatic.orders.joint == (2, 5)
+        assert found.automatic.orders.plant == (2, 5)
 
 
 def test_polynomial_structures_are_searched_beside_state_space_where_nothing_is_written():
@@ -146,12 +146,12 @@ def test_defaults_serve_both_kinds_of_data_sets():
 def test_orders_and_delays_of_each_input(tmp_path, written, ranges):
     found = dataset(
         f"input: [hot, cold]\n    output: y\n    structure: oe\n    delay: {{nk: {written}}}\n"
-        f"    orders: {{nb: {written}, nf: {written}, joint: [1, 4]}}"
+        f"    orders: {{nb: {written}, nf: {written}, plant: [1, 4]}}"
     )
     orders = found.automatic.orders
     for each in (orders.nb, orders.nf, orders.nk):
         assert of_each(each, ("hot", "cold"), "") == ranges
-    assert orders.joint == (1, 4)
+    assert orders.plant == (1, 4)
     file = tmp_path / "config.yaml"
     file.write_text(yaml_text(found))
     assert read_settings(file) == found
@@ -255,7 +255,7 @@ def test_complete_keys_come_back(tmp_path):
             "1 values and 2 outputs",
         ),
         ("output: [2, 3]\n    transforms: {difference: 1}", "datasets.a.transforms", "no such key"),
-        ("output: [2, 3]\n    orders: {joint: 3}", "datasets.a.orders.joint", "give one of nx"),
+        ("output: [2, 3]\n    orders: {plant: 3}", "datasets.a.orders.plant", "give one of nx"),
         ("output: [2, 3]\n    orders: {nx: [4, 2]}", "datasets.a.orders.nx", "above the upper one"),
         ("output: [2, 3]\n    search: {mu: 3}", "datasets.a.search.mu", "no such key"),
         (
@@ -323,7 +323,7 @@ def test_complete_keys_come_back(tmp_path):
         (OE + "orders: {nb: {v: 2}}", "datasets.a.orders.nb", "there is no input v"),
         (OE + "orders: {nb: 0}", "datasets.a.orders.nb", "below 1"),
         (OE + "orders: {nf: [[3, 2], [1, 1]]}", "datasets.a.orders.nf", "above the upper one"),
-        (OE + "orders: {nc: 2}", "datasets.a.orders.nc", "give one of joint, nb, nf"),
+        (OE + "orders: {nc: 2}", "datasets.a.orders.nc", "give one of plant, nb, nf"),
         (OE + "delay: {nk: {a: [3, 1]}}", "datasets.a.delay.nk", "above the upper one"),
         (
             "output: [2, 3]\n    orders: {nb: 2}",

@@ -12,9 +12,9 @@ from evopem.estimation.delays import (
     refine_delay,
     t_ratios_of_ends,
 )
+from evopem.models.orders import armax_orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import armax_orders
 
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=4, nu=4, evaluations=1)
 

@@ -12,8 +12,8 @@ from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.prediction_errors import scaled_errors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment, concatenated
 
 ONE = np.ones(1)

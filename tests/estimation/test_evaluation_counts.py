@@ -16,7 +16,7 @@ from evopem.config.settings import SearchSettings
 from evopem.estimation.candidate import first_pass
 from evopem.estimation.estimate import estimate
 from evopem.estimation.order_selection import estimate_candidates, select_candidate
-from evopem.models.structures import orders_of
+from evopem.models.orders import orders_of
 from evopem.synthesis.armax import armax
 
 BASELINE = Path(__file__).with_name("evaluation_counts.json")
@@ -47,7 +47,7 @@ def order_search_count(objective):
         "recipe": "chapter",
         "search": {"objective": objective},
         "delay": {"orders": [6, 8], "nk": [2, 4]},
-        "orders": {"joint": [5, 10], "nc": [5, 9], "nb": [4, 8]},
+        "orders": {"plant": [5, 10], "nc": [5, 9], "nb": [4, 8]},
     }
     settings = complete({"datasets": {"record": keys}}).datasets["record"]
     grid = settings.order_grid

@@ -7,8 +7,8 @@ from evopem import SearchSettings, estimate
 from evopem.config.settings import ScoringWindow
 from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.models.orders import STRUCTURES
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import STRUCTURES
 from evopem.signals.recording import Segment
 from evopem.synthesis.armax import polynomial_record
 

@@ -12,10 +12,10 @@ from evopem.estimation.search.certificate import (
     enough_agree,
     is_certified,
 )
-from evopem.estimation.search.global_search import BATCH, BATCHES, global_search, hop
+from evopem.estimation.search.global_search import BATCH, BATCHES, basin_hopping, global_search
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.models.structures import armax_orders, orders_of
+from evopem.models.orders import armax_orders, orders_of
 from evopem.synthesis.armax import armax
 
 
@@ -58,9 +58,9 @@ def test_hops_lead_lower_than_the_memetic_search_alone():
     for draw in (1, 2, 3):
         generator = np.random.default_rng(draw)
         alone = memetic_search(searched, SearchSettings(), generator)
-        hops = hop(searched, alone.point, alone.value, 20000, generator)
+        hopping = basin_hopping(searched, alone.point, alone.value, 20000, generator)
         assert not is_certified(alone.diagnostics)
-        gains.append(1.0 - hops.value / alone.value)
+        gains.append(1.0 - hopping.value / alone.value)
     assert min(gains) >= 0.0
     assert max(gains) > 1e-4
 
@@ -69,7 +69,7 @@ def test_hops_never_lead_up_and_repeat_to_the_bit():
     searched = problem((6, 6, 6, 3))
     start = searched.descend(searched.random(4, np.random.default_rng(1)))
     one, two = (
-        hop(searched, start.points[0], start.values[0], 20000, np.random.default_rng(5))
+        basin_hopping(searched, start.points[0], start.values[0], 20000, np.random.default_rng(5))
         for _ in range(2)
     )
     assert one.value <= start.values[0]
@@ -131,4 +131,4 @@ def test_every_structure_has_neighbours_of_finite_value(structure, orders):
     assert moved.shape == (8, errors.dimension)
     assert np.isfinite(searched.values(moved)).all()
     assert evaluations > 8
-    assert hop(searched, point, value, 3000, generator).value <= value
+    assert basin_hopping(searched, point, value, 3000, generator).value <= value

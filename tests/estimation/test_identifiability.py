@@ -10,8 +10,8 @@ from evopem import SearchSettings, estimate
 from evopem.estimation.pem.covariance import pseudo_inverse_factor
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import describe
+from evopem.models.orders import armax_orders
 from evopem.models.response_tables import response_interval
-from evopem.models.structures import armax_orders
 from evopem.signals.recording import Segment
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, -0.6]

@@ -13,8 +13,8 @@ from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended
+from evopem.models.orders import Orders, armax_orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders, armax_orders
 from evopem.signals.recording import Recording, Segment
 
 QUICK = SearchSettings(objective="quadratic", evaluations=300)
@@ -98,7 +98,7 @@ def test_the_order_search_estimates_joined_recordings_from_a_nested_optimum():
     data = Recording(stretches[0].input, stretches[0].output, 10.0).with_segments(stretches)
     window = ScoringWindow(3, 13)
     small, large = estimate_candidates(
-        data, [armax_orders(2, 2, 2, 1), armax_orders(3, 3, 3, 1)], "joint", QUICK, window
+        data, [armax_orders(2, 2, 2, 1), armax_orders(3, 3, 3, 1)], "plant", QUICK, window
     )
     assert small.search.value == pytest.approx(small.minimum)
     assert len(small.noise_state) == 4

@@ -12,7 +12,7 @@ from evopem.estimation.pem.kernels.polynomials import filter_rows, stability_bar
 from evopem.estimation.pem.kernels.record import CHUNK
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.staged_descent import damped_inverses
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
 
 START, LOSS_START = 11, 40

@@ -11,8 +11,8 @@ from evopem.automatic.chosen import described_by_search
 from evopem.errors import InputError
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import describe, searched_objective
+from evopem.models.orders import orders_of
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import orders_of
 from evopem.signals.recording import Recording, Segment
 
 QUICK = SearchSettings(objective="quadratic", evaluations=2000)

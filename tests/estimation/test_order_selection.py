@@ -28,8 +28,8 @@ from evopem.estimation.search.certificate import (
 )
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.files.json_form import to_json
+from evopem.models.orders import armax_orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
 from evopem.synthesis import synthesize
@@ -59,7 +59,7 @@ def test_the_delay_is_found(record):
 
 
 def test_the_true_orders_are_found(record):
-    """Phases nc and nb from the true joint order, near the truth."""
+    """Phases nc and nb from the true plant order, near the truth."""
     orders = [armax_orders(7, 7, k, 3) for k in range(5, 10)]
     selected, reason = select_order(estimate_candidates(record, orders, "nc", SEARCH, WINDOW))
     assert selected == armax_orders(7, 7, 7, 3)
@@ -131,7 +131,7 @@ def candidate(orders, bic, minimum=1.0, n_confirming=1):
     """A candidate of no particular model, for what depends on criteria and diagnostics alone."""
     orders = armax_orders(*orders)
     return Candidate(
-        phase="joint",
+        phase="plant",
         orders=orders,
         model=PolynomialModel(
             np.r_[1.0, np.zeros(orders.na)],
@@ -158,7 +158,7 @@ def candidate(orders, bic, minimum=1.0, n_confirming=1):
     )
 
 
-def joint(k, minimum, n_confirming=1, nk=0):
+def plant(k, minimum, n_confirming=1, nk=0):
     """ARMAX(k,k,k,nk) whose BIC follows its minimum."""
     return candidate((k, k, k, nk), minimum + 0.1 * k, minimum, n_confirming)
 
@@ -195,13 +195,13 @@ def test_a_selected_candidate_without_confirmation_is_searched_once_more():
         repeated.append(each.orders.na)
         return confirmed(each, 0)
 
-    candidates = [joint(2, 3.0), joint(3, 1.0, n_confirming=0), joint(4, 0.95)]
-    selection = settle(candidates, "joint", repeat, no_reoptimization)
+    candidates = [plant(2, 3.0), plant(3, 1.0, n_confirming=0), plant(4, 0.95)]
+    selection = settle(candidates, "plant", repeat, no_reoptimization)
     # Once, although the repeated search is not confirmed either.
     assert (repeated, selection.orders.na) == ([3], 3)
     assert selection.candidates[0] is candidates[0]
     assert selection.selected is selection.candidates[1]
-    assert selection.phase == "joint"
+    assert selection.phase == "plant"
 
 
 def test_a_candidate_beaten_by_a_nested_one_is_reoptimized_from_it():
@@ -217,8 +217,8 @@ def test_a_candidate_beaten_by_a_nested_one_is_reoptimized_from_it():
     def no_repetition(each):
         raise AssertionError("every search is confirmed here")
 
-    candidates = [joint(4, 0.9), joint(3, 1.2), joint(2, 1.0), joint(2, 0.7, nk=1)]
-    selection = settle(candidates, "joint", no_repetition, reoptimize)
+    candidates = [plant(4, 0.9), plant(3, 1.2), plant(2, 1.0), plant(2, 0.7, nk=1)]
+    selection = settle(candidates, "plant", no_repetition, reoptimize)
     # At nk = 0 ARMAX(3,3,3) and (4,4,4) contain ARMAX(2,2,2) of either delay; (2,2,2,0) does not.
     assert reoptimized == [(2, 0.7, 3), (3, pytest.approx(0.5), 4)]
     assert [each.minimum for each in selection.candidates] == pytest.approx([0.3, 0.5, 1.0, 0.7])
@@ -233,7 +233,7 @@ def test_all_orders_of_the_selected_delay_are_confirmed():
         repeated.append((each.orders.na, each.orders.single.nk))
         return confirmed(each, 1)
 
-    candidates = [joint(k, 1.0 + nk - 0.1 * k, 0, nk) for k in (2, 3) for nk in (0, 1)]
+    candidates = [plant(k, 1.0 + nk - 0.1 * k, 0, nk) for k in (2, 3) for nk in (0, 1)]
     assert settle(candidates, "delay", repeat, no_reoptimization).orders.single.nk == 0
     assert repeated == [(2, 0), (3, 0)]
 
@@ -327,7 +327,7 @@ def test_a_candidate_too_far_from_the_lowest_is_pruned_with_the_reason():
     near = open_search((3, 3, 3, 0), 1.0 + 0.9 * gain)
     far = open_search((3, 3, 3, 1), 1.0 + 1.1 * gain)
     searched = []
-    found = race([best, near, far], "joint", RACE_SAMPLES, SETTINGS, searched_on(searched), list)
+    found = race([best, near, far], "plant", RACE_SAMPLES, SETTINGS, searched_on(searched), list)
     assert searched == [near.orders]
     assert [bool(each.pruned) for each in found] == [False, False, True]
     assert f"{1.1 * gain:.4f} above the lowest" in found[2].pruned
@@ -338,7 +338,7 @@ def test_the_lowest_is_searched_first_and_may_prune_the_others():
     gain = AFTER_FIRST_PASS * 6 / RACE_SAMPLES
     candidates = [open_search((2, 2, 2, nk), 1.0 + 0.8 * gain * nk) for nk in range(3)]
     searched = []
-    race(candidates, "joint", RACE_SAMPLES, SETTINGS, searched_on(searched, gain), list)
+    race(candidates, "plant", RACE_SAMPLES, SETTINGS, searched_on(searched, gain), list)
     assert searched == [candidates[0].orders]
 
 
@@ -348,7 +348,7 @@ def test_few_optima_of_a_first_pass_leave_less_to_gain():
     few = replace(near, diagnostics=replace(near.diagnostics, undiscovered_probability=FEW_OPTIMA))
     for each, count in ((near, 1), (few, 0)):
         searched = []
-        race([best, each], "joint", RACE_SAMPLES, SETTINGS, searched_on(searched), list)
+        race([best, each], "plant", RACE_SAMPLES, SETTINGS, searched_on(searched), list)
         assert len(searched) == count
 
 
@@ -362,7 +362,7 @@ def test_a_search_is_told_where_the_lowest_bic_lies_and_may_end_before():
         told.append(target)
         return each
 
-    found = race([best, near], "joint", RACE_SAMPLES, SETTINGS, ends_early, list)
+    found = race([best, near], "plant", RACE_SAMPLES, SETTINGS, ends_early, list)
     assert [bool(each.pruned) for each in found] == [False, True]
     assert "more than the rest of its search" in found[1].pruned
     (target,) = told
@@ -375,7 +375,7 @@ def test_a_search_is_told_where_the_lowest_bic_lies_and_may_end_before():
 def test_a_search_that_is_unlikely_to_reach_its_aim_ends(short):
     search = replace(SEARCH, evaluations=20000)
     orders = armax_orders(9, 9, 9, 3)
-    (first,) = estimate_candidates(short, [orders], "joint", first_pass(search), LATE)
+    (first,) = estimate_candidates(short, [orders], "plant", first_pass(search), LATE)
     whole = continue_search(first, short, search, LATE)
     out_of_reach = Target(0.5 * whole.minimum, orders.parameters / len(short.output))
     ended = continue_search(first, short, search, LATE, target=out_of_reach)

@@ -9,7 +9,7 @@ import pytest
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.errors import InputError
 from evopem.estimation import order_selection
-from evopem.models.structures import armax_orders
+from evopem.models.orders import armax_orders
 from evopem.signals.recording import Recording
 
 
@@ -27,7 +27,7 @@ def test_a_killed_process_is_named_in_one_sentence(monkeypatch):
         order_selection, "end_with_parent", lambda: os.kill(os.getpid(), signal.SIGKILL)
     )
     orders = [armax_orders(order, order, order, 1) for order in (1, 2, 3, 4)]
-    with pytest.raises(InputError, match=r"^the candidates of phase joint: .+ was killed"):
+    with pytest.raises(InputError, match=r"^the candidates of phase plant: .+ was killed"):
         order_selection.estimate_in_parallel(
-            recording, orders, "joint", SearchSettings(), ScoringWindow(5, 25), cores=2
+            recording, orders, "plant", SearchSettings(), ScoringWindow(5, 25), cores=2
         )

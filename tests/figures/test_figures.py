@@ -229,8 +229,8 @@ def of_noise_alone(results):
         settings=replace(
             results.settings, order_grid=replace(results.settings.order_grid, structure="arma")
         ),
-        phases={name: results.phases[name] for name in ("joint", "nc")},
-        candidates=results.candidates[results.candidates["phase"].isin(["joint", "nc"])],
+        phases={name: results.phases[name] for name in ("plant", "nc")},
+        candidates=results.candidates[results.candidates["phase"].isin(["plant", "nc"])],
         spectrum=results.spectrum[["output", "frequency_hz", "density", "lower", "upper"]],
         frequency_response=response,
         time_response=in_time,

@@ -27,10 +27,10 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
 from evopem.models.mode_matching import OrderModels
+from evopem.models.orders import Orders, armax_orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.structures import Orders, armax_orders
 from evopem.results.fleet import DatasetSummary
 from evopem.results.identity import MadeFrom
 from evopem.signals.peaks import SpectrumSummary

@@ -47,7 +47,7 @@ ANALYSIS = {
     ),
     "spectrum": some(time_halfbandwidth=st.floats(1.5, 20), nfft=st.integers(64, 2**20)),
     "delay": some(orders=ranges(1, 60), nk=ranges(0, 1000)),
-    "orders": some(joint=ranges(1, 60) | st.just("auto"), nc=ranges(1, 60), nb=ranges(1, 60)),
+    "orders": some(plant=ranges(1, 60) | st.just("auto"), nc=ranges(1, 60), nb=ranges(1, 60)),
     "search": some(
         objective=st.sampled_from(["absolute", "quadratic"]),
         refine=st.sampled_from(["worst", "all", "best", "random"]),

@@ -13,8 +13,8 @@ from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
 from evopem.files.json_form import to_json
+from evopem.models.orders import armax_orders
 from evopem.models.response_tables import frequency_response_table
-from evopem.models.structures import armax_orders
 from evopem.signals.peaks import summarize_spectrum
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
@@ -25,7 +25,7 @@ from evopem.validation.validate import validate
 ORDERS = armax_orders(2, 2, 1, 1)
 GRID = {
     "delay": {"orders": [2, 2], "nk": [0, 1]},
-    "orders": {"joint": [2, 2], "nc": [1, 2], "nb": [1, 2]},
+    "orders": {"plant": [2, 2], "nc": [1, 2], "nb": [1, 2]},
 }
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from evopem.models.orders import armax_orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import armax_orders
 from evopem.synthesis.armax import true_model
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from evopem.models.orders import STRUCTURES, Orders, orders_of
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import STRUCTURES, Orders, orders_of
 
 ONE = np.ones(1)
 MODEL = PolynomialModel(

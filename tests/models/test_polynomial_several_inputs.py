@@ -8,10 +8,10 @@ from scipy.io import loadmat
 from scipy.signal import dlsim, lfilter
 
 from evopem.files.json_form import from_json, to_json
+from evopem.models.orders import Orders, orders_of
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, save_model_mat
 from evopem.models.response_tables import response_interval
-from evopem.models.structures import Orders, orders_of
 
 ONE = np.ones(1)
 A = np.array([1.0, -1.2, 0.8])

@@ -10,9 +10,9 @@ ONE = np.ones(1)
 MODEL = PolynomialModel(ONE, np.array([1.0, 0.5]), ONE, ONE, np.array([1.0, -1.5, 0.7]), nk=1)
 
 
-def simulate_from_first(model, u, y, known, free_level=False, robust=False):
+def simulate_from_first(model, u, y, known, fit_level=False, robust=False):
     form = model.plant().state_space()
-    return form.simulate_from_fitted_state(u[:, None], y[:, None], free_level, robust, known)[:, 0]
+    return form.simulate_from_fitted_state(u[:, None], y[:, None], fit_level, robust, known)[:, 0]
 
 
 def signals(model, samples, noise, seed=1):
@@ -24,12 +24,12 @@ def signals(model, samples, noise, seed=1):
     return u[200:], x[200:], y[200:]
 
 
-@pytest.mark.parametrize("free_level", [False, True])
+@pytest.mark.parametrize("fit_level", [False, True])
 @pytest.mark.parametrize("robust", [False, True])
-def test_without_noise_the_first_samples_give_the_state(free_level, robust):
+def test_without_noise_the_first_samples_give_the_state(fit_level, robust):
     u, x, _ = signals(MODEL, 400, 0.0)
-    found = simulate_from_first(MODEL, u, x + 3.0 * free_level, 30, free_level, robust)
-    np.testing.assert_allclose(found, x + 3.0 * free_level, atol=1e-9)
+    found = simulate_from_first(MODEL, u, x + 3.0 * fit_level, 30, fit_level, robust)
+    np.testing.assert_allclose(found, x + 3.0 * fit_level, atol=1e-9)
 
 
 def test_no_output_behind_the_first_ones_counts():

@@ -121,7 +121,7 @@ def test_a_level_that_fits_is_the_one_that_was_added():
     u, x0 = np.random.default_rng(4).standard_normal((100, 2)), np.array([1.0, -2.0, 0.5, 3.0])
     change = np.linspace(1.0, 2.0, m.outputs)
     y = m.simulate(u, x0) + change
-    np.testing.assert_allclose(m.simulate_from_fitted_state(u, y, free_level=True), y, atol=1e-8)
+    np.testing.assert_allclose(m.simulate_from_fitted_state(u, y, fit_level=True), y, atol=1e-8)
 
 
 def test_modes_have_the_poles_and_shapes_that_they_were_made_of():

@@ -27,7 +27,7 @@ RATE = 10.0
 POLES = [1.0, -1.5, 0.7]
 QUICK = {
     "structure": "oe",
-    "orders": {"joint": [1, 3], "nb": [1, 3]},
+    "orders": {"plant": [1, 3], "nb": [1, 3]},
     "search": {"evaluations": 300},
     "spectrum": {"nfft": 512},
 }
@@ -53,7 +53,7 @@ def found():
 @pytest.fixture(scope="module")
 def other():
     u, y = signals()
-    keys = {**QUICK, "structure": "arx", "orders": {"joint": [1, 3]}}
+    keys = {**QUICK, "structure": "arx", "orders": {"plant": [1, 3]}}
     return evopem.identify(u, y, RATE, name="arrays", show_progress=False, **keys)
 
 
@@ -207,7 +207,7 @@ def test_several_recordings_are_one_data_set(found):
 def test_an_output_alone_gives_a_noise_model():
     e = np.random.default_rng(3).standard_normal(600)
     y = lfilter([1.0, 0.5], POLES, e)
-    small = {"orders": {"joint": [2, 2], "nc": [1, 1]}, "transforms": {"difference": 0}}
+    small = {"orders": {"plant": [2, 2], "nc": [1, 1]}, "transforms": {"difference": 0}}
     noise = evopem.identify(
         None, y, RATE, recipe="chapter", structure="arma", split={"discard": 0},
         search={"evaluations": 200}, show_progress=False, **small,

@@ -49,7 +49,7 @@ defaults:
   spectrum: {nfft: 512}
   transforms: {box_cox: none, difference: 0}
   delay: {orders: [4, 4], nk: [1, 1]}
-  orders: {joint: [4, 4], nc: [2, 2], nb: [4, 4]}
+  orders: {plant: [4, 4], nc: [2, 2], nb: [4, 4]}
   search: {mu: 3, lambda: 6, nu: 2, evaluations: 50}
 """
 # Blocks by their beginnings. Another test runs them:

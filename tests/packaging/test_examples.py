@@ -5,7 +5,7 @@ import inspect
 import pytest
 
 import evopem
-from evopem.models import polynomial, structures
+from evopem.models import orders, polynomial
 
 METHODS = (
     "simulate",
@@ -20,7 +20,7 @@ FUNCTIONS = [
     evopem.estimate,
     evopem.load,
     evopem.identify,
-    structures.Orders,
+    orders.Orders,
     polynomial.PolynomialModel,
 ]
 

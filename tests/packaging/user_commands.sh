@@ -18,7 +18,7 @@ defaults:
   split: {discard: 20}
   spectrum: {nfft: 512}
   delay: {orders: [3, 3], nk: [2, 3]}
-  orders: {joint: [3, 4], nc: [2, 3], nb: [3, 3]}
+  orders: {plant: [3, 4], nc: [2, 3], nb: [3, 3]}
   search: {evaluations: 500}
 datasets:
   truth: {synthesis: armax, samples: 700}

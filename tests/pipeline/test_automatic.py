@@ -25,7 +25,7 @@ def settings_of(file):
         "sampling_rate": 10,
         "spectrum": {"nfft": 512},
         "structure": "arx",
-        "orders": {"joint": [1, 4]},
+        "orders": {"plant": [1, 4]},
         "search": {"evaluations": 500},
     }
     return complete({"datasets": {"pump": keys}}).datasets["pump"]

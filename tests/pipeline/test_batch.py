@@ -24,7 +24,7 @@ DEFAULTS = {
     "split": {"discard": 20},
     "spectrum": {"nfft": 256},
     "delay": {"orders": [2, 2], "nk": [1, 2]},
-    "orders": {"joint": [2, 3], "nc": [2, 2], "nb": [2, 2]},
+    "orders": {"plant": [2, 3], "nc": [2, 2], "nb": [2, 2]},
     "search": {"mu": 3, "lambda": 6, "nu": 2, "evaluations": 50, "n_initial_discard": 20},
 }
 

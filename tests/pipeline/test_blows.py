@@ -130,7 +130,7 @@ def test_every_structure_takes_several_recordings(tmp_path, monkeypatch):
         "input": ["hammer", "acc_2"],
         "output": "acc_1",
         "structure": "armax",
-        "orders": {"joint": 2},
+        "orders": {"plant": 2},
         "split": {"by": "samples"},
         "search": {"evaluations": 1},
     }

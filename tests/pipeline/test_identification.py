@@ -20,7 +20,7 @@ ANALYSIS = {
     "split": {"discard": 20},
     "spectrum": {"nfft": 512},
     "delay": {"orders": [3, 3], "nk": [2, 3]},
-    "orders": {"joint": [3, 4], "nc": [2, 3], "nb": [3, 3]},
+    "orders": {"plant": [3, 4], "nc": [2, 3], "nb": [3, 3]},
     "search": {"mu": 3, "lambda": 6, "nu": 2, "evaluations": 50},
 }
 WRITTEN = {"datasets": {"arm": {"synthesis": "armax", "samples": 700}}, "defaults": ANALYSIS}

@@ -52,7 +52,7 @@ def identified(path, monkeypatch, keys, samples=SAMPLES, table=None):
 def results(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         path = tmp_path_factory.mktemp("mixer")
-        keys = {"structure": "armax", "orders": {"joint": [1, 3]}}
+        keys = {"structure": "armax", "orders": {"plant": [1, 3]}}
         files = identified(path, patch, keys)
         return DatasetFiles(str(path / files.folder))
 
@@ -100,14 +100,14 @@ def test_every_file_is_there_and_says_the_same(results):
     page = undrawn_page(results)
     assert "ARMAX(2,[2 1],1,[1 3])" in page
     assert "orders.nx" not in page
-    assert "orders.joint" in page
+    assert "orders.plant" in page
 
 
 def test_the_written_configuration_gives_the_same_settings(results):
     keys = yaml.safe_load(Path(results.config).read_text())
     again = complete(keys).datasets["mixer"]
     assert again.automatic.structure == "armax"
-    assert again.automatic.orders.joint == (1, 3)
+    assert again.automatic.orders.plant == (1, 3)
 
 
 def test_orders_and_delays_of_each_input_stay_within_their_ranges(tmp_path, monkeypatch):
@@ -157,11 +157,11 @@ def test_ranges_of_other_inputs_are_refused_when_the_names_are_known(tmp_path, m
 @pytest.mark.parametrize(
     ("structure", "ranges", "na", "nf"),
     [
-        ("fir", {"joint": [2, 4]}, 0, (0, 0)),
-        ("ararx", {"joint": [1, 2]}, 2, (0, 0)),
-        ("ararmax", {"joint": [1, 2]}, 2, (0, 0)),
+        ("fir", {"plant": [2, 4]}, 0, (0, 0)),
+        ("ararx", {"plant": [1, 2]}, 2, (0, 0)),
+        ("ararmax", {"plant": [1, 2]}, 2, (0, 0)),
         # Poles of A could be in all F_i and D as well, where these are not limited.
-        ("general", {"na": 1, "nf": 1, "joint": 2}, 1, (1, 1)),
+        ("general", {"na": 1, "nf": 1, "plant": 2}, 1, (1, 1)),
     ],
 )
 def test_every_structure_takes_several_recordings(tmp_path, monkeypatch, structure, ranges, na, nf):
@@ -197,7 +197,7 @@ def joined_part(structure, part, samples=260):
 
 
 def test_polynomials_and_state_space_are_compared_by_one_criterion(tmp_path, monkeypatch):
-    keys = {"orders": {"joint": 1, "nx": 1}}
+    keys = {"orders": {"plant": 1, "nx": 1}}
     files = identified(tmp_path, monkeypatch, keys, samples=200)
     decisions = json.loads(Path(files.decisions).read_text())["decisions"]
     about = next(each for each in decisions if each["subject"] == "structure for simulation")
@@ -206,9 +206,9 @@ def test_polynomials_and_state_space_are_compared_by_one_criterion(tmp_path, mon
 
 
 def test_a_record_that_is_too_short_is_refused_in_one_sentence(tmp_path, monkeypatch):
-    with pytest.raises(InputError, match=r"too few for joint order 40 with 2 inputs") as caught:
-        identified(tmp_path, monkeypatch, {"structure": "bj", "orders": {"joint": 40}})
-    assert str(caught.value).startswith("datasets.mixer.orders.joint: ")
+    with pytest.raises(InputError, match=r"too few for plant order 40 with 2 inputs") as caught:
+        identified(tmp_path, monkeypatch, {"structure": "bj", "orders": {"plant": 40}})
+    assert str(caught.value).startswith("datasets.mixer.orders.plant: ")
 
 
 @pytest.mark.parametrize("keys", [{"structure": "armax"}, {"form": "ss_oe"}], ids=str)
@@ -216,7 +216,7 @@ def test_the_absolute_objective_bears_outliers(tmp_path, monkeypatch, keys):
     table = signals()[0][:400]
     hits = np.random.default_rng(1).random(len(table)) < 0.03
     table["y"] += np.where(hits, 40.0, 0.0)
-    orders = {"joint": 2} if "structure" in keys else {"nx": 2}
+    orders = {"plant": 2} if "structure" in keys else {"nx": 2}
     keys = keys | {"orders": orders, "search": {"objective": "absolute", "evaluations": 1}}
     files = identified(tmp_path, monkeypatch, keys, table=table)
     record = load(ModelRecord, files.model)
@@ -247,7 +247,7 @@ def test_the_absolute_objective_bears_outliers(tmp_path, monkeypatch, keys):
     ids=str,
 )
 def test_focus_and_constraints_are_those_of_the_estimate(tmp_path, monkeypatch, keys, active):
-    keys = {"structure": "armax", "orders": {"joint": 2}, "search": {"evaluations": 1}} | keys
+    keys = {"structure": "armax", "orders": {"plant": 2}, "search": {"evaluations": 1}} | keys
     files = identified(tmp_path, monkeypatch, keys, samples=300)
     record = load(ModelRecord, files.model)
     assert record.fit.focus == keys.get("focus", "prediction")
@@ -261,7 +261,7 @@ def test_one_input_of_several_recordings_has_a_focus_too(tmp_path, monkeypatch):
     table = signals()[0][["hot", "y"]]
     for name, rows in (("one.csv", table[:200]), ("two.csv", table[200:400])):
         rows.to_csv(name, index=False)
-    keys = {"structure": "armax", "orders": {"joint": 2}, "search": {"evaluations": 1}}
+    keys = {"structure": "armax", "orders": {"plant": 2}, "search": {"evaluations": 1}}
     keys |= {"file": ["one.csv", "two.csv"], "sampling_rate": 10, "split": {"by": "samples"}}
     written = {"datasets": {"two": keys | {"input": "hot", "output": "y", "focus": 3}}}
     files = DatasetFiles.of_dataset("two")
@@ -270,7 +270,7 @@ def test_one_input_of_several_recordings_has_a_focus_too(tmp_path, monkeypatch):
 
 
 CONSTRAINED = [
-    {"structure": "armax", "orders": {"joint": 2}},
+    {"structure": "armax", "orders": {"plant": 2}},
     {"structure": "state_space", "form": "ss", "orders": {"nx": 2}},
 ]
 

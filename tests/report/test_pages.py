@@ -168,7 +168,7 @@ def test_truth_and_chapter_are_beside_the_estimate(build, stand_in):
         assert words in text
     assert "Model ARMAX(7,6,6,3) ARMAX(7,6,7,3)" in text
     assert text.count("Frontiers in Evolutionary Robotics") == 1
-    assert "Joint order 7 7" in text
+    assert "Plant order 7 7" in text
 
 
 def test_a_recorded_data_set_has_neither_truth_nor_chapter(build, results):

@@ -327,7 +327,7 @@ def test_the_results_beside_those_of_the_chapter(results):
     assert compare_with_chapter(results) == [
         ("Spectral peaks (Hz)", "5.47, 37", "near 2, 5 and 36, a broad one near 17"),
         ("Delay nk", "3", "3"),
-        ("Joint order", "7", "7"),
+        ("Plant order", "7", "7"),
         ("Order of C, nc", "6", "7"),
         ("Coefficients of B, nb", "6", "6"),
         ("Model", str(orders), "ARMAX(7,6,7,3)"),

@@ -111,7 +111,7 @@ def test_the_samples_are_used_as_they_are_and_the_report_says_so(tmp_path, state
     recording, info = load_recording(made.recording), load(RecordingInfo, made.recording_info)
     np.testing.assert_array_equal(recording.output, y)
     assert recording.sampling_rate == pytest.approx(1000.0 / 3.0, rel=1e-6)
-    assert info.files[0].time_told == (None if "time" in stated else "time")
+    assert info.files[0].time_from_file == (None if "time" in stated else "time")
     assert [each.unevenness.tick for each in info.files] == [pytest.approx(10.0 / 3.0)]
 
 

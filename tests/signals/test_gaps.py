@@ -133,7 +133,7 @@ def test_a_mode_is_found_beside_gaps():
         "split": {"discard": 0},
         "spectrum": {"nfft": 512},
         "delay": {"orders": [2, 2], "nk": [1, 1]},
-        "orders": {"joint": [2, 2], "nc": [2, 2], "nb": [2, 2]},
+        "orders": {"plant": [2, 2], "nc": [2, 2], "nb": [2, 2]},
         "search": {"evaluations": 100, "mu": 3, "lambda": 6, "nu": 2},
     }
     found = evopem.identify(u, masked, RATE, show_progress=False, **keys)

@@ -12,7 +12,7 @@ SMALL = {
     "spectrum": {"nfft": 512},
     "transforms": {"box_cox": "none", "difference": 0},
     "delay": {"orders": [3, 3], "nk": [2, 3]},
-    "orders": {"joint": [3, 4], "nc": [2, 3], "nb": [3, 3]},
+    "orders": {"plant": [3, 4], "nc": [2, 3], "nb": [3, 3]},
     "search": {"mu": 3, "lambda": 6, "nu": 2, "evaluations": 50, "n_initial_discard": 20},
 }
 

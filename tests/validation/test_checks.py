@@ -10,10 +10,10 @@ from identified import with_model, without_covariance
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.search.certificate import POLYNOMIALS, STATE_SPACE
 from evopem.models.modes import Mode
+from evopem.models.orders import armax_orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import root_covariance, root_gradient
-from evopem.models.structures import armax_orders
 from evopem.signals.recording_info import ChannelInfo, RecordingInfo
 from evopem.validation.checks import Evidence, checks
 from evopem.validation.checks.roots import cancelling_pairs
@@ -134,7 +134,7 @@ def good(real):
     found = with_phase(
         found, "delay", [armax_orders(3, 3, 3, k) for k in range(4)], armax_orders(3, 3, 3, 1)
     )
-    for phase, order in (("joint", "na"), ("nc", "nc"), ("nb", "nb")):
+    for phase, order in (("plant", "na"), ("nc", "nc"), ("nb", "nb")):
         tried = [replace(armax_orders(3, 3, 3, 1), **{order: k}) for k in range(2, 6)]
         found = with_phase(found, phase, tried, armax_orders(3, 3, 3, 1))
     return found
@@ -353,8 +353,8 @@ def test_coincident_roots_fail_even_without_covariance(good):
     [
         ("delay", "nk", 3, False),
         ("delay", "nk", 0, True),  # no delay can be shorter
-        ("joint", "na", 5, False),
-        ("joint", "na", 2, False),
+        ("plant", "na", 5, False),
+        ("plant", "na", 2, False),
         ("nc", "nc", 5, False),
         ("nb", "nb", 4, True),
     ],

@@ -45,14 +45,14 @@ def prepared(validation):
     )
 
 
-@pytest.mark.parametrize("free_level", [False, True])
-def test_each_recording_is_simulated_and_predicted_as_if_it_were_alone(free_level):
+@pytest.mark.parametrize("fit_level", [False, True])
+def test_each_recording_is_simulated_and_predicted_as_if_it_were_alone(fit_level):
     parts = records()
-    joined, tables = validate(MODEL, prepared(concatenated(parts)), free_level=free_level)
+    joined, tables = validate(MODEL, prepared(concatenated(parts)), fit_level=fit_level)
     assert tables.simulation["recording"].tolist() == np.repeat([1, 2, 3], LENGTHS).tolist()
     assert tables.simulation.groupby("recording")["time_s"].max().tolist() == [14.9, 8.9, 11.9]
     for number, each in enumerate(parts):
-        alone, own = validate(MODEL, prepared(each), free_level=free_level)
+        alone, own = validate(MODEL, prepared(each), fit_level=fit_level)
         rows = tables.simulation[tables.simulation["recording"] == number + 1]
         for name in ("predicted_a", "simulated_b"):
             np.testing.assert_array_equal(rows[name], own.simulation[name])

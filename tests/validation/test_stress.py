@@ -14,7 +14,7 @@ from evopem.config.settings import (
 from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
-from evopem.models.structures import armax_orders
+from evopem.models.orders import armax_orders
 from evopem.signals.peaks import SpectrumSummary
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
@@ -56,7 +56,7 @@ def judged(u, y, orders=(2, 2, 1, 1), objective="absolute"):
     # Every order is given, so no range was searched.
     phases = {
         phase: PhaseSelection(phase, orders, "Given.", (candidate,))
-        for phase in ("delay", "joint", "nc", "nb")
+        for phase in ("delay", "plant", "nc", "nb")
     }
     info = describe_recording(record)
     results = checks(Evidence(model, validation, info, ranges_of_phases(phases)))

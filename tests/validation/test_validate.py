@@ -75,28 +75,28 @@ def test_without_noise_the_simulation_is_exact_from_unknown_initial_conditions(c
 
 
 @pytest.mark.parametrize("contiguous", [True, False])
-@pytest.mark.parametrize("free_level", [True, False])
-def test_the_simulation_sees_no_output_that_is_scored(contiguous, free_level):
+@pytest.mark.parametrize("fit_level", [True, False])
+def test_the_simulation_sees_no_output_that_is_scored(contiguous, fit_level):
     """Another output changes it by no more than a level, where one is fitted."""
     model = lightly_damped()
     u, y = response(model, 1500, noise=0.1)
-    before, _ = simulated(model, u, y, contiguous, free_level)
+    before, _ = simulated(model, u, y, contiguous, fit_level)
     first = 1000 if contiguous else 1050
     spoilt = y.copy()
     spoilt[first:] += 1.0 + np.random.default_rng(1).normal(size=1500 - first)
-    after, error = simulated(model, u, spoilt, contiguous, free_level)
+    after, error = simulated(model, u, spoilt, contiguous, fit_level)
     change = after - before
     assert np.ptp(change) < 1e-9
-    assert bool(abs(change[0]) > 0.5) is free_level
+    assert bool(abs(change[0]) > 0.5) is fit_level
     scored = spoilt[first:]
     assert error == pytest.approx(
         100 * np.linalg.norm(scored - after) / np.linalg.norm(scored - scored.mean())
     )
 
 
-def simulated(model, u, y, contiguous, free_level):
+def simulated(model, u, y, contiguous, fit_level):
     """The scored samples of the simulation, and its error."""
-    result, tables = validate(model, prepared(u, y, 1000, contiguous), free_level=free_level)
+    result, tables = validate(model, prepared(u, y, 1000, contiguous), fit_level=fit_level)
     return tables.simulation[
         "simulated_output"
     ].dropna().to_numpy(), result.simulation_error_percent

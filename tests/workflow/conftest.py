@@ -27,7 +27,7 @@ TINY = {
         "split": {"discard": 20},
         "spectrum": {"nfft": 512},
         "delay": {"orders": [3, 3], "nk": [1, 3]},
-        "orders": {"joint": [3, 4], "nc": [2, 3], "nb": [3, 3]},
+        "orders": {"plant": [3, 4], "nc": [2, 3], "nb": [3, 3]},
         "search": {"mu": 3, "lambda": 6, "nu": 2, "evaluations": 50, "n_initial_discard": 20},
     },
     "datasets": {"truth": {"synthesis": "armax", "samples": 700}},
@@ -37,7 +37,7 @@ TINY = {
 FEW_PHASES = TINY["defaults"] | {
     "structure": "arx",
     "delay": {"orders": [3, 3], "nk": [2, 3]},
-    "orders": {"joint": [3, 3], "nb": [3, 3]},
+    "orders": {"plant": [3, 3], "nb": [3, 3]},
 }
 
 

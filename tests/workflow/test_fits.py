@@ -39,7 +39,7 @@ DEFAULTS = {
     "split": {"discard": 20},
     "spectrum": {"nfft": 512},
     "delay": {"orders": 2, "nk": 1},
-    "orders": {"joint": 2, "nc": 1, "nb": 2},
+    "orders": {"plant": 2, "nc": 1, "nb": 2},
     "search": {"objective": "quadratic", "mu": 4, "lambda": 8, "nu": 2, "evaluations": 60},
 }
 

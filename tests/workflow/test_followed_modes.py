@@ -32,7 +32,7 @@ def test_a_drop_of_the_stiffness_is_reported_with_its_recording(folder):
     analysis = TINY["defaults"] | {
         "structure": "oe",
         "delay": {"orders": [2, 2], "nk": [1, 1]},
-        "orders": {"joint": [2, 2], "nb": [2, 2]},
+        "orders": {"plant": [2, 2], "nb": [2, 2]},
         "transforms": {"box_cox": "none", "difference": 0},
     }
     config = {"datasets": "recordings.csv", "follow": "day", "defaults": analysis}

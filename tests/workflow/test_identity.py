@@ -13,7 +13,7 @@ ANALYSIS = {
     "transforms": {"box_cox": "none", "difference": 0},
     "split": {"discard": 0},
     "delay": {"orders": [3, 3], "nk": [2, 3]},
-    "orders": {"joint": [3, 4], "nc": [2, 3], "nb": [3, 3]},
+    "orders": {"plant": [3, 4], "nc": [2, 3], "nb": [3, 3]},
 }
 RATE = {"sampling_rate": 100}
 FIRST_STAGES = ("--cores", "1", "--until", "prepare")

@@ -18,7 +18,7 @@ ARM = {"synthesis": "flexible_arm", "recipe": "chapter"}
         # 16, 9, 15 and 15 candidates in jobs of six; with `auto` 13 instead of 9. And two lists.
         (
             {
-                "datasets": {"arm": ARM, "auto": {**ARM, "orders": {"joint": "auto"}}},
+                "datasets": {"arm": ARM, "auto": {**ARM, "orders": {"plant": "auto"}}},
                 "candidates_per_job": 6,
             },
             (3 + 2 + 3 + 3) + (3 + 3 + 3 + 3),
@@ -47,9 +47,9 @@ def test_a_validation_file_is_read_as_well(folder):
 
 def test_auto_waits_for_the_spectrum_and_a_range_does_not(folder):
     config = copies.deepcopy(TINY)
-    config["datasets"]["auto"] = {"synthesis": "armax", "orders": {"joint": "auto"}}
+    config["datasets"]["auto"] = {"synthesis": "armax", "orders": {"plant": "auto"}}
     folder.configure(config)
-    target = "results/{}/phases/joint.json"
+    target = "results/{}/phases/plant.json"
     planned = folder.planned(target.format("truth"), target.format("auto"))
     assert planned["select_candidate"] == 4
     assert planned["estimate_spectrum"] == 1

@@ -9,7 +9,7 @@ import pytest
 from evopem.automatic.decision import DecisionRecord
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 
 from .conftest import Folder
 
@@ -44,7 +44,7 @@ def identified(tmp_path_factory):
 
 
 # For tests of jobs, a structure and ranges that take less time.
-GIVEN = {"structure": "arx", "delay": {"nk": 1}, "orders": {"joint": [2, 3]}}
+GIVEN = {"structure": "arx", "delay": {"nk": 1}, "orders": {"plant": [2, 3]}}
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_the_graph_is_known_before_it_runs(folder):
     write_recording(folder.path / "pump.csv")
     folder.configure(configuration())
     planned = folder.planned()
-    assert planned["search_structure"] == 7
+    assert planned["search_structure"] == 10
     assert "estimate_candidates" not in planned
     folder.configure(configuration(structure="oe"))
     assert folder.planned()["search_structure"] == 3

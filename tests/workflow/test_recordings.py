@@ -29,7 +29,7 @@ DATASETS = {
         "transforms": {"box_cox": "none", "difference": 0},
         "split": {"discard": 0, "estimation": 800},
         "delay": {"orders": 4, "nk": [0, 1]},
-        "orders": {"joint": [4, 6], "nc": [2, 6], "nb": [4, 6]},
+        "orders": {"plant": [4, 6], "nc": [2, 6], "nb": [4, 6]},
     },
     "bench": {
         "file": str(MOTOR_BENCH / "MultisineTypeA.mat"),
@@ -40,7 +40,7 @@ DATASETS = {
         "transforms": {"box_cox": "none", "difference": 0},
         "split": {"discard": 2500, "estimation": 5000},
         "delay": {"orders": [4, 5], "nk": [0, 2]},
-        "orders": {"joint": [6, 8], "nc": [4, 8], "nb": [6, 8]},
+        "orders": {"plant": [6, 8], "nc": [4, 8], "nb": [6, 8]},
     },
 }
 

@@ -61,7 +61,7 @@ def test_a_run_makes_every_promised_file(finished):
     ]
     assert record.window == ScoringWindow(4 + 3 - 1, 4 + 3 - 1 + 20)
     counts = candidates.groupby("phase").size()
-    assert counts[["delay", "joint", "nc"]].tolist() == [3, 2, 2]
+    assert counts[["delay", "plant", "nc"]].tolist() == [3, 2, 2]
     assert counts["nb"] >= 1  # and those with which the delay is refined
 
 
@@ -173,7 +173,7 @@ def _of_jobs(name):
 
 def test_a_killed_run_is_taken_up_again(copy, finished):
     files, expected = copy.files_of("truth"), finished.files_of("truth")
-    for phase in ("joint", "nc", "nb"):
+    for phase in ("plant", "nc", "nb"):
         Path(files.phase(phase)).unlink()
         Path(files.part(phase, 1)).unlink()
     Path(files.model).unlink()
@@ -187,12 +187,12 @@ def test_a_killed_run_is_taken_up_again(copy, finished):
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
     assert not Path(files.model).exists()
-    first = Path(files.phase("joint")).stat().st_mtime_ns
+    first = Path(files.phase("plant")).stat().st_mtime_ns
     copy.finish("--unlock")
     copy.finish("--cores", "1", "results/truth/model.json")
     assert Path(files.model).read_bytes() == Path(expected.model).read_bytes()
     assert Path(files.recording).stat().st_mtime_ns == kept
-    assert Path(files.phase("joint")).stat().st_mtime_ns == first
+    assert Path(files.phase("plant")).stat().st_mtime_ns == first
 
 
 def test_a_recorded_file_in_a_folder_of_ones_own(recorded, folder):

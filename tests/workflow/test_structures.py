@@ -26,13 +26,13 @@ TRUTHS = {
     "bj": PolynomialModel(ONE, B, C, COLOUR, RESONANCE, nk=1),
     "arma": PolynomialModel(RESONANCE, np.empty(0), C),
 }
-PHASES = {"oe": ["delay", "joint", "nb"], "bj": ["delay", "joint", "nc", "nd", "nb"]}
-PHASES["arma"] = ["joint", "nc"]
+PHASES = {"oe": ["delay", "plant", "nb"], "bj": ["delay", "plant", "nc", "nd", "nb"]}
+PHASES["arma"] = ["plant", "nc"]
 GRID = {"delay": {"orders": 2, "nk": [0, 1]}}
 ORDERS = {
-    "oe": {"joint": [1, 2], "nb": [1, 2]},
-    "bj": {"joint": 2, "nc": [0, 1], "nd": [1, 2], "nb": 2},
-    "arma": {"joint": [1, 2], "nc": [0, 1]},
+    "oe": {"plant": [1, 2], "nb": [1, 2]},
+    "bj": {"plant": 2, "nc": [0, 1], "nd": [1, 2], "nb": 2},
+    "arma": {"plant": [1, 2], "nc": [0, 1]},
 }
 CONFIG = {
     "one_job_per": "recording",

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
+    from evopem.models.orders import Orders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
-    from evopem.models.structures import Orders
     from evopem.notebook.identify import identify, read_results
     from evopem.notebook.results import Results
     from evopem.signals.recording import Recording
@@ -61,7 +61,7 @@ _HOMES = {
     "InputError": "evopem.errors",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",
     "PolynomialModel": "evopem.models.polynomial",
-    "Orders": "evopem.models.structures",
+    "Orders": "evopem.models.orders",
     "Prior": "evopem.config.constraints",
     "Recording": "evopem.signals.recording",
     "ScoringWindow": "evopem.config.settings",

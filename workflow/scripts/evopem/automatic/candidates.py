@@ -22,8 +22,8 @@ from evopem.config.structures import STRUCTURES, varied_order
 from evopem.errors import NoModelError
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
+from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel, of_signals
-from evopem.models.structures import PER_INPUT, Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 
 # Largest order of the paths of polynomial structures: criteria count the samples behind its past.
@@ -73,10 +73,10 @@ class OrderLimits:
         """The nearest orders that are allowed, of those that the structure has."""
         given = {name: getattr(orders, name) for name in STRUCTURES["general"]}
         for name in STRUCTURES[structure]:
-            # The degree of the plant follows the joint one.
-            varied = structure != "fir" and name == varied_order("joint", structure)
-            joint = self.ranges.joint if varied else None
-            near = tuple(_nearest(order, own or joint) for order, own in self._each(name, orders))
+            # The degree of A or F follows that of the plant.
+            varied = structure != "fir" and name == varied_order("plant", structure)
+            plant = self.ranges.plant if varied else None
+            near = tuple(_nearest(order, own or plant) for order, own in self._each(name, orders))
             given[name] = near if name in PER_INPUT else near[0]
         return Orders(**given)
 

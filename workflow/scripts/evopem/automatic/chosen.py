@@ -31,9 +31,9 @@ from evopem.estimation.search.problem import SearchResult, pooled
 from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.models.constraint_checks import check_constraints
+from evopem.models.orders import Orders
 from evopem.models.polynomial import Model, PolynomialModel, of_signals
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]

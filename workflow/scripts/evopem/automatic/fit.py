@@ -16,8 +16,8 @@ from evopem.estimation import criteria
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
 from evopem.estimation.search.staged_descent import DescentStage
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel, model_of
-from evopem.models.structures import Orders
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]

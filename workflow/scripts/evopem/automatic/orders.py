@@ -22,8 +22,8 @@ from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
 from evopem.estimation.delays import ORDERS, delays_by_criterion, longest_delay
+from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import PER_INPUT, Orders
 from evopem.signals.recording import Segment
 
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something.

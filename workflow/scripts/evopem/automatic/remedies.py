@@ -19,7 +19,7 @@ from evopem.automatic.remedy_orders import (
     with_noise_models,
 )
 from evopem.automatic.structures import AS_GOOD, Choice, as_good, score_of
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE

@@ -16,8 +16,8 @@ from evopem.automatic.state_space import fits_in_state_space
 from evopem.config.channels import of_each
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
 from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE

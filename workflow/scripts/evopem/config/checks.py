@@ -88,9 +88,9 @@ class Kind:
         if self.structure == STATE_SPACE or not are_one(self.outputs):
             return ("nx",)
         names = STRUCTURES[self.structure or "general"]
-        joint = ("joint",) if self.several or self.structure != "fir" else ()
+        plant = ("plant",) if self.several or self.structure != "fir" else ()
         states = () if self.structure else ("nx",)
-        return (*states, *joint, *(name for name in names if name != "nk"))
+        return (*states, *plant, *(name for name in names if name != "nk"))
 
     def __str__(self) -> str:
         """What an error calls a data set of this kind."""

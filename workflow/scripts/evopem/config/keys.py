@@ -200,7 +200,7 @@ class _Delay:
 
 
 class _Orders:
-    joint: Annotated[_range(1, 60) | Literal["auto"], built_in("[6, 14]")]
+    plant: Annotated[_range(1, 60) | Literal["auto"], built_in("[6, 14]")]
     """the order k of phase one. Of ARMAX(k, k, k, nk) or what [other structures](structures.md)
     have instead. `auto` is [2 × number of spectral peaks, 14]; the evenly spaced lines of a
     periodic input are not counted as peaks"""
@@ -246,7 +246,7 @@ class _Analysis:
     delay: _group(_Delay)
     """the grid of the delay search, a mapping of orders and nk"""
     orders: _group(_Orders)
-    """the ranges of the order search, a mapping of joint, nc, nd, na and nb, with `recipe: auto`
+    """the ranges of the order search, a mapping of plant, nc, nd, na and nb, with `recipe: auto`
     also nf, or of nx for state_space"""
     search: _group(SearchSettings)
     """the search for the parameters of a model, a mapping of its settings"""

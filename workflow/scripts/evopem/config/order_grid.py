@@ -22,7 +22,7 @@ from evopem.config.structures import STRUCTURES, phases_of
 from evopem.errors import InputError
 
 AUTO_JOINT_UPPER = 14
-"""Upper end of ``orders.joint: auto``, the chapter's own."""
+"""Upper end of ``orders.plant: auto``, the chapter's own."""
 
 CandidateOrders = dict[str, int]
 """The orders of a candidate by their names."""
@@ -39,9 +39,9 @@ def phases_of_dataset(settings: DatasetSettings) -> tuple[str, ...]:
 
 
 def phase_of_orders_of(settings: DatasetSettings) -> str | None:
-    """The phase of a data set with models of every plant order: the joint order, or nb for FIR."""
+    """The phase of a data set with models of every plant order: the plant order, or nb for FIR."""
     phases = phases_of_dataset(settings)
-    return next((phase for phase in ("joint", "nb") if phase in phases), None)
+    return next((phase for phase in ("plant", "nb") if phase in phases), None)
 
 
 def previous_phase(phase: str, structure: str) -> str | None:
@@ -51,20 +51,20 @@ def previous_phase(phase: str, structure: str) -> str | None:
     return phases[position - 1] if position else None
 
 
-def joint_range(grid: OrderGrid, resonances: int | None = None) -> Range:
-    """Find the joint orders of the first phase, both ends included.
+def plant_range(grid: OrderGrid, resonances: int | None = None) -> Range:
+    """Find the plant orders of the first phase, both ends included.
 
     Where none are given, each resonance needs a pair of complex poles, so the lower end is twice
     their number. It stays within the range that the graph was planned for.
     """
-    if grid.ranges.joint is not None:
-        return grid.ranges.joint
+    if grid.ranges.plant is not None:
+        return grid.ranges.plant
     lower = 2 if resonances is None else max(2, 2 * resonances)
     return (min(lower, AUTO_JOINT_UPPER), AUTO_JOINT_UPPER)
 
 
-def joint_orders(k: int, grid: OrderGrid, nk: int = 0) -> CandidateOrders:
-    """The orders of the structure's model of joint order k.
+def orders_of_plant(k: int, grid: OrderGrid, nk: int = 0) -> CandidateOrders:
+    """The orders of the structure's model of plant order k.
 
     Where there is D beside C or A, their degrees are limited by the ends of their ranges: two
     polynomials of high order would cancel each other. A beside F begins at its lower end.
@@ -91,7 +91,7 @@ def candidate_orders(
     """List the candidates of a phase."""
     if phase == "delay":
         return [
-            joint_orders(order, grid, delay)
+            orders_of_plant(order, grid, delay)
             for order in _inclusive(range_of(grid, "delay"))
             for delay in _inclusive(range_of(grid, "nk"))
         ]
@@ -100,16 +100,16 @@ def candidate_orders(
             f"phase {phase} needs the selection of phase {previous_phase(phase, grid.structure)}"
         )
     selected = selected or {}
-    if phase == "joint":
-        orders = _inclusive(joint_range(grid, resonances))
-        return [joint_orders(order, grid, selected.get("nk", 0)) for order in orders]
+    if phase == "plant":
+        orders = _inclusive(plant_range(grid, resonances))
+        return [orders_of_plant(order, grid, selected.get("nk", 0)) for order in orders]
     own = {name: selected[name] for name in STRUCTURES[grid.structure]}
     return [own | {phase: order} for order in _inclusive(range_of(grid, phase))]
 
 
 def needs_resonances(phase: str, grid: OrderGrid) -> bool:
     """Whether the candidates of a phase depend on the number of resonances in the spectrum."""
-    return phase == "joint" and grid.ranges.joint is None
+    return phase == "plant" and grid.ranges.plant is None
 
 
 def grid_of_phase(phase: str, grid: OrderGrid) -> OrderGrid:
@@ -118,8 +118,8 @@ def grid_of_phase(phase: str, grid: OrderGrid) -> OrderGrid:
     A phase then does not rerun when the range of another one changes.
     """
     used = {phase, "nk"} if phase == "delay" else {phase}
-    if phase in ("delay", "joint") and "nd" in STRUCTURES[grid.structure]:
-        used |= {"nc", "nd", "na"}  # they follow the joint order up to the ends of their ranges
+    if phase in ("delay", "plant") and "nd" in STRUCTURES[grid.structure]:
+        used |= {"nc", "nd", "na"}  # they follow the plant order up to the ends of their ranges
     return _with_ranges(grid, used)
 
 
@@ -169,18 +169,18 @@ def scoring_window(settings: DatasetSettings) -> ScoringWindow:
 
 
 def _largest_candidates(grid: OrderGrid) -> list[CandidateOrders]:
-    """The largest candidates of the delay, of the joint order, and of the last phase."""
+    """The largest candidates of the delay, of the plant order, and of the last phase."""
     phases = phases_of(grid.structure)
     candidates = []
     if "delay" in phases:
-        candidates.append(joint_orders(range_of(grid, "delay")[1], grid))
-    if "joint" in phases:
-        candidates.append(joint_orders(joint_range(grid)[1], grid))
+        candidates.append(orders_of_plant(range_of(grid, "delay")[1], grid))
+    if "plant" in phases:
+        candidates.append(orders_of_plant(plant_range(grid)[1], grid))
     last = dict(candidates[-1])
     for phase in phases:
-        if phase not in ("delay", "joint"):
+        if phase not in ("delay", "plant"):
             upper = range_of(grid, phase)[1]
-            # The last phase may keep the joint number of coefficients of B.
+            # The last phase may keep the plant number of coefficients of B.
             last[phase] = max(last[phase], upper) if phase == "nb" else upper
     return [*candidates, last]
 

@@ -167,11 +167,11 @@ InputRanges = Range | tuple[Range, ...] | dict[str, Range] | None
 class OrderRanges:
     """Ranges of orders and delays, both ends included; where there is none, they are decided.
 
-    ``joint`` is the range of the order k of polynomial models, that of the degree of A or F.
+    ``plant`` is the range of the order k of polynomial models, that of the degree of A or F.
     """
 
     nx: Range | None = None
-    joint: Range | None = None
+    plant: Range | None = None
     na: Range | None = None
     nc: Range | None = None
     nd: Range | None = None
@@ -187,7 +187,7 @@ class OrderRanges:
 
 
 CHAPTER_RANGES = OrderRanges(
-    joint=(6, 14), nc=(2, 16), nb=(2, 16), nd=(0, 4), na=(0, 2), nk=(0, 3), delay=(6, 9)
+    plant=(6, 14), nc=(2, 16), nb=(2, 16), nd=(0, 4), na=(0, 2), nk=(0, 3), delay=(6, 9)
 )
 
 

@@ -27,7 +27,7 @@ STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 ORDER_NAMES = STRUCTURES["general"]
 
-PHASES = ("delay", "joint", "nc", "nd", "na", "nb")
+PHASES = ("delay", "plant", "nc", "nd", "na", "nb")
 """Every phase of an order search, in their order: each takes its predecessor's selection."""
 
 # The structures that the automatic recipe searches, each with those whose optima serve as starts.
@@ -60,11 +60,11 @@ def has_input(structure: str) -> bool:
 
 def phases_of(structure: str) -> tuple[str, ...]:
     """The phases of a structure's order search, in their order."""
-    existing = {*STRUCTURES[structure]} | ({"joint"} if structure != "fir" else set())
+    existing = {*STRUCTURES[structure]} | ({"plant"} if structure != "fir" else set())
     if "nk" in existing:
         existing.add("delay")
     if structure != "general":
-        existing.discard("na")  # the degree of A is the joint order
+        existing.discard("na")  # the degree of A is the plant order
     return tuple(phase for phase in PHASES if phase in existing)
 
 
@@ -72,14 +72,14 @@ def varied_order(phase: str, structure: str) -> str:
     """The order that shows what a phase has selected."""
     if phase == "delay":
         return "nk"
-    if phase == "joint":
+    if phase == "plant":
         return "nf" if "nf" in STRUCTURES[structure] else "na"
     return phase
 
 
 def plant_order(structure: str) -> str:
-    """The order that is the joint order k in the first phase: nf, na, or nb for an FIR model."""
-    return "nb" if structure == "fir" else varied_order("joint", structure)
+    """The order that is the plant order k in the first phase: nf, na, or nb for an FIR model."""
+    return "nb" if structure == "fir" else varied_order("plant", structure)
 
 
 def structure_name(structure: str) -> str:

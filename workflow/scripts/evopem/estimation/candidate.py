@@ -15,9 +15,9 @@ from evopem.estimation.criteria import Criteria
 from evopem.estimation.search.certificate import Target, gain_after_first_pass, is_certified
 from evopem.estimation.search.global_search import FIRST_PASS
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import max_root_radius
-from evopem.models.structures import Orders
 
 if TYPE_CHECKING:
     from evopem.estimation.polynomial_estimate import PolynomialEstimate

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from evopem.blas_threads import one_blas_thread
 from evopem.estimation.pem.least_squares import chunks, triangle_of
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ SAMPLES_PER_COEFFICIENT = 5
 # Difference of BIC, times the samples, that decides nothing: the smallest of such delays is taken.
 AS_WELL = 2.0
 # Shares of a lag's size, and of the outputs' power, that are rounding.
-TOLD, FLOOR = 1e-9, 1e-14
+DEPENDENT, FLOOR = 1e-9, 1e-14
 # BIC removes a coefficient about where its squared t ratio is below ln N.  Up to this many times
 # that value the smaller model is estimated, since the t ratio is approximate.
 SCREENING = 3.0
@@ -167,10 +167,10 @@ class _Regression:
             y = np.broadcast_to(left[:, self.lags + 1 :], (high - low + 1, len(left), self.outputs))
             lags = sliding_window_view(u, n, axis=1).swapaxes(0, 1)[low : high + 1]
             r: Array = np.asarray(np.linalg.qr(np.concatenate([lags, y], axis=2), mode="r"))
-            # Lags that the others already tell explain nothing: what is left of them is rounding.
-            told = np.abs(np.diagonal(r[:, :n, :n], axis1=1, axis2=2))
-            told = told > TOLD * sliding_window_view(sizes, n)[low : high + 1]
-            rows = r[:, :n, n:] * told[:, :, None]
+            # Lags that depend on the others explain nothing: what is left of them is rounding.
+            independent = np.abs(np.diagonal(r[:, :n, :n], axis1=1, axis2=2))
+            independent = independent > DEPENDENT * sliding_window_view(sizes, n)[low : high + 1]
+            rows = r[:, :n, n:] * independent[:, :, None]
             explained = np.cumsum(rows[..., :, None] * rows[..., None, :], axis=1)
             alone = left[:, self.lags + 1 :].T @ left[:, self.lags + 1 :]
             errors = np.concatenate([alone[None], (alone - explained).reshape(-1, *alone.shape)])

@@ -29,9 +29,9 @@ from evopem.estimation.simulation_estimate import simulation_estimate
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import STRUCTURES, StateSpaceEstimate
 from evopem.models.constraint_checks import Focus, check_fit
+from evopem.models.orders import Orders, orders_of
 from evopem.models.polynomial import of_signals
 from evopem.models.state_space import StateSpaceStructure
-from evopem.models.structures import Orders, orders_of
 from evopem.signals.recording import Recording, recording_of
 
 Array = NDArray[np.float64]

@@ -24,9 +24,9 @@ from evopem.files.json_form import load
 from evopem.files.unfinished import check_result
 from evopem.models.conversions import plant_of
 from evopem.models.modes import Mode
+from evopem.models.orders import Orders
 from evopem.models.polynomial import Model, PolynomialModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.structures import Orders
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording import Recording
 from evopem.version import __version__

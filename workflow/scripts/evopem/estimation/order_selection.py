@@ -29,7 +29,7 @@ from evopem.estimation.prediction_estimate import optimum_next_to
 from evopem.estimation.search.certificate import Target, is_certified
 from evopem.estimation.search.problem import pooled, same_optimum
 from evopem.files.job import end_with_parent
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 from evopem.signals.recording import Recording
 
 # Evaluations of a repeated search, as a multiple of the first one's.

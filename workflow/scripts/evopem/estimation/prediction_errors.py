@@ -12,8 +12,8 @@ from evopem.errors import NoModelError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.memetic import REFINE
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import LARGEST
 

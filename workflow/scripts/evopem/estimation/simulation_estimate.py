@@ -38,10 +38,10 @@ from evopem.estimation.search.linear_estimates import noise_model
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, solve_linear
+from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import roots
-from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 Plant = tuple[Array, tuple[Array, ...]]  # A and all F_i, their leading 1 included

@@ -16,7 +16,7 @@ from evopem.config.constraints import (
 )
 from evopem.config.structures import samples_ahead
 from evopem.errors import InputError
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 
 Focus = str | int
 GAINS = ("static_gain", "static_gain_bounds")

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 

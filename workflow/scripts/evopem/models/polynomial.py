@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.files.atomic import atomic_write
 from evopem.models.conversions import block_sizes, has_own_noise, innovations_form
 from evopem.models.modes import Mode
+from evopem.models.orders import Orders
 from evopem.models.polynomial_form import Polynomials, impulse_response
 from evopem.models.polynomials import powers_of_z, roots
 from evopem.models.state_space import StateSpaceModel
-from evopem.models.structures import Orders
 
 if TYPE_CHECKING:
     from evopem.signals.recording import Recording

@@ -9,9 +9,9 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import roots, uncertain_roots
-from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -210,13 +210,13 @@ class StateSpaceModel:
         self,
         inputs: ArrayLike,
         outputs: ArrayLike,
-        free_level: bool = False,
+        fit_level: bool = False,
         robust: bool = False,
         known: int | None = None,
     ) -> Array:
         """Simulation, (N, ny), from the initial state with which it fits the outputs best.
 
-        Least squares, each output relative to its spread.  With ``free_level`` a constant is fitted
+        Least squares, each output relative to its spread.  With ``fit_level`` a constant is fitted
         as well; ``robust`` takes the least absolute instead of squared errors.
 
         With ``known`` from the initial state that so many first outputs make most probable: of
@@ -230,7 +230,7 @@ class StateSpaceModel:
         with np.errstate(all="ignore"):
             driven = states_of(form.A, u @ form.B.T, None)
             rest = driven @ form.C.T + u @ form.D.T + form.level
-            free = form._free_responses(form.A, len(y), free_level)
+            free = form._free_responses(form.A, len(y), fit_level)
         if not (np.isfinite(rest).all() and np.isfinite(free).all()):
             return np.full(y.shape, np.inf)
         target, columns = (y - rest)[:known], free[:known]
@@ -355,10 +355,10 @@ class StateSpaceModel:
             raise ValueError(f"outputs must be ({len(u)}, {self.outputs}), not {y.shape}")
         return u, y
 
-    def _free_responses(self, dynamics: Array, samples: int, free_level: bool = False) -> Array:
+    def _free_responses(self, dynamics: Array, samples: int, fit_level: bool = False) -> Array:
         """Outputs after an initial state of one at each state, and levels of one, (N, ny, ...)."""
-        responses = np.zeros((samples, self.outputs, self.order + self.outputs * free_level))
-        responses[:, :, self.order :] = np.eye(self.outputs)[:, : self.outputs * free_level]
+        responses = np.zeros((samples, self.outputs, self.order + self.outputs * fit_level))
+        responses[:, :, self.order :] = np.eye(self.outputs)[:, : self.outputs * fit_level]
         of_states = responses[:, :, : self.order]
         # In parts of equal length: of a companion matrix, whose powers rise to 1e7 before they
         # fall, repeated squares leave the range of floats by rounding.

@@ -36,19 +36,19 @@ def read_recording(
     files: DatasetFiles,
     recorded: tuple[str, ...],
     channels: ChannelSettings,
-    told: bool = False,
+    channels_from_file: bool = False,
     validation: tuple[str, ...] = (),
     geometry: Geometry | None = None,
     folder: str | Path = "",
 ) -> None:
     """Read the input and output channels of a recorded file, or of several that are one data set.
 
-    With ``told`` input, output and time are told from the first file, where it has a time.
+    With ``channels_from_file`` input, output and time are those that the first file shows.
     ``validation``: files of recordings for validation, with the same channels.  The channels of a
     geometry must be outputs. Relative paths are relative to ``folder``, by default the working
     directory.
     """
-    roles = roles_of(Path(folder) / recorded[0]) if told else None
+    roles = roles_of(Path(folder) / recorded[0]) if channels_from_file else None
     recording, info = _read(recorded, channels, roles, folder)
     check_measured_places(geometry, recording.output_names, f"datasets.{files.name}.geometry")
     save_recording(recording, files.recording)

@@ -17,7 +17,7 @@ from evopem.estimation.candidate import Candidate, PhaseSelection, first_pass
 from evopem.estimation.order_selection import estimate_in_parallel
 from evopem.estimation.order_selection import select_candidate as select
 from evopem.files.json_form import load, save
-from evopem.models.structures import orders_of
+from evopem.models.orders import orders_of
 from evopem.results.layout import DatasetFiles
 from evopem.signals.peaks import SpectrumSummary
 from evopem.signals.prepared_data import load_prepared

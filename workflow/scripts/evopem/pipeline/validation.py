@@ -71,7 +71,7 @@ def complete_results(
             [models[each] for each in sorted(models)],
             order,
             settings.spectrum,
-            free_level=record.level_of_simulation == "state",
+            fit_level=record.level_of_simulation == "state",
         )
     save(validation, files.validation)
     write_table(files.candidates, {name: [row[name] for row in rows] for name in rows[0]})

@@ -98,16 +98,16 @@ def movements(followed: FollowedMode) -> list[str]:
         return []
     found, drift = [], followed.drift
     if drift is not None:
-        told = _moved(followed.frequency_hz, drift.size, drift.standard_error)
-        how = f"oscillates by ±{told} with a period of {number(drift.period, 2)}"
+        moved = _moved(followed.frequency_hz, drift.size, drift.standard_error)
+        how = f"oscillates by ±{moved} with a period of {number(drift.period, 2)}"
         if drift.kind == "trend":
             first, *_, last = followed.recordings
-            how = f"follows a trend: {told} from {first} to {last}"
+            how = f"follows a trend: {moved} from {first} to {last}"
         found.append(f"The mode at {number(followed.frequency_hz)} Hz {how}.")
     for change in followed.levels.changes:
-        told = _moved(change.before, change.after - change.before, change.standard_error)
+        moved = _moved(change.before, change.after - change.before, change.standard_error)
         name = followed.recordings[change.index]
-        found.append(f"The mode at {number(change.before)} Hz moved by {told} from {name} on.")
+        found.append(f"The mode at {number(change.before)} Hz moved by {moved} from {name} on.")
     for index in followed.levels.outlying:
         level, value = followed.levels.values[index], followed.modes[index].frequency_hz
         found.append(
@@ -159,7 +159,7 @@ def _chart(followed: FollowedMode, several: bool) -> dict[str, str]:
         marked = {*(change.index for change in followed.levels.changes), *followed.levels.outlying}
         steps = zip(xs, ys(followed.levels.values), strict=True)
         levels = "M" + "L".join(f"{x} {y}" for x, y in steps)
-    told = " ".join(movements(followed) + variation(followed))
+    text = " ".join(movements(followed) + variation(followed))
     title = f"Mode {followed.number}, {number(followed.frequency_hz)} Hz"
     spread = f"from {number(min(values), 5)} to {number(max(values), 5)} Hz"
     first, last = (f"{followed.recordings[k]} ({number(places[k])})" for k in (0, -1))
@@ -174,5 +174,5 @@ def _chart(followed: FollowedMode, several: bool) -> dict[str, str]:
         "points": "".join(points),
         "marks": "".join(points[index] for index in sorted(marked)),
         "label": f"{title}, in {len(values)} recordings {spread}."
-        f" {told or 'It moved by no more than its error.'}",
+        f" {text or 'It moved by no more than its error.'}",
     }

@@ -24,7 +24,7 @@ from evopem.estimation.model_record import FitRecord
 from evopem.figures.shapes import ShapeDrawing
 from evopem.models.mode_matching import deviations, matched_modes
 from evopem.models.modes import Mode
-from evopem.models.structures import armax_orders
+from evopem.models.orders import armax_orders
 from evopem.report import equations
 from evopem.report.numbers import hertz, is_number, number
 from evopem.report.verdict import mode_lines, verdict
@@ -40,7 +40,7 @@ CHAPTER_MODES = tuple(
 # Sections 5.1 to 5.4.
 CHAPTER_ORDERS = armax_orders(7, 6, 7, 3)
 SPECTRAL_PEAKS = "near 2, 5 and 36, a broad one near 17"
-JOINT_ORDER, ORDER_OF_C, COEFFICIENTS_OF_B = 7, 7, 6
+PLANT_ORDER, ORDER_OF_C, COEFFICIENTS_OF_B = 7, 7, 6
 # Alternatives that the table shows beside the choice: all structures of a choice of structures.
 MOST_RIVALS = 8
 
@@ -170,7 +170,7 @@ def compare_with_chapter(results: DatasetResults) -> list[tuple[str, str, str]]:
     return [
         ("Spectral peaks (Hz)", ", ".join(peaks) or "none", SPECTRAL_PEAKS),
         ("Delay nk", str(selected["delay"].single.nk), str(CHAPTER_ORDERS.single.nk)),
-        ("Joint order", str(selected["joint"].na), str(JOINT_ORDER)),
+        ("Plant order", str(selected["plant"].na), str(PLANT_ORDER)),
         ("Order of C, nc", str(selected["nc"].nc), str(ORDER_OF_C)),
         ("Coefficients of B, nb", str(selected["nb"].single.nb), str(COEFFICIENTS_OF_B)),
         ("Model", str(results.model.orders), str(CHAPTER_ORDERS)),
@@ -201,7 +201,7 @@ def recording_rows(results: DatasetResults) -> list[tuple[str, int, int, int, fl
 
 
 # What the phases of an order search decide, where their names do not say it.
-PHASE_NAMES = {"joint": "plant order"}
+PHASE_NAMES = {"plant": "plant order"}
 
 
 def _selection(results: DatasetResults) -> dict[str, Any]:

@@ -144,13 +144,13 @@ def _by_checks(use: str, results: DatasetResults) -> Finding:
     return "good", ""
 
 
-def _by_error(error: float, told: str = "", good: float = GOOD_SIMULATION) -> Finding:
+def _by_error(error: float, text: str = "", good: float = GOOD_SIMULATION) -> Finding:
     """What an error in percent says: of a simulation, of a prediction by whether it is of use."""
     if not is_number(error):
         return "no", "the error is not known"
     usable = USABLE_SIMULATION if good == GOOD_SIMULATION else good
     answer: Answer = "good" if error <= good else "care" if error <= usable else "no"
-    return answer, f"off by {percent(error)}{told}"
+    return answer, f"off by {percent(error)}{text}"
 
 
 def plural_of(noun: str, things: Sequence[object]) -> str:
@@ -163,15 +163,15 @@ def _simulations(results: DatasetResults) -> list[Use]:
     validation, recorded = results.validation, results.recorded
     outputs, several = plural_of("output", results.outputs), len(results.outputs) > 1
     owner, samples = "outputs’" if several else "output’s", count(validation.samples)
-    told = f" of the {owner} deviation on {samples} validation samples"
+    text = f" of the {owner} deviation on {samples} validation samples"
     checked = _by_checks("simulation", results)
     worst_of: Finding = "good", ""
     if several:
         worst, own = results.worst_first[0]
         largest = own.simulation_error_percent
-        told += f", by {percent(largest)} at {worst.prepared}"
+        text += f", by {percent(largest)} at {worst.prepared}"
         worst_of = ("care" if _by_error(largest)[0] != "good" else "good", "")
-    of_error = _by_error(validation.simulation_error_percent, told)
+    of_error = _by_error(validation.simulation_error_percent, text)
     found: dict[str, tuple[Finding, ...]]
     found = {f"simulation from the {plural_of('input', results.inputs)}": (of_error, worst_of)}
     if recorded is not None:
@@ -196,11 +196,11 @@ def _prediction(results: DatasetResults) -> Use:
     if several:
         errors = [each.prediction_error_percent for each in validation.outputs]
         largest = float(np.nanmax([*errors, -math.inf]))
-        told = f"by up to {percent(largest)}"
+        text = f"by up to {percent(largest)}"
         if largest >= ERROR_OF_MEAN:
             worst = results.outputs[errors.index(largest)].prepared
-            told = f"by {percent(largest)} at {worst}, no better than its mean"
-        findings.append(("care" if largest >= ERROR_OF_MEAN else "good", told))
+            text = f"by {percent(largest)} at {worst}, no better than its mean"
+        findings.append(("care" if largest >= ERROR_OF_MEAN else "good", text))
     if not results.model.has_noise_model and white(results.validation) is not True:
         findings.append(("care", "the residuals are coloured, which no noise model uses"))
     return _use("one-step prediction", *findings, _by_checks("prediction", results))
@@ -216,20 +216,20 @@ def _frequency_response(results: DatasetResults) -> Use:
         error, computed = validation.prediction_error_percent, "predicts"
     checked = _by_checks(rests_on, results)
     if is_number(error) and error >= ERROR_OF_MEAN:
-        told = f"it {computed} no better than the mean, off by {percent(error)}"
-        return _use(name, ("no", told), checked)
+        text = f"it {computed} no better than the mean, off by {percent(error)}"
+        return _use(name, ("no", text), checked)
     table = results.responses
     table = table[table["source"] == model_source(results)[0]]
     inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
     width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
     half = 100 * float(np.median(width)) if len(inside) else math.nan
     over = "all pairs and frequencies" if len(results.pairs) > 1 else "frequency"
-    told = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})"
+    text = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})"
     if math.isnan(half):
-        told = "its 95 % band is not known"
+        text = "its 95 % band is not known"
     elif math.isinf(half):
-        told = "its 95 % band has no upper limit at half of the frequencies or more"
-    band: Finding = ("good" if half <= WIDE_BAND else "care", told)
+        text = "its 95 % band has no upper limit at half of the frequencies or more"
+    band: Finding = ("good" if half <= WIDE_BAND else "care", text)
     tested: Finding = ("good", "")
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
@@ -276,15 +276,15 @@ def _intervals(results: DatasetResults) -> Use:
     if unknown == len(errors):
         findings.append(("no", "no coefficient has one"))
     elif unknown:
-        told = f"not known of {unknown} of {plural(len(errors), 'coefficient')}"
-        findings.append(("care", told))
+        text = f"not known of {unknown} of {plural(len(errors), 'coefficient')}"
+        findings.append(("care", text))
     if len(results.scores) > 1:
         # Intervals of models that the automatic recipe chose cover less (docs/report.md).
         findings.append(("care", "they leave out the choice of structure and orders"))
     if not findings and checked[0] == "good":
         coloured = not results.model.has_noise_model and white(results.validation) is not True
-        told = "the colour of the residuals is taken into account"
-        findings.append(("good", told if coloured else "white residuals"))
+        text = "the colour of the residuals is taken into account"
+        findings.append(("good", text if coloured else "white residuals"))
     return _use("standard errors", *findings, checked)
 
 

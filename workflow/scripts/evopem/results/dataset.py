@@ -245,7 +245,7 @@ def _searched_range(
         return ()
     name, key = "states of the plant", "orders.nx"
     if chosen.polynomials is not None:
-        key = "orders.joint"
+        key = "orders.plant"
         name = "coefficients of B" if chosen.structure == "fir" else "largest degree of A and F"
     return (OrderRange(name, key, chosen.order, min(tried), max(tried), least=2),)
 

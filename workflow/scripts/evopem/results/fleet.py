@@ -13,7 +13,7 @@ from evopem.config.structures import ORDER_NAMES
 from evopem.errors import InputError
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 from evopem.results.identity import IncompleteDataset, incompleteness
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, Evidence, checks, failed_checks

@@ -82,7 +82,7 @@ def inspect_file(path: str | Path) -> FileContents:
     return FileContents(tuple(signals), time, unread)
 
 
-def time_told(path: str | Path, signals: Sequence[Reference]) -> Reference | None:
+def time_from_file(path: str | Path, signals: Sequence[Reference]) -> Reference | None:
     """The channel of time stamps of a file that states no sampling rate; None where none is sure.
 
     It is none of the signals, is named as a time, and has uniform stamps of a known unit.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from evopem.config.channels import ChannelSettings, Units, is_pattern, of_each
 from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file
-from evopem.signals.inspection import time_told
+from evopem.signals.inspection import time_from_file
 from evopem.signals.measured_files import channel_names, format_of, local_path, read_channels
 from evopem.signals.missing_samples import without_missing
 from evopem.signals.readers.channels import Channel, Reference, listing
@@ -39,11 +39,11 @@ def read_measured(
     path = Path(folder) / name
     source = str(path)
     inputs, outputs = _expanded(path, channels)
-    asked, told = (channels.inputs, channels.outputs), None
+    asked, time = (channels.inputs, channels.outputs), None
     stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
     if all(each is None for each in stated):
-        told = time_told(path, [*inputs, *outputs])
-        channels = replace(channels, time=told)
+        time = time_from_file(path, [*inputs, *outputs])
+        channels = replace(channels, time=time)
     references = {
         kind if len(listed) == 1 else f"{kind} {number}": each
         for kind, listed in (("input", inputs), ("output", outputs))
@@ -103,7 +103,7 @@ def read_measured(
     return recording, FileOrigin(
         *(str(Path(name)), sha256_of_file(local), local.stat().st_size, format_of(path), *asked),
         *(recording.samples, len(recording.segments), whole.samples - recording.samples),
-        *(filled, told, timed.unevenness),
+        *(filled, time, timed.unevenness),
     )
 
 

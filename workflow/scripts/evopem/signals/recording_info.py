@@ -38,7 +38,7 @@ class FileOrigin:
     segments: int = 1  # stretches of consecutive samples
     left_out: int = 0  # samples that are missing, and those of short stretches between such
     filled: int = 0  # values of samples that were missing and are interpolated
-    time_told: Reference | None = None  # the channel of time stamps that was told from the file
+    time_from_file: Reference | None = None  # the channel of time stamps, recognised in the file
     # of the stamps, where the signals were brought to an even grid, or the clock is coarse
     unevenness: Unevenness | None = None
 

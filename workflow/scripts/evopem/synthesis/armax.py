@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.models.modes import Mode
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders
 from evopem.signals.recording import Recording
 
 Array = NDArray[np.float64]

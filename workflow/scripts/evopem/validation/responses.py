@@ -65,7 +65,7 @@ class HeldOut:
         with np.errstate(over="ignore", invalid="ignore"):
             return self.plant.simulate(self.inputs)
 
-    def simulated(self, free_level: bool) -> Array:
+    def simulated(self, fit_level: bool) -> Array:
         """Response of the validation samples, (N, l), from a state that no scored one determines.
 
         It runs on from the samples before, or from the first samples where there are none.  With a
@@ -75,17 +75,17 @@ class HeldOut:
             return np.full(self.recording.outputs.shape, np.nan)
         known, u, y = max(self.first + self.unscored, 1), self.inputs, self.outputs
         form = self.plant
-        found = form.simulate_from_fitted_state(u, y, free_level, known=known)
-        if free_level:
+        found = form.simulate_from_fitted_state(u, y, fit_level, known=known)
+        if fit_level:
             found = found + np.mean((y - found)[known:], axis=0)
         return found[self.first :]
 
-    def fitted(self, free_level: bool) -> Array:
+    def fitted(self, fit_level: bool) -> Array:
         """Response of the validation samples, (N, l), from the state that fits them best."""
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
         u, y = self.recording.inputs, self.recording.outputs
-        return self.plant.simulate_from_fitted_state(u, y, free_level)
+        return self.plant.simulate_from_fitted_state(u, y, fit_level)
 
 
 def unscored_samples(model: StateSpaceModel) -> int:
@@ -101,7 +101,7 @@ def divided(model: Model, recording: Recording, first: int) -> tuple[HeldOut, ..
 
 
 def held_out_stretches(
-    model: Model, prepared: PreparedData, free_level: bool = False
+    model: Model, prepared: PreparedData, fit_level: bool = False
 ) -> tuple[HeldOut, ...]:
     """The stretches of validation samples, each with the samples before it where there are some.
 
@@ -109,7 +109,7 @@ def held_out_stretches(
     past.  With a free level each recording without a past has one of its own.
     """
     if prepared.before_validation is None:
-        return stretches_of(model, prepared.validation, free_level)
+        return stretches_of(model, prepared.validation, fit_level)
     past = prepared.before_validation.separated
     return _stretches(model, prepared.validation.separated, past)
 
@@ -153,14 +153,14 @@ class Responses:
     scored: NDArray[np.bool_]
 
 
-def responses_of(held_out: Sequence[HeldOut], free_level: bool) -> Responses:
+def responses_of(held_out: Sequence[HeldOut], fit_level: bool) -> Responses:
     """Predict and simulate the validation samples."""
     with np.errstate(all="ignore"):
         return Responses(
             outputs=np.concatenate([each.recording.outputs for each in held_out]),
             predicted=np.concatenate([each.predicted() for each in held_out]),
-            simulated=np.concatenate([each.simulated(free_level) for each in held_out]),
-            fitted=np.concatenate([each.fitted(free_level) for each in held_out]),
+            simulated=np.concatenate([each.simulated(fit_level) for each in held_out]),
+            fitted=np.concatenate([each.fitted(fit_level) for each in held_out]),
             scored=np.concatenate(
                 [np.arange(each.recording.samples) >= each.unscored for each in held_out]
             ),

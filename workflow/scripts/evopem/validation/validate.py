@@ -97,20 +97,20 @@ def validate(
     order: int = 0,
     spectrum: SpectrumSettings | None = None,
     lags: int = 1200,
-    free_level: bool = False,
+    fit_level: bool = False,
 ) -> tuple[Validation, ValidationTables]:
     """Validate a model on the estimation samples and on samples it was not estimated from.
 
     ``objective``: what the estimate minimised.  ``models``: of all orders of the same samples, this
     one of ``order`` among them, for its modes.  ``lags``: the largest of the residual
-    autocorrelation.  ``free_level``: a level of the simulation is fitted to the validation samples,
+    autocorrelation.  ``fit_level``: a level of the simulation is fitted to the validation samples,
     else it sees none of their outputs: it runs on from the estimation samples, or from the first
     tenth of a recording without a past, which is not scored.  Of a model without input there is no
     simulation.  ValueError when too few samples are left for a test.
     """
     check_choice("objective", objective, OBJECTIVES)
-    held_out = held_out_stretches(model, prepared, free_level)
-    responses, form = responses_of(held_out, free_level), state_space_of(model)
+    held_out = held_out_stretches(model, prepared, fit_level)
+    responses, form = responses_of(held_out, fit_level), state_space_of(model)
     if not responses.scored.any():
         raise ValueError("no validation sample is left to score; keep more samples for validation")
     tested = EstimationResiduals.of(_estimation_stretches(form, prepared.estimation))
@@ -141,7 +141,7 @@ def validate(
         model_class=model_class(held_out if held_out[0].before else [*tested.stretches, *held_out]),
         resolution_hz=_resolution(prepared.estimation, spectrum),
         modes=table_of_models(
-            models, order, lambda each: held_out_stretches(each, prepared, free_level)
+            models, order, lambda each: held_out_stretches(each, prepared, fit_level)
         ),
     )
     names = prepared.validation.output_names
@@ -153,9 +153,9 @@ def validate(
     )
 
 
-def validation_errors(held_out: Sequence[HeldOut], free_level: bool = False) -> tuple[float, float]:
+def validation_errors(held_out: Sequence[HeldOut], fit_level: bool = False) -> tuple[float, float]:
     """Errors one step ahead and of the simulation in percent, means over the outputs."""
-    responses = responses_of(held_out, free_level)
+    responses = responses_of(held_out, fit_level)
     scored = responses.scored
     measured = responses.outputs[scored]
     return (

@@ -16,7 +16,7 @@ from evopem.automatic.held_out.simulation import Model, errors_simulated_on
 from evopem.automatic.held_out.stretches import SHORTEST_STRETCH, folds_of
 from evopem.automatic.state_space import fits_in_state_space
 from evopem.errors import InputError, NoModelError
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 from evopem.signals.spectra import frequency_response
 

@@ -13,8 +13,8 @@ from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import ArxFit, fit, likeliest_arx, log_loss
 from evopem.automatic.held_out.simulation import errors_simulated_on
 from evopem.errors import NoModelError
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.structures import Orders
 from evopem.signals.recording import Segment, total_samples
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ from evopem.automatic.held_out.stretches import MOST_SAMPLES, Fold, first_sample
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord, centred
 from evopem.automatic.state_space import recording_of
 from evopem.errors import InputError, NoModelError
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 from evopem.signals.recording import Segment, total_samples
 from evopem.signals.transforms import (
     box_cox,

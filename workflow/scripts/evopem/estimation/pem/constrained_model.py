@@ -18,7 +18,7 @@ from evopem.estimation.pem.constrained_parameters import (
 from evopem.estimation.pem.constrained_polynomials import Linear, RegionSections, null_space
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, Band, PoleRegion
 from evopem.models.constraint_checks import coefficient_index
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from evopem.errors import NoModelError
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.kernels.record import Objective
 from evopem.estimation.pem.stretch_errors import PLANT_STATE_WEIGHT, STATE_WEIGHT, StretchErrors
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
-from evopem.models.structures import Orders
 from evopem.signals.recording import Segment
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from evopem.estimation.pem.kernels.record import (
     workspace_for,
 )
 from evopem.estimation.pem.least_squares import chunks
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 
 Array = NDArray[np.float64]
 

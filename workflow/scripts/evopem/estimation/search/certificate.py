@@ -75,7 +75,7 @@ def is_certified(found: SearchDiagnostics) -> bool:
 # (``docs/evidence/certificate.md``).
 # By how much BIC still falls, times samples over parameters: after the first pass of a race, where
 # its descents found few optima, and where they found many; after the batches of random points;
-# after a search by growth and exchange, or a restart with hops.
+# after a section replacement, or a restart with basin hopping.
 AFTER_FEW_OPTIMA, AFTER_FIRST_PASS, AFTER_BATCHES, AFTER_RESTART = 0.1, 1.85, 1.3, 0.6
 # Undiscovered probability of 8 descents that ended at 3 optima.
 FEW_OPTIMA = 0.22

@@ -1,8 +1,8 @@
 """The search of identification.  Where descents from a few random points all end at one optimum, it
-is over.  Elsewhere independent searches by growth and exchange of sections follow, until enough
-have ended at the lowest value and exchange from it finds nothing lower.  Models of several inputs
-have hops from optimum to optimum before (basin hopping; Leary 2000), and so have polynomials that
-share no sections, where memetic restarts take the place of growth."""
+is over.  Elsewhere independent searches by order extension and section replacement follow, until
+enough have ended at the lowest value and replacement from it finds nothing lower.  Models of
+several inputs have basin hopping before (Leary 2000), and so have polynomials that share no
+sections, where memetic restarts take the place of order extension."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import (
     SAME_COARSE_DESCENT,
-    HoppingProblem,
-    Hops,
+    BasinHopping,
+    BasinHoppingProblem,
     SearchProgress,
     SearchResult,
     converged_values,
@@ -36,24 +36,24 @@ from evopem.estimation.search.problem import (
     same_optimum,
     undiscovered,
 )
-from evopem.estimation.search.section_exchange import SectionExchange
+from evopem.estimation.search.section_replacement import SectionReplacement
 
 Array = NDArray[np.float64]
 
 # Independent batches of random points, and the points of each.
 BATCHES, BATCH = 2, 16
 # Undiscovered probability after a batch from which on another one hardly leads to a certificate,
-# and neighbouring optima, or growth and exchange, have lower values.
+# and neighbouring optima, or section replacement, have lower values.
 HOPELESS = 0.4
 # Searches next to an optimum that restarts agree on, where random points find many others.
 REFUTATIONS = 4
 # Evaluations after which a restart of the memetic search begins no further generation.
 RESTART_EVALUATIONS = 4000
-# Restarts of the memetic search; where they do not agree, hops from descents find more.
+# Restarts of the memetic search; where they do not agree, basin hopping from descents finds more.
 MEMETIC_RESTARTS = 2
 NEVER = 2**31
-# Neighbours that a hop descends from, and hops without a gain after which none is expected to be
-# lower: a pass over the record takes eight at the price of one.
+# Neighbours that a step of basin hopping descends from, and steps without a gain after which none
+# is expected to be lower: a pass over the record takes eight at the price of one.
 DESCENDED, PATIENCE = 8, 6
 # Evaluations of a search that is the first pass of a race, and its random points.
 FIRST_PASS, FIRST_BATCH = 0, 8
@@ -99,7 +99,7 @@ class _Record(SearchProgress):
 
 
 def global_search(
-    problem: HoppingProblem,
+    problem: BasinHoppingProblem,
     settings: SearchSettings,
     generator: np.random.Generator,
     log: Callable[[str], None] | None = None,
@@ -109,13 +109,13 @@ def global_search(
     """Minimise the objective of an identification globally.  ``known_minimum``: A value that an
     earlier search reached.  Restarts that agree on a higher one do not end the search.  ``target``:
     the search ends once it is unlikely to get so low.  InputError when no value was finite."""
-    exchange = SectionExchange(problem) if isinstance(problem, PolynomialProblem) else None
-    found, exchange = _Record(log), exchange if exchange and exchange.possible else None
+    replacement = SectionReplacement(problem) if isinstance(problem, PolynomialProblem) else None
+    found, replacement = _Record(log), replacement if replacement and replacement.possible else None
     if settings.evaluations == FIRST_PASS:
         _descend_coarsely(problem, generator, found)
     else:
         _descend_from_random_points(problem, settings.evaluations, generator, found)
-        alone = exchange is not None and exchange.problem.errors.orders.inputs <= 1
+        alone = replacement is not None and replacement.problem.errors.orders.inputs <= 1
         if found.undiscovered >= HOPELESS and not alone:
             left = settings.evaluations - found.spent
             _search_neighbours(problem, None, left, generator, found)
@@ -128,21 +128,21 @@ def global_search(
             # Neighbours of the lowest optimum have to be no lower.
             refuted_from = found.value
             for _ in range(REFUTATIONS if found.undiscovered > MANY_OPTIMA else 1):
-                _search_neighbours(problem, exchange, np.inf, generator, found)
+                _search_neighbours(problem, replacement, np.inf, generator, found)
         elif found.spent >= settings.evaluations or found.is_unlikely(target, known_minimum):
             break
-        elif exchange is not None:
-            hops = exchange.search(settings.evaluations - found.spent, generator)
-            found.optima.extend(hops.optima)
-            found.add("growth and exchange", hops.point, hops.value, hops.evaluations)
+        elif replacement is not None:
+            hopping = replacement.search(settings.evaluations - found.spent, generator)
+            found.optima.extend(hopping.optima)
+            found.add("section replacement", hopping.point, hopping.value, hopping.evaluations)
         else:
             _restart(problem, settings, generator, found, known_minimum)
     return found.result()
 
 
 def _search_neighbours(
-    problem: HoppingProblem,
-    exchange: SectionExchange | None,
+    problem: BasinHoppingProblem,
+    replacement: SectionReplacement | None,
     max_evaluations: float,
     generator: np.random.Generator,
     found: _Record,
@@ -150,14 +150,14 @@ def _search_neighbours(
     """Look for a lower optimum next to the lowest one; this is no independent restart."""
     if found.point is None:
         return
-    search = partial(hop, problem) if exchange is None else exchange.search_from
-    hops = search(found.point, found.value, max_evaluations, generator)
-    found.optima.extend(hops.optima)
-    found.lower("neighbours of the lowest", hops.point, hops.value, hops.evaluations)
+    search = partial(basin_hopping, problem) if replacement is None else replacement.search_from
+    hopping = search(found.point, found.value, max_evaluations, generator)
+    found.optima.extend(hopping.optima)
+    found.lower("neighbours of the lowest", hopping.point, hopping.value, hopping.evaluations)
 
 
 def _descend_from_random_points(
-    problem: HoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
+    problem: BasinHoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
 ) -> None:
     """Descend from batches of random points, and polish the lowest of each.  No further batch
     follows one that leaves a hopeless undiscovered probability.  They are polished together,
@@ -183,11 +183,11 @@ def _descend_from_random_points(
 
 
 def _descend_coarsely(
-    problem: HoppingProblem, generator: np.random.Generator, found: _Record
+    problem: BasinHoppingProblem, generator: np.random.Generator, found: _Record
 ) -> None:
     """The first pass of a race: coarse descents from a few random points, and from the same
     estimates of the record every time, which are no independent restart: random points alone may
-    all lead to an optimum that has exchanged the poles of A and D."""
+    all lead to an optimum that has swapped the poles of A and D."""
     descend = (
         problem.descend_coarsely if isinstance(problem, PolynomialProblem) else problem.descend
     )
@@ -208,15 +208,15 @@ def _lowest_of(descents: Descent) -> tuple[Array, float]:
     return descents.points[lowest], float(descents.values[lowest])
 
 
-def hop(
-    problem: HoppingProblem,
+def basin_hopping(
+    problem: BasinHoppingProblem,
     point: Array,
     value: float,
     max_evaluations: float,
     generator: np.random.Generator,
-) -> Hops:
+) -> BasinHopping:
     """Move from optimum to lower neighbouring optimum until none is found for some time.
-    ``max_evaluations``: evaluations after which no further hop starts."""
+    ``max_evaluations``: evaluations after which no further step starts."""
     evaluations = failed = 0
     optima: list[float] = []
     while failed < PATIENCE and evaluations < max_evaluations:
@@ -235,17 +235,17 @@ def hop(
             point, value = ended, lower
     polished = problem.polish(point[None, :])
     evaluations += polished.evaluations
-    return Hops(polished.points[0], float(polished.values[0]), evaluations, optima)
+    return BasinHopping(polished.points[0], float(polished.values[0]), evaluations, optima)
 
 
 def _restart(
-    problem: HoppingProblem,
+    problem: BasinHoppingProblem,
     settings: SearchSettings,
     generator: np.random.Generator,
     found: _Record,
     known_minimum: float,
 ) -> None:
-    """One independent restart, with hops from its end where restarts do not agree."""
+    """One independent restart, with basin hopping from its end where restarts do not agree."""
     memetic = found.restarts < MEMETIC_RESTARTS
     if memetic:
         short = replace(settings, evaluations=min(settings.evaluations, RESTART_EVALUATIONS))
@@ -264,6 +264,8 @@ def _restart(
     if memetic and (left <= 0 or found.agree(best, value)):
         found.add("memetic restart", point, value, evaluations)
         return
-    hops = hop(problem, point, value, left, generator)
-    found.optima.extend(hops.optima)
-    found.add("restart and hops", hops.point, hops.value, evaluations + hops.evaluations)
+    hopping = basin_hopping(problem, point, value, left, generator)
+    found.optima.extend(hopping.optima)
+    found.add(
+        "restart and basin hopping", hopping.point, hopping.value, evaluations + hopping.evaluations
+    )

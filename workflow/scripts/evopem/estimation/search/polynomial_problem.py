@@ -18,7 +18,7 @@ from evopem.estimation.search.linear_estimates import (
     steiglitz_mcbride,
 )
 from evopem.estimation.search.memetic import discrete_recombination
-from evopem.estimation.search.problem import HoppingProblem
+from evopem.estimation.search.problem import BasinHoppingProblem
 from evopem.estimation.search.root_sections import (
     random_denominators,
     recombined_polynomials,
@@ -35,9 +35,9 @@ from evopem.estimation.search.staged_descent import (
     solve_linear,
     staged_descent,
 )
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
-from evopem.models.structures import Orders
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ PAIRS, DESCENDED = 32, 4
 SWEEP_STAGES = (DescentStage(0.1, 1e-7, 1e-7),)
 
 
-class PolynomialProblem(HoppingProblem):
+class PolynomialProblem(BasinHoppingProblem):
     """Search problem of one record and orders.  ``models``: models of other orders that
     :meth:`starts` begin from; ``own_starts``: whether from estimates by linear algebra too.  The
     first population holds those, descended from; the rest of it, and later ones, random poles."""

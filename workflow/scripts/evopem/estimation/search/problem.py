@@ -52,7 +52,7 @@ class Problem(Protocol):
         """Descend from each row to the last digits."""
 
 
-class HoppingProblem(Problem, Protocol):
+class BasinHoppingProblem(Problem, Protocol):
     """A problem whose points have sections of roots."""
 
     def neighbours(
@@ -109,7 +109,7 @@ class SearchResult:
     diagnostics: SearchDiagnostics
 
 
-class Hops(NamedTuple):
+class BasinHopping(NamedTuple):
     """Where moves from an optimum ended: point (n,), value, evaluations, values of all descents."""
 
     point: Array

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 # Distances of random roots from the unit circle: as far as a pole that decays in a sample, and as
 # near as one that rings for hundreds.
 FARTHEST, NEAREST = 0.9, 0.003
-# Places of a section that are tried at a hop.
+# Places of a section that are tried at a step of basin hopping.
 PLACES = 12
 # Distances of a section's roots from the unit circle: as far as a pole that rings for two samples,
 # and as near as one that rings for hundreds.

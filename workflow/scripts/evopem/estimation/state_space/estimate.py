@@ -42,8 +42,8 @@ from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, searc
 from evopem.estimation.state_space.starting_points import from_poles, point_of_model
 from evopem.models.constraint_checks import check_constraints, refuse
 from evopem.models.conversions import side_by_side
+from evopem.models.orders import Orders
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
-from evopem.models.structures import Orders
 from evopem.signals.recording import Recording, Segment
 
 Array = NDArray[np.float64]

@@ -9,12 +9,12 @@ from itertools import product
 
 from evopem.config.channels import RecordedSource
 from evopem.config.constraints import Constraints
-from evopem.config.order_grid import joint_orders, joint_range
+from evopem.config.order_grid import orders_of_plant, plant_range
 from evopem.config.settings import DatasetSettings, FitSettings, OrderGrid
 from evopem.config.structures import STRUCTURES, phases_of
 from evopem.errors import InputError
 from evopem.models.constraint_checks import check_fit as check
-from evopem.models.structures import Orders, orders_of
+from evopem.models.orders import Orders, orders_of
 
 LARGE = 60
 """An order that no search of the automatic recipe exceeds."""
@@ -60,19 +60,19 @@ def naming_key(orders: Orders, source: str, place: str) -> Iterator[None]:
 
 
 def selectable_orders(grid: OrderGrid) -> Iterator[Orders]:
-    """The orders that a search may select: all joint orders, and the ends of the other ranges.
+    """The orders that a search may select: all plant orders, and the ends of the other ranges.
 
     The comparison with neighbouring lags of B at its end may select another nb.
     """
     phases = phases_of(grid.structure)
-    joint = range(1, 2)
-    if "joint" in phases:
-        lower, upper = joint_range(grid)
-        joint = range(lower, upper + 1)
-    names = [phase for phase in phases if phase not in ("delay", "joint")]
+    plant = range(1, 2)
+    if "plant" in phases:
+        lower, upper = plant_range(grid)
+        plant = range(lower, upper + 1)
+    names = [phase for phase in phases if phase not in ("delay", "plant")]
     ends = [sorted(set(getattr(grid.ranges, name))) for name in names]
-    for k, *values in product(joint, *ends):
-        orders = joint_orders(k, grid) | dict(zip(names, values, strict=True))
+    for k, *values in product(plant, *ends):
+        orders = orders_of_plant(k, grid) | dict(zip(names, values, strict=True))
         if any(value for name, value in orders.items() if name != "nk"):
             yield orders_of(grid.structure, orders)
 

@@ -276,7 +276,7 @@ class StageRule:
             return reading_time(settings, attempt)
         demand, phase = self.stage.demand, wildcards.get("phase")
         if demand == "model" and settings.automatic is None:
-            phase = "joint"  # one descent of the largest candidate
+            phase = "plant"  # one descent of the largest candidate
         per_job = run.candidates_per_job if demand == "estimation" else 1
         return estimation_time(settings, phase, per_job, threads, attempt)
 

@@ -194,7 +194,7 @@ Value = str | Callable[[StageJob], Any]
 """An argument of a stage: the path of an attribute of the settings, or what computes it."""
 
 ARGUMENTS: Mapping[str, Value] = {
-    "told": "source.channels_from_file",
+    "channels_from_file": "source.channels_from_file",
     "is_validated": lambda job: holds("source.validation_files", job.settings),
     "given": lambda job: job.settings.automatic and job.settings.automatic.preparation,
     "requirements": _of_chapter(order_grid.sample_requirements),
@@ -281,7 +281,7 @@ def paths(entry: str, job: StageJob) -> list[str]:
 _TITLES = {
     **{name: name.upper() for name in AUTOMATIC_STRUCTURES},
     "delay": "delay",
-    "joint": "joint order",
+    "plant": "plant order",
     "nc": "order of C",
     "nd": "order of D",
     "na": "order of A",

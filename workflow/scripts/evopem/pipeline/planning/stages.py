@@ -53,7 +53,7 @@ STAGES = (
         "reading the recording",
         applies="source.all_files",
         outputs=("recording", "recording_info", _OTHER, _OTHER_INFO),
-        given=("channels", "told", "geometry"),
+        given=("channels", "channels_from_file", "geometry"),
         settings={"recorded": "source.files", "validation": "source.validation_files"},
         recorded=("files", "validation_files"),
     ),

@@ -125,7 +125,7 @@ def whiteness(evidence: Evidence) -> Found:
         )
     of_all = f", {SIGNIFICANCE / len(outputs):.2g} allowed for {len(outputs)} outputs"
     phases = phases_of(model.structure) if model.orders else ()
-    keys = [f"“orders.{phase}”" for phase in ("nc", "nd", "joint") if phase in phases]
+    keys = [f"“orders.{phase}”" for phase in ("nc", "nd", "plant") if phase in phases]
     return (
         not coloured,
         f"Ljung-Box test of whiteness {tested}{of_all if outputs[1:] else ''}."
@@ -159,7 +159,7 @@ def input_independence(evidence: Evidence) -> Found | None:
     share = min(each.share_inside95 for each in pairs)
     count = (2 * lags + 1) * len(pairs)
     of_pair = f", of {worst.output} and {worst.input}," if pairs[1:] else ""
-    keys = "“orders.nb” or “orders.joint”" if evidence.model.orders else STATES
+    keys = "“orders.nb” or “orders.plant”" if evidence.model.orders else STATES
     return (
         not dependent,
         f"{100 * share:.1f} % of {count} cross-correlations (lags −{lags} to"
@@ -257,7 +257,7 @@ def spectral_peaks(evidence: Evidence) -> Found:
         f"{count - len(missed)} of {count} spectral peaks have a mode or a density that follows"
         " from the model. The output has more power than the model gives it at"
         f" {', '.join(missed[:LISTED])}{more}.",
-        f"Raise the upper end of {'“orders.joint”' if evidence.model.orders else STATES}, or check"
+        f"Raise the upper end of {'“orders.plant”' if evidence.model.orders else STATES}, or check"
         " whether the peak is in the input already or caused by a transform.",
     )
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 # The configuration key of the range of each phase, and the smallest value of what it varies.
 RANGES = {
     "delay": ("delay.nk", 0),
-    "joint": ("orders.joint", 1),
+    "plant": ("orders.plant", 1),
     "nc": ("orders.nc", 0),
     "nd": ("orders.nd", 0),
     "na": ("orders.na", 0),

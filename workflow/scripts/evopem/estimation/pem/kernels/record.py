@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.cache import njit
 from evopem.estimation.pem.kernels.simd import constant, lanes_table, store
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 
 # Parts of the signed parameters.
 OF_A, OF_B, OF_C, OF_D, OF_F, LEVEL, PLANT_STATE, NOISE_STATE = range(8)

@@ -1,4 +1,4 @@
-"""Sections that polynomials share: growth, gains by spectra, and exchange."""
+"""Sections that polynomials share: order extension, gains by spectra, and replacement."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -10,15 +10,15 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.section_exchange import (
-    SectionExchange,
-    growth,
+from evopem.estimation.search.section_gains import gains, grid
+from evopem.estimation.search.section_replacement import (
+    SectionReplacement,
+    order_extension,
     places,
     with_common_section,
     without_common_section,
 )
-from evopem.estimation.search.section_gains import gains, grid
-from evopem.models.structures import armax_orders, orders_of
+from evopem.models.orders import armax_orders, orders_of
 from evopem.signals.recording import Segment
 from evopem.synthesis.armax import armax
 
@@ -85,7 +85,7 @@ def optimum(searched):
 )
 def test_a_shared_section_changes_no_value_and_comes_off_again(made, structure, orders):
     larger = made(structure, orders)
-    (*_, (below, _), (_, shared)) = growth(larger.errors.orders)
+    (*_, (below, _), (_, shared)) = order_extension(larger.errors.orders)
     smaller = larger.of_orders(below)
     point, value = optimum(smaller)
     sections = places(5, np.random.default_rng(3))[:4]  # the last has real roots
@@ -102,9 +102,9 @@ def test_a_shared_section_changes_no_value_and_comes_off_again(made, structure, 
 
 
 @pytest.mark.parametrize(("structure", "orders"), [*CASES, ("ararx", (6, 6, 4, 3))])
-def test_growth_leads_from_small_orders_to_the_problems_own(structure, orders):
+def test_order_extension_leads_from_small_orders_to_the_problems_own(structure, orders):
     own = orders_of(structure, orders)
-    steps = growth(own)
+    steps = order_extension(own)
     assert steps[-1][0] == own
     assert (len(steps) > 1) is (structure != "ararx")
     for (smaller, _), (larger, shared) in pairwise(steps):
@@ -141,7 +141,7 @@ def test_exchange_never_leads_up_and_repeats_to_the_bit(objective):
     searched = problem("armax", (6, 6, 6, 3), objective)
     point, value = optimum(searched)
     one, two = (
-        SectionExchange(searched).search_from(point, value, 20000, np.random.default_rng(5))
+        SectionReplacement(searched).search_from(point, value, 20000, np.random.default_rng(5))
         for _ in range(2)
     )
     assert one.value <= value

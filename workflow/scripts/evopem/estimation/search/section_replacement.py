@@ -1,4 +1,4 @@
-"""Growth from small orders, and exchange of sections: more orders than needed have an optimum for
+"""Order extension and section replacement: more orders than needed have an optimum for
 nearly every choice of places of spare sections.  A search adds sections where they may explain most
 (:mod:`.section_gains`), then removes one of an optimum and adds one at another place."""
 
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import Hops, converged_values, same_optimum
+from evopem.estimation.search.problem import BasinHopping, converged_values, same_optimum
 from evopem.estimation.search.root_sections import (
     each_without,
     random_sections,
     without_nearest_of,
 )
 from evopem.estimation.search.section_gains import gains, grid
-from evopem.models.structures import Orders
+from evopem.models.orders import Orders
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ DRAWN = 0.15
 JUDGED, FURTHER, OF_EACH, DESCENDED = 16, 12, 6, 16
 # What the spectra of an optimum cost, in evaluations.
 SPECTRA = 100
-# Exchanges without a gain after which none is expected.
+# Replacements without a gain after which none is expected.
 PATIENCE = 3
 # Descents that begin anew, further from the edge of the stability region and then along it, until
 # they gain no more than this.
@@ -56,21 +56,21 @@ class Optimum(NamedTuple):
     point: Array
 
 
-class SectionExchange:
-    """Searches of a problem by growth and exchange, each independent of the others."""
+class SectionReplacement:
+    """Independent searches of a problem by order extension and section replacement."""
 
     def __init__(self, problem: PolynomialProblem) -> None:
         self.problem = problem
-        self._steps = growth(problem.errors.orders)
+        self._steps = order_extension(problem.errors.orders)
         self._shared = tuple(dict.fromkeys(shared for _, shared in self._steps[1:]))
 
     @property
     def possible(self) -> bool:
-        """Whether the problem has sections to exchange."""
+        """Whether the problem has sections to replace."""
         return len(self._steps) > 1
 
-    def search(self, max_evaluations: float, generator: np.random.Generator) -> Hops:
-        """An independent search: growth from the smallest orders, then exchange."""
+    def search(self, max_evaluations: float, generator: np.random.Generator) -> BasinHopping:
+        """An independent search: orders extended from the smallest, then sections replaced."""
         found = _Found(self.problem, generator)
         # A problem is made when it is needed, and not kept: its tables are as long as the record.
         smaller = self._of(self._steps[0][0])
@@ -79,14 +79,14 @@ class SectionExchange:
             larger = self._of(orders)
             optima = found.with_sections(optima, smaller, larger, shared)
             smaller = larger
-        return self._exchanged(optima, found, max_evaluations)
+        return self._replaced(optima, found, max_evaluations)
 
     def search_from(
         self, point: Array, value: float, max_evaluations: float, generator: np.random.Generator
-    ) -> Hops:
-        """Exchange sections of an optimum, by other places than those that searches prefer."""
+    ) -> BasinHopping:
+        """Replace sections of an optimum, by other places than those that searches prefer."""
         found = _Found(self.problem, generator, by_gains=False)
-        return self._exchanged([Optimum(value, point)], found, max_evaluations)
+        return self._replaced([Optimum(value, point)], found, max_evaluations)
 
     def _of(self, orders: Orders) -> PolynomialProblem:
         """The problem of some orders on the way."""
@@ -94,8 +94,10 @@ class SectionExchange:
             return self.problem
         return self.problem.of_orders(orders)
 
-    def _exchanged(self, optima: list[Optimum], found: _Found, max_evaluations: float) -> Hops:
-        """Exchange sections of the best optimum not tried, until that has failed for some time."""
+    def _replaced(
+        self, optima: list[Optimum], found: _Found, max_evaluations: float
+    ) -> BasinHopping:
+        """Replace sections of the best optimum not tried, until that has failed for some time."""
         tried: list[float] = []
         failed = 0
         while optima and failed < PATIENCE and found.evaluations < max_evaluations:
@@ -107,9 +109,9 @@ class SectionExchange:
                 optima = _lowest([*optima, *self._neighbours(chosen, shared, found)])
             failed = failed + 1 if same_optimum(lowest, optima[0].value) else 0
         if not optima:
-            return Hops(np.empty(0), np.inf, found.evaluations, [])
+            return BasinHopping(np.empty(0), np.inf, found.evaluations, [])
         best = found.polished(optima[0])
-        return Hops(best.point, best.value, found.evaluations, found.ended)
+        return BasinHopping(best.point, best.value, found.evaluations, found.ended)
 
     def _neighbours(self, optimum: Optimum, shared: Shared, found: _Found) -> list[Optimum]:
         """Optima with one of the sections of an optimum elsewhere."""
@@ -218,7 +220,7 @@ def _lowest(optima: list[Optimum]) -> list[Optimum]:
     return kept[:KEPT]
 
 
-def growth(orders: Orders) -> list[tuple[Orders, Shared]]:
+def order_extension(orders: Orders) -> list[tuple[Orders, Shared]]:
     """Orders in steps of one common section up to some orders, from the smallest, with what shares
     the section; those too small for smaller ones are alone."""
     inputs, steps = range(orders.inputs), list[tuple[Orders, Shared]]()
