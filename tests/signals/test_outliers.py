@@ -92,6 +92,15 @@ def test_what_the_system_does_is_not_a_wrong_sample(unusual):
         assert not without_outliers([Segment(u, unusual(g, u))]).replaced[0].any()
 
 
+def test_a_sample_without_neighbours_on_both_sides_is_kept():
+    g = np.random.default_rng(11)
+    u, e = g.standard_normal((2, 1000))
+    y = response(u, 0.02 * e)
+    y[[1, 5, 500, 996]] += 8.0
+    found = without_outliers([Segment(u, y)])
+    assert np.flatnonzero(found.replaced[0]).tolist() == [500]
+
+
 def test_normal_noise_has_no_wrong_sample():
     """Of 100,000 samples beyond five standard errors 0.06 are expected."""
     for seed in range(50):

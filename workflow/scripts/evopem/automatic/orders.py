@@ -8,6 +8,7 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evopem.automatic.candidates import (
     LARGEST_ORDER,
@@ -16,11 +17,13 @@ from evopem.automatic.candidates import (
     StructureSearch,
 )
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
+from evopem.automatic.fit import FOLD_STAGES, fit, log_loss
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.state_space import Log, fits_in_state_space
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
+from evopem.errors import NoModelError
 from evopem.estimation.delays import ORDERS, delays_by_criterion, longest_delay
 from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel
@@ -231,6 +234,11 @@ def changed(orders: Orders, place: int | None = None, **differences: int) -> Ord
 
 # Alternatives of each input that are recorded.
 RECORDED = 5
+# Delays up to this one are not doubted.  Where the input has power at few frequencies and the
+# disturbance does not pass through A, the many lags of an ARX model replace those of a short delay;
+# output-error models of these orders do not.  Very strong evidence is a difference of BIC of 10
+# (Kass & Raftery 1995).
+CERTAIN_DELAY, OUTPUT_ERROR_ORDERS, VERY_STRONG = 2, (2, 4, 8), 10.0
 
 
 @dataclass(frozen=True)
@@ -255,7 +263,10 @@ def decide_delays(
         delays = tuple(low for low, _ in limits)
         return DelayChoice(delays, given_by_configuration("delay", _listed(delays) or "none"))
     found = delays_by_criterion(segments, limits)
-    delays = tuple(delay for delay, _ in found)
+    by_arx = delays = tuple(delay for delay, _ in found)
+    if len(names) == segments[0].outputs.shape[1] == 1:
+        ((low, _),), ((_, criterion),) = limits, found
+        delays = (_shortest_as_likely(segments, delays[0], low, criterion),)
     several = len(names) > 1
     alternatives = tuple(
         Alternative(
@@ -266,11 +277,52 @@ def decide_delays(
     )
     sentence = (
         f"ARX models of up to order {ORDERS[-1]} have the smallest BIC with"
-        f" {'a delay' if len(delays) == 1 else 'delays'} of {_listed(delays)}."
+        f" {'a delay' if len(delays) == 1 else 'delays'} of {_listed(by_arx)}."
     )
+    if delays != by_arx:
+        sentence += f" Output-error models have a smaller one with {_listed(delays)}."
     about = Decision("delay", _listed(delays), alternatives, "BIC of the best ARX model", sentence)
     return DelayChoice(delays, about)
 
 
 def _listed(delays: Sequence[int]) -> str:
     return ", ".join(map(str, delays))
+
+
+def _shortest_as_likely(
+    segments: Sequence[Segment], delay: int, low: int, criterion: NDArray[np.float64]
+) -> int:
+    """The delay, or a shorter one that output-error and ARX models together find far likelier.
+
+    ``criterion``: lowest BIC of a sample of ARX models with the delays from ``low`` on.
+    """
+    samples = sum(each.samples for each in segments)
+    first = delay + max(OUTPUT_ERROR_ORDERS)
+    models: list[PolynomialModel] = []
+    totals: dict[int, float] = {}
+
+    def total(nk: int) -> float:
+        """BIC of the best output-error model and of the best ARX model."""
+        if nk not in totals:
+            values = []
+            for n in OUTPUT_ERROR_ORDERS:
+                try:
+                    orders = Orders(nb=n, nf=n, nk=nk)
+                    found = fit(segments, orders, models=models, stages=FOLD_STAGES)
+                except NoModelError:
+                    continue
+                models.append(found.model)
+                errors = found.residuals_from(first)
+                loss = len(errors) * log_loss(errors, "quadratic")
+                values.append(loss + found.parameters * np.log(len(errors)))
+            totals[nk] = min(values, default=np.inf) + samples * float(criterion[nk - low])
+        return totals[nk]
+
+    while delay > CERTAIN_DELAY:
+        shortest = max(low, 1)
+        tried = sorted({shortest + (delay - shortest) * part // 4 for part in (0, 2, 3, 4)})
+        likeliest = min(tried, key=total)
+        if not total(likeliest) < total(delay) - VERY_STRONG:
+            break
+        delay = likeliest
+    return delay

@@ -165,6 +165,7 @@ def _replace(part: Part, mask: NDArray[np.bool_], model: _Arx) -> bool:
     weight = np.sqrt(sliding_window_view(predicted, lags + 1) @ a**2)
     deviations = later @ a / np.maximum(weight, np.finfo(float).tiny)
     alone = deviations**2 > AS_LIKELY * residuals**2
+    alone[:lags] = alone[len(y) - lags :] = False  # without neighbours on both sides
     off = np.flatnonzero((np.abs(deviations) > LEAST_DEVIATION) & alone)
     size = np.abs(deviations[off])
     taken: list[int] = []

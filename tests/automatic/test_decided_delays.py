@@ -1,0 +1,54 @@
+"""The delay that the automatic recipe decides for one input and one output."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from evopem.automatic.orders import decide_delays
+from evopem.estimation.delays import delays_by_criterion, longest_delay
+from evopem.signals.recording import Segment
+
+POLES = [0.97 * np.exp(0.08j), 0.97 * np.exp(-0.08j), 0.9 * np.exp(0.2j), 0.9 * np.exp(-0.2j)]
+
+
+def recorded(delay, seed, samples=2000):
+    """A flexible structure under a multisine of low frequencies, with white noise at the output."""
+    g = np.random.default_rng(seed)
+    t = np.arange(samples)
+    lines = np.arange(1, 130)
+    phases = g.uniform(0, 2 * np.pi, lines.size)
+    u = np.cos(2 * np.pi * np.outer(t, lines) / samples + phases).sum(axis=1)
+    late = np.concatenate([np.zeros(delay), u])[:samples]
+    y = lfilter([0.0, 1.0, 0.4], np.poly(POLES).real, late)
+    return [Segment(u / u.std(), y / y.std() + 0.05 * g.standard_normal(samples))]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_input_of_low_frequencies_does_not_hide_a_short_delay(seed):
+    segments = recorded(0, seed)
+    ((by_arx, _),) = delays_by_criterion(segments, [(0, longest_delay(segments))])
+    choice = decide_delays(segments, ["u"])
+    assert by_arx >= 7
+    assert choice.delays[0] <= 4
+    assert "Output-error models have a smaller one" in choice.decision.sentence
+    (limited,) = decide_delays(segments, ["u"], (6, 60)).delays
+    assert 6 <= limited <= 60
+
+
+@pytest.mark.parametrize("delay", [5, 20, 40])
+def test_output_error_models_come_nearer_to_a_long_delay(delay):
+    """That of the system, one more than the input's own, is hardly seen by such an input."""
+    (decided,) = decide_delays(recorded(delay, 1), ["u"]).delays
+    assert abs(decided - delay - 1) <= 4
+
+
+def test_a_delay_that_the_input_shows_is_kept():
+    g = np.random.default_rng(5)
+    u = g.standard_normal(2000)
+    late = np.concatenate([np.zeros(30), u])[:2000]
+    y = lfilter([0.0, 1.0, 0.4], np.poly(POLES[2:]).real, late)
+    y += 0.1 * y.std() * g.standard_normal(u.size)
+    segments = [Segment(u, y)]
+    ((by_arx, _),) = delays_by_criterion(segments, [(0, longest_delay(segments))])
+    assert decide_delays(segments, ["u"]).delays == (by_arx,)
+    assert by_arx == 31
