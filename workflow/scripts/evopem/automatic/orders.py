@@ -311,6 +311,7 @@ def _shortest_as_likely(
                     found = fit(segments, orders, models=models, stages=FOLD_STAGES)
                 except NoModelError:
                     continue
+                assert isinstance(found.model, PolynomialModel)
                 models.append(found.model)
                 errors = found.residuals_from(first)
                 loss = len(errors) * log_loss(errors, "quadratic")
