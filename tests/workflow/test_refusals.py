@@ -73,7 +73,7 @@ def test_a_run_says_that_sentence_and_writes_nothing(folder, config, said):
 
 def test_results_that_are_a_file(folder):
     folder.results.write_text("mine")
-    assert refusal(folder).startswith("results: is a file")
+    assert refusal(folder).startswith("results: is no folder")
     assert folder.results.read_text() == "mine"
 
 
