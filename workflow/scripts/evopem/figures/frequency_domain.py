@@ -30,8 +30,8 @@ from evopem.figures.style import extremes
 from evopem.models.modes import Mode
 from evopem.results.channels import Pair, gain_unit, with_unit
 from evopem.results.dataset import DatasetResults
-from evopem.signals.peaks import SpectralPeak
 from evopem.signals.spectra import multitaper_spectrum
+from evopem.signals.spectrum_summary import SpectralPeak
 
 PLANT, NOISE_FILTER = "model G", "noise filter H"
 # Bins of the gain on the first screen; twice as many points show all its extremes.
