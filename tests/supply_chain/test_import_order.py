@@ -12,6 +12,7 @@ PACKAGE = SCRIPTS / "evopem"
 # Each part may import those before it.
 PARTS = (
     *(
+        "arrays",
         "errors",
         "version",
         "blas_threads",

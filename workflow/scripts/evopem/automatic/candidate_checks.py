@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, CommonSettings, log_loss
 from evopem.automatic.held_out.simulation import Model, prediction_errors
 from evopem.config.structures import OF_SIMULATION
@@ -39,8 +39,6 @@ from evopem.validation.residual_tests import (
     ljung_box_lags,
     whiteness_test,
 )
-
-Array = NDArray[np.float64]
 
 # A coefficient of so few standard errors may be 0: the BIC of a model without it then decides.
 SMALL = 3.0

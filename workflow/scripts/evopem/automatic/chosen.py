@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Alternative, Decision
@@ -36,7 +35,6 @@ from evopem.models.polynomial import Model, PolynomialModel, of_signals
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
 
-Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
 SUBJECT = "global search of the chosen model"

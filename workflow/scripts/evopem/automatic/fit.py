@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.automatic.held_out.simulation import Model
 from evopem.config.settings import Objective, OutputWeighting, SearchSettings
 from evopem.errors import NoModelError
@@ -19,8 +19,6 @@ from evopem.estimation.search.staged_descent import DescentStage
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.signals.recording import Segment
-
-Array = NDArray[np.float64]
 
 # Poles as slow as this act as integrators in any record; closer to the circle nothing changes.
 PLANT_RADIUS = 1.0 - 1e-7

@@ -8,8 +8,8 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.automatic.candidates import (
     LARGEST_ORDER,
     Candidate,
@@ -289,9 +289,7 @@ def _listed(delays: Sequence[int]) -> str:
     return ", ".join(map(str, delays))
 
 
-def _shortest_as_likely(
-    segments: Sequence[Segment], delay: int, low: int, criterion: NDArray[np.float64]
-) -> int:
+def _shortest_as_likely(segments: Sequence[Segment], delay: int, low: int, criterion: Array) -> int:
     """The delay, or a shorter one that output-error and ARX models together find far likelier.
 
     ``criterion``: lowest BIC of a sample of ARX models with the delays from ``low`` on.

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import Criteria
 from evopem.estimation.search.certificate import Target, gain_after_first_pass, is_certified
@@ -21,8 +21,6 @@ from evopem.models.polynomials import max_root_radius
 
 if TYPE_CHECKING:
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
-
-Array = NDArray[np.float64]
 
 # Powers of the residuals that the objectives sum.
 POWERS = {"quadratic": 2, "absolute": 1}

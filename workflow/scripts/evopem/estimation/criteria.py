@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from evopem.arrays import Array, Integers
 
 # A root this close to the largest allowed radius, relative to the distance of that radius from the
 # unit circle, counts as lying at the stability bound.
@@ -76,7 +75,7 @@ def limited(errors: Array) -> Array:
     return np.asarray(np.clip(errors, middle - limit, middle + limit))
 
 
-def sample_autocovariances(errors: Array, bounds: NDArray[np.int64], lags: int) -> Array:
+def sample_autocovariances(errors: Array, bounds: Integers, lags: int) -> Array:
     """Biased estimates of ``E e_(t+k) e_t'`` for k = 0 ... lags, (lags + 1, l, l)."""
     found = np.zeros((lags + 1, errors.shape[1], errors.shape[1]))
     for first, stop in pairwise(bounds):
@@ -95,7 +94,7 @@ class Autoregression:
     bic: float  # ln det(cov noise) + p ln(N) / N with p coefficients
 
 
-def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregression:
+def autoregression_of(errors: Array, bounds: Integers) -> Autoregression:
     """The vector autoregression of the order of lowest BIC, by multivariate Yule-Walker equations.
     Of (N, l) errors; ``bounds`` are the first samples of the segments, and N."""
     samples, ny = errors.shape
@@ -112,7 +111,7 @@ def autoregression_of(errors: Array, bounds: NDArray[np.int64]) -> Autoregressio
     return Autoregression(chosen, gamma[: len(chosen) + 1], best)
 
 
-def coloured_autocovariances(errors: Array, bounds: NDArray[np.int64]) -> Array:
+def coloured_autocovariances(errors: Array, bounds: Integers) -> Array:
     """``E e_(t+k) e_t'`` of :func:`autoregression_of` until they are negligible, (lags, l, l)."""
     samples, ny = errors.shape
     fitted = autoregression_of(errors, bounds)

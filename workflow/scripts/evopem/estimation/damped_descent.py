@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-Array = NDArray[np.float64]
-Places = NDArray[np.intp] | slice
+from evopem.arrays import Array, Indices
+
+Places = Indices | slice
 Weighing = Literal["noise", "power"]
 
 # Damping relative to the diagonal of the Hessian: at the start, and where a descent gives up.

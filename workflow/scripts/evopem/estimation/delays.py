@@ -10,15 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording, Segment, total_samples
-
-Array = NDArray[np.float64]
 
 # Orders of the ARX models.  A disturbance at the output needs many lags in an ARX model; with few
 # of them, later lags of the input seem to explain what is missing.

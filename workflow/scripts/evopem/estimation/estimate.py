@@ -9,8 +9,9 @@ from numbers import Integral
 from typing import Any, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
@@ -33,8 +34,6 @@ from evopem.models.orders import Orders, orders_of
 from evopem.models.polynomial import of_signals
 from evopem.models.state_space import StateSpaceStructure
 from evopem.signals.recording import Recording, recording_of
-
-Array = NDArray[np.float64]
 
 # Mean of the output, in standard deviations, from which on it biases the poles noticeably.
 LEVEL_WARNING = 0.3

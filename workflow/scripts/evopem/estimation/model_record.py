@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.config.constraints import Constraints
 from evopem.config.settings import Focus, ScoringWindow, SearchSettings
 from evopem.config.structures import STRUCTURES
@@ -30,9 +30,6 @@ from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording import Recording
 from evopem.version import __version__
-
-Array = NDArray[np.float64]
-Roots = NDArray[np.complex128]
 
 Estimate = PolynomialEstimate | StateSpaceEstimate
 
@@ -117,10 +114,10 @@ class ModelRecord:
     modes: tuple[Mode, ...]
     noise_modes: tuple[Mode, ...]
     # poles, noise_poles, noise_zeros: of plant and noise filter in the z plane
-    poles: Roots
-    zeros: tuple[Roots, ...]  # from each input of polynomials, delay aside
-    noise_poles: Roots
-    noise_zeros: Roots
+    poles: Complex
+    zeros: tuple[Complex, ...]  # from each input of polynomials, delay aside
+    noise_poles: Complex
+    noise_zeros: Complex
     # (n,) Of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``, b and f those of all inputs one after the
     # other
     parameter_standard_errors: Array | None

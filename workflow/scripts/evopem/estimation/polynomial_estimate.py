@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.settings import ScoringWindow
 from evopem.errors import InputError
 from evopem.estimation.criteria import Criteria, criteria_of, lies_at_bound
@@ -26,8 +26,6 @@ from evopem.estimation.search.problem import SAME_OPTIMUM, SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.polynomials import max_root_radius
-
-Array = NDArray[np.float64]
 
 # Structures that claim nothing of the noise, or whose noise model may be chosen too small.
 WITHOUT_NOISE_MODEL = ("fir", "oe", "general")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.settings import OBJECTIVES, ScoringWindow, SearchSettings
 from evopem.errors import NoModelError
 from evopem.estimation.criteria import power_of_two_scale
@@ -16,8 +16,6 @@ from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import LARGEST
-
-Array = NDArray[np.float64]
 
 
 def default_window(orders: Orders, settings: SearchSettings) -> ScoringWindow:

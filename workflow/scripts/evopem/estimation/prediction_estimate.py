@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.constraints import Constraints
 from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
@@ -38,7 +38,6 @@ from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import roots
 
-Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
 # Random starts of the descents under constraints and of k-step errors; where no search is asked

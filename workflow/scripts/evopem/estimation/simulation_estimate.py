@@ -8,8 +8,8 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.constraints import Constraints
 from evopem.errors import InputError
 from evopem.estimation.pem.constrained_model import equalities, plant_polynomial
@@ -43,7 +43,6 @@ from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import roots
 
-Array = NDArray[np.float64]
 Plant = tuple[Array, tuple[Array, ...]]  # A and all F_i, their leading 1 included
 
 # Ways to divide the plant's poles between A and F of which the noise model is refined.

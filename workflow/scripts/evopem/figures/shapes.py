@@ -5,11 +5,9 @@ from __future__ import annotations
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex, Flags
 from evopem.config.channels import Geometry
-
-Array = NDArray[np.float64]
 
 WIDTH, HEIGHT, MARGIN = 300.0, 220.0, 16.0
 FRAMES = 16
@@ -50,7 +48,7 @@ class ShapeDrawing:
         self.offset = MARGIN + (room - span * self.scale) / 2
         self.top = float(span[1] * self.scale)
 
-    def drawn(self, shape: NDArray[np.complex128], label: str, moving: bool = False) -> str:
+    def drawn(self, shape: Complex, label: str, moving: bool = False) -> str:
         """The structure at rest and at both extremes of a shape (ny,), or moving through it.
 
         The largest entry of the shape is 1; its real part is turned to be as large as it can be.
@@ -93,7 +91,7 @@ class ShapeDrawing:
         return "".join(f"M{words[one]}L{words[other]}" for one, other in self.lines)
 
 
-def _view(flat: NDArray[np.bool_]) -> Array:
+def _view(flat: Flags) -> Array:
     """Projection to two dimensions, (3, 2): onto a plane that holds all, else from a corner."""
     if flat.any():
         kept = [axis for axis in range(3) if axis != int(np.flatnonzero(flat)[-1])]

@@ -15,7 +15,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from evopem.arrays import Array, Indices
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -117,7 +119,7 @@ def svg_text(figure: Figure) -> str:
     )
 
 
-def extremes(y: ArrayLike, bins: int = 1000) -> NDArray[np.intp]:
+def extremes(y: ArrayLike, bins: int = 1000) -> Indices:
     """Ascending indices of the smallest and largest value of each bin of a series (N,); NaN are
     ignored. Of at most 4 × bins points every index is returned.
     """
@@ -136,7 +138,7 @@ def extremes(y: ArrayLike, bins: int = 1000) -> NDArray[np.intp]:
     return np.unique(np.asarray(kept, dtype=np.intp))
 
 
-def stems(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def stems(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     """Vertical lines from zero to y as one broken line, which makes a single path."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     gap = np.full(x.size, np.nan)

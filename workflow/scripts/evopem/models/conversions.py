@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from evopem.arrays import Array
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
 from evopem.models.state_space import StateSpaceModel
-
-Array = NDArray[np.float64]
 
 
 def innovations_form(

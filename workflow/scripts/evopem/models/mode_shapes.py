@@ -6,12 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Complex
 from evopem.models.parameter_covariance import ParameterCovariance
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def phase_collinearity(shape: Complex) -> float:

@@ -11,12 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.models.mode_shapes import mean_phase, neighbours_among, phase_collinearity
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import root_gradient, roots
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Product of the left and right eigenvectors of unit length below which an eigenvalue is defective.
 DEFECTIVE = 1e-13

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-Array = NDArray[np.float64]
+from evopem.arrays import Array, Flags, Indices
 
 # A gradient depends on an unidentifiable direction where the terms of their scalar product cancel
 # to no less than this share of their sum of magnitudes.
@@ -75,11 +75,11 @@ class ParameterCovariance:
     def __len__(self) -> int:
         return len(self.factor)
 
-    def part(self, rows: slice | NDArray[np.intp]) -> ParameterCovariance:
+    def part(self, rows: slice | Indices) -> ParameterCovariance:
         """The covariance of some of the parameters."""
         return ParameterCovariance(self.factor[rows], self.null_space[rows])
 
-    def identifiable(self, jacobian: ArrayLike) -> NDArray[np.bool_]:
+    def identifiable(self, jacobian: ArrayLike) -> Flags:
         """Whether functions with gradients (m, n) are free of unidentifiable directions, (m,)."""
         gradients = np.asarray(jacobian, dtype=float)
         directions = self.null_space[: gradients.shape[1]]

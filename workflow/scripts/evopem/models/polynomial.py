@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.files.atomic import atomic_write
 from evopem.models.conversions import block_sizes, has_own_noise, innovations_form
 from evopem.models.modes import Mode
@@ -21,9 +22,6 @@ from evopem.models.state_space import StateSpaceModel
 
 if TYPE_CHECKING:
     from evopem.signals.recording import Recording
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Samples from which on a prediction is computed by Fourier transforms.
 LONG_HORIZON = 64

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evopem.arrays import Array, Complex
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomials import roots, uncertain_roots
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False, init=False)

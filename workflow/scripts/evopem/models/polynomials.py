@@ -6,17 +6,15 @@ Monic ones are given by their coefficients after the leading 1.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.models.parameter_covariance import ParameterCovariance
-
-Array = NDArray[np.float64]
 
 # 95 % points of chi-square with one and two degrees of freedom.
 CHI_SQUARE_95 = {1: 3.841458820694124, 2: 5.991464547107979}
 
 
-def roots(coefficients: Array) -> NDArray[np.complex128]:
+def roots(coefficients: Array) -> Complex:
     """Roots z of ``z^m + x_1 z^(m-1) + ... + x_m``; (m,) complex."""
     if len(coefficients) == 0:
         return np.empty(0, dtype=complex)
@@ -64,7 +62,7 @@ def reflect_into_disc(coefficients: Array, radius: float) -> Array:
     return monic[:, 1:].real
 
 
-def root_gradient(coefficients: Array, root: complex) -> NDArray[np.complex128]:
+def root_gradient(coefficients: Array, root: complex) -> Complex:
     """Derivative of a root with respect to every coefficient of its polynomial in z.
 
     dr/dc_i = −r^(n−i) / p'(r); not finite at a repeated root.

@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evopem.arrays import Array, Complex
 from evopem.models.modes import Mode
 from evopem.models.polynomial import Model, state_space_of
 from evopem.models.state_space import StateSpaceModel
@@ -16,7 +17,6 @@ from evopem.models.state_space import StateSpaceModel
 NORMAL_95 = 1.959963984540054
 """97.5 % point of the standard normal distribution."""
 
-Array = NDArray[np.float64]
 Column = list[float] | list[str] | list[int] | Array
 
 # Frequencies, and those of each of several pairs of channels.
@@ -95,9 +95,7 @@ def response_interval(
         return gain / spread, gain * spread, errors[1]
 
 
-def response_slopes(
-    model: StateSpaceModel, frequencies: Array, noise: bool
-) -> NDArray[np.complex128]:
+def response_slopes(model: StateSpaceModel, frequencies: Array, noise: bool) -> Complex:
     """Derivatives of ``G``, or of ``H``, by all entries but the level, (M, l, m, entries).
 
     ``dG = C R dA R B + dC R B + C R dB + dD`` with ``R = (zI - A)^-1``, turned by the delays.
@@ -194,9 +192,7 @@ def frequency_response_table(
     }
 
 
-def _columns(
-    response: NDArray[np.complex128], lower: Array, upper: Array, phase_error: Array
-) -> dict[str, Array]:
+def _columns(response: Complex, lower: Array, upper: Array, phase_error: Array) -> dict[str, Array]:
     return {
         "gain": np.abs(response),
         "gain_lower": lower,

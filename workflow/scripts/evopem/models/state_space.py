@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evopem.arrays import Array, Complex
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.states import delayed, fitted, states_of
 
-Array = NDArray[np.float64]
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 PlainStructure = Literal["ss", "ss_oe"]
 """Innovations form with K, and output-error form without."""
@@ -131,11 +131,11 @@ class StateSpaceModel:
             covariance=None,
         )
 
-    def poles(self) -> NDArray[np.complex128]:
+    def poles(self) -> Complex:
         """Eigenvalues of A in the z plane, (n,)."""
         return np.asarray(np.linalg.eigvals(self.A), dtype=complex)
 
-    def noise_zeros(self) -> NDArray[np.complex128]:
+    def noise_zeros(self) -> Complex:
         """Eigenvalues of ``A - K C``, the zeros of the noise filter, (n,)."""
         return np.asarray(np.linalg.eigvals(self.predictor), dtype=complex)
 
@@ -247,18 +247,18 @@ class StateSpaceModel:
         state = fitted(free[:known], target, noise, robust, np.eye(n, free.shape[2]))
         return np.asarray(rest + free @ state)
 
-    def frequency_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+    def frequency_response(self, frequencies: ArrayLike) -> Complex:
         """``G = C (zI - A)^-1 B + D`` with its delays at frequencies in Hz, (..., ny, nu)."""
         z = self._circle(frequencies)
         delays = np.asarray(self._delays, dtype=float)
         shift = z[..., None, None] ** -delays
         return (self.resolvent(z, self.B) + self.D) * shift
 
-    def noise_response(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+    def noise_response(self, frequencies: ArrayLike) -> Complex:
         """``H = C (zI - A)^-1 K + I`` at frequencies in Hz, (..., ny, ny)."""
         return self.resolvent(self._circle(frequencies), self.K) + np.eye(self.outputs)
 
-    def _circle(self, frequencies: ArrayLike) -> NDArray[np.complex128]:
+    def _circle(self, frequencies: ArrayLike) -> Complex:
         angles = np.asarray(frequencies, dtype=float) / self.sampling_rate
         return np.asarray(np.exp(2j * np.pi * angles), dtype=complex)
 
@@ -373,11 +373,11 @@ class StateSpaceModel:
             )
         return responses
 
-    def resolvent(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
+    def resolvent(self, z: Complex, right: Array) -> Complex:
         """``C (zI - A)^-1 right``, (..., ny, columns); NaN at a pole."""
         return np.asarray(self.C @ self.state_response(z, right), dtype=complex)
 
-    def state_response(self, z: NDArray[np.complex128], right: Array) -> NDArray[np.complex128]:
+    def state_response(self, z: Complex, right: Array) -> Complex:
         """``(zI - A)^-1 right``, (..., n, columns); NaN at a pole."""
         matrices = z[..., None, None] * np.eye(self.order) - self.A
         matrices[np.linalg.det(matrices) == 0.0] = np.nan

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from evopem.arrays import Array
 
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state.

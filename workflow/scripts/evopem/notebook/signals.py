@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.errors import InputError
 from evopem.files.archive import save_arrays
 from evopem.signals.timestamps import RATE_TOLERANCE, timing
@@ -27,8 +27,8 @@ _NOT_A_NAME = ("", "file", "allow_pickle")
 class GivenSignals:
     """Inputs and outputs as they were handed over."""
 
-    inputs: NDArray[np.float64]  # no columns for outputs alone
-    outputs: NDArray[np.float64]
+    inputs: Array  # no columns for outputs alone
+    outputs: Array
     sampling_rate: float | None  # hz; None where neither the user nor an index states it
     input_names: tuple[str, ...]  # all different
     output_names: tuple[str, ...]
@@ -153,9 +153,7 @@ def _has_samples(output: Any) -> bool:
     return hasattr(output, "iloc") or (isinstance(output, np.ndarray) and output.ndim > 0)
 
 
-def _columns(
-    table: Any, labels: Any, role: str, source: str
-) -> tuple[NDArray[np.float64], list[Any]]:
+def _columns(table: Any, labels: Any, role: str, source: str) -> tuple[Array, list[Any]]:
     """The samples and labels of the inputs or outputs; a tuple may be one label itself."""
     listed = list(labels) if isinstance(labels, list | tuple) else [labels]
     if labels is None or (isinstance(labels, tuple) and _places(table, labels)):
@@ -193,7 +191,7 @@ def _listed(table: Any, most: int = 20) -> str:
     return f"{shown}, … and {left} more" if left > 0 else shown
 
 
-def _samples(values: Any, source: str, role: str) -> NDArray[np.float64]:
+def _samples(values: Any, source: str, role: str) -> Array:
     """A copy of signals as numbers, shape (N, channels); masked samples become NaN."""
     no_numbers = InputError(source, "it holds no real numbers", "choose another signal", role)
     if np.asarray(values).dtype.kind not in "fiubO":
@@ -204,7 +202,7 @@ def _samples(values: Any, source: str, role: str) -> NDArray[np.float64]:
         elif hasattr(values, "to_numpy"):
             # A table's missing values become NaN, which the checks of a recording name.
             values = values.to_numpy(dtype=float, na_value=np.nan)
-        samples: NDArray[np.float64] = np.array(values, dtype=float)
+        samples: Array = np.array(values, dtype=float)
     except (TypeError, ValueError):
         raise no_numbers from None
     if samples.ndim == 1:
@@ -239,7 +237,7 @@ def _rate(index: Any, stated: float | None, unit: str | None, source: str) -> fl
     return stated
 
 
-def _labels(values: Any, samples: NDArray[np.float64]) -> list[Any]:
+def _labels(values: Any, samples: Array) -> list[Any]:
     """The labels of the channels of samples, None where they have none."""
     if _is_table(values):
         return list(values.columns)

@@ -14,8 +14,8 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.models.mode_shapes import assurance
 from evopem.models.modes import Mode
 from evopem.results.fleet import MODE_COLUMNS, mode_values
@@ -30,8 +30,6 @@ from evopem.validation.level_changes import (
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 # Probability of any warning in a whole run where nothing changes.
 FALSE_ALARMS = 0.05

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.errors import InputError
 
 # A signal repeats at a lag where its correlation is as large as this, once it has fallen below the
@@ -14,14 +14,12 @@ REPEATS, HAS_CHANGED = 0.95, 0.5
 LONGEST_LAG = 2.0 / 3.0
 
 
-def autocorrelation(signal: NDArray[np.float64], lags: int) -> NDArray[np.float64]:
+def autocorrelation(signal: Array, lags: int) -> Array:
     """Biased sample autocorrelation at lags 0 … `lags` < N (Ljung 1999, section 6.1)."""
     return cross_correlation(signal, signal, lags)[lags:]
 
 
-def cross_correlation(
-    first: NDArray[np.float64], second: NDArray[np.float64], lags: int
-) -> NDArray[np.float64]:
+def cross_correlation(first: Array, second: Array, lags: int) -> Array:
     """Biased sample cross-correlation, ``first`` at time t + k with ``second`` at time t.
 
     At lags k from -`lags` to `lags` < N. Of residuals with inputs, positive lags hold what the
@@ -38,7 +36,7 @@ def cross_correlation(
     return products[samples - 1 - lags : samples + lags] / energy
 
 
-def repetition_lag(signal: NDArray[np.float64]) -> int:
+def repetition_lag(signal: Array) -> int:
     """Samples after which a signal repeats, as it is or with the opposite sign; 0 for none."""
     n = len(signal)
     longest = int(LONGEST_LAG * n)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, read_channels
@@ -18,8 +18,6 @@ from evopem.signals.output_level import regression_triangle
 from evopem.signals.readers.channels import Channel, Reference
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import has_even_steps, timing
-
-Array = NDArray[np.float64]
 
 MOST_INCREASE = 0.95
 """Larger share of the steps of a time that do not decrease."""

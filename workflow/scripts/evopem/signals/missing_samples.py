@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
-
-Array = NDArray[np.float64]
 
 OVERFLOW_CODES = (9.9e37, 9.91e37, float(np.finfo(np.float32).max), 9.969209968386869e36)
 """Numbers for overflow and "not a number" in SCPI (1999, 7.2.1), the largest number of single
@@ -69,13 +67,13 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
     return recording.with_segments([whole.between(*each) for each in ranges]), filled
 
 
-def runs_of(samples: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def runs_of(samples: Flags) -> list[tuple[int, int]]:
     """First sample of each run of true ones, and the one after its last."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], samples, [False])).astype(int)))
     return [(first, stop) for first, stop in edges.reshape(-1, 2).tolist()]
 
 
-def _short_gaps(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _short_gaps(missing: Flags) -> Flags:
     """The missing samples of a channel, (N,), in gaps that may be filled."""
     short = np.zeros_like(missing)
     for first, stop in runs_of(missing):
@@ -85,7 +83,7 @@ def _short_gaps(missing: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return short
 
 
-def _filled(signals: Array, missing: NDArray[np.bool_], short: NDArray[np.bool_]) -> Array:
+def _filled(signals: Array, missing: Flags, short: Flags) -> Array:
     """Signals, (N, channels), with cubic splines through the others in place of short gaps."""
     from scipy.interpolate import CubicSpline
 

@@ -13,13 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from evopem.arrays import Array, Flags
 from evopem.signals.missing_samples import runs_of
 from evopem.signals.recording import Segment
-
-Array = NDArray[np.float64]
 
 # Lags of the ARX model, and samples for each of its coefficients.
 MOST_LAGS, SAMPLES_PER_COEFFICIENT = 16, 20
@@ -44,7 +42,7 @@ class Cleaned(NamedTuple):
     """Outputs with replaced samples, and which these are."""
 
     outputs: list[Array]  # (N, l) of each segment
-    replaced: list[NDArray[np.bool_]]  # (N, l) of each segment
+    replaced: list[Flags]  # (N, l) of each segment
 
 
 def without_outliers(segments: Sequence[Segment]) -> Cleaned:
@@ -98,7 +96,7 @@ class _Arx(NamedTuple):
         return np.concatenate([np.zeros(self.lags), errors / self.scale])
 
 
-def _replacements(parts: Sequence[Part]) -> list[tuple[Array, NDArray[np.bool_]]]:
+def _replacements(parts: Sequence[Part]) -> list[tuple[Array, Flags]]:
     """The output of each part with replaced samples, and which these are."""
     kept = [(y, np.zeros(len(y), bool)) for _, y in parts]
     samples = sum(len(y) for _, y in parts)
@@ -156,7 +154,7 @@ def _arx(parts: Sequence[Part], lags: int, weightings: int) -> _Arx:
     return _Arx(lags, solved / size, scale)
 
 
-def _replace(part: Part, mask: NDArray[np.bool_], model: _Arx) -> bool:
+def _replace(part: Part, mask: Flags, model: _Arx) -> bool:
     """Replace the samples that are off in place, and mark them; whether there are any."""
     y, lags, residuals = part[1], model.lags, model.residuals(part)
     a = np.concatenate([[1.0], -model.coefficients[:lags]])
@@ -179,9 +177,7 @@ def _replace(part: Part, mask: NDArray[np.bool_], model: _Arx) -> bool:
     return bool(taken)
 
 
-def _judged(
-    part: Part, before: Array, mask: NDArray[np.bool_], model: _Arx
-) -> tuple[NDArray[np.bool_], float, float]:
+def _judged(part: Part, before: Array, mask: Flags, model: _Arx) -> tuple[Flags, float, float]:
     """Replaced samples that were wrong, and the power of explained and unexplained changes.
 
     Around an explained one the residuals are like elsewhere.  It may be a large disturbance as well

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.signals.recording import Recording
-
-Array = NDArray[np.float64]
 
 # Lags of inputs and output in the regression, and the samples that a coefficient needs at least.
 MOST_LAGS = 30

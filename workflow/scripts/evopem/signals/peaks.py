@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.signals.spectra import CONFIDENCE, Spectrum
 from evopem.signals.spectrum_summary import SpectralPeak, SpectrumSummary
-
-Floats = NDArray[np.float64]
 
 # Evenly spaced peaks from this number on are lines of a periodic input.
 MIN_LINES = 10
@@ -81,7 +79,7 @@ def summarize_spectrum(spectrum: Spectrum) -> SpectrumSummary:
     )
 
 
-def _without_ends(spectrum: Spectrum) -> Floats:
+def _without_ends(spectrum: Spectrum) -> Array:
     """The density held constant within W of zero and of the Nyquist frequency."""
     f, half = spectrum.frequencies, spectrum.halfbandwidth_hz
     inner = np.flatnonzero((f >= half) & (f <= f[-1] - half))
@@ -91,7 +89,7 @@ def _without_ends(spectrum: Spectrum) -> Floats:
 
 
 def _prominent(
-    averaged: Floats, spectrum: Spectrum, cells: int
+    averaged: Array, spectrum: Spectrum, cells: int
 ) -> Iterator[tuple[int, float, float, float]]:
     """Local maxima whose prominence exceeds the noise's spread.
 

@@ -8,8 +8,8 @@ from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.errors import InputError
 from evopem.signals.missing_samples import LONG_STRETCH
@@ -217,7 +217,7 @@ def _held_out_recordings(samples: Sequence[int], share: float) -> int:
     return int(np.argmin(np.abs(held - share * sum(samples)))) + 1
 
 
-def _before_last_change(inputs: NDArray[np.float64], first: int, stop: int) -> int:
+def _before_last_change(inputs: Array, first: int, stop: int) -> int:
     """Where the validation samples begin when the built-in share is to test the inputs' response.
 
     That is `stop` unless all inputs, (N, m), rest from there on. Then it is a tenth of the samples

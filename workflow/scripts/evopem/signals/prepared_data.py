@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.files.json_form import load, save
 from evopem.signals.recording import Recording, load_recordings, save_recordings
 from evopem.signals.transforms import invert_box_cox, invert_difference
 
-Array = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
 _PARTS = "estimation_", "validation_"
 Source = Literal["cut", "gap", "file", "recordings"]

@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.channels import ChannelSettings, Units, is_pattern, of_each
 from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file
@@ -23,8 +23,6 @@ from evopem.signals.recording_checks import check_recording
 from evopem.signals.recording_info import FileOrigin
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import Timing, is_time, timing
-
-Array = NDArray[np.float64]
 
 
 def read_measured(

@@ -8,11 +8,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evopem.arrays import Array
 from evopem.files.archive import load_arrays, save_arrays
-
-Array = NDArray[np.float64]
 
 MINIMUM_SAMPLES = 8
 """A shorter recording is refused, whatever the model."""

@@ -6,12 +6,10 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.errors import InputError
 from evopem.signals.recording import MINIMUM_SAMPLES, Recording, concatenated
-
-Array = NDArray[np.float64]
 
 LARGEST = 1e60
 """A signal's largest magnitude must be below this and above its inverse: the squares of residuals
@@ -86,7 +84,7 @@ def _stuck(values: Array) -> str:
     return ""
 
 
-def saturated_share(signal: NDArray[np.float64]) -> float:
+def saturated_share(signal: Array) -> float:
     """Share of samples in runs of `MIN_SATURATED_RUN` or more at the smallest or largest value.
 
     0 for a signal of at most `MAX_DESIGNED_LEVELS` levels, and for one that is held for as long at

@@ -14,10 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
-
-Floats = NDArray[np.float64]
 
 CONFIDENCE = 0.95
 
@@ -29,12 +28,12 @@ MAX_WEIGHT_ITERATIONS = 500
 class Spectrum:
     """One-sided power spectral density with its 95 % confidence band."""
 
-    frequencies: Floats  # Hz, from 0 to the Nyquist frequency
+    frequencies: Array  # Hz, from 0 to the Nyquist frequency
     # unit² / Hz; the density's sum times the frequency step is the signal's variance
-    density: Floats
-    lower: Floats  # the 95 % band
-    upper: Floats
-    degrees_of_freedom: Floats  # of the chi-square distribution behind the band
+    density: Array
+    lower: Array  # the 95 % band
+    upper: Array
+    degrees_of_freedom: Array  # of the chi-square distribution behind the band
     time_halfbandwidth: float  # NW
     tapers: int  # K = 2NW - 1
     nfft: int  # length of the transforms
@@ -48,7 +47,7 @@ class Spectrum:
 
 
 def multitaper_spectrum(
-    signal: Floats, sampling_rate: float, time_halfbandwidth: float = 4.0, nfft: int = 8192
+    signal: Array, sampling_rate: float, time_halfbandwidth: float = 4.0, nfft: int = 8192
 ) -> Spectrum:
     """Thomson's adaptive multitaper estimate of the power spectral density, without the mean.
 
@@ -88,24 +87,24 @@ def multitaper_spectrum(
 class FrequencyResponse:
     """Empirical frequency responses from m inputs to l outputs, at F frequencies."""
 
-    frequencies: Floats  # (F,), Hz
-    response: NDArray[np.complex128]  # (F, l, m), the H1 estimate (output unit / input unit)
-    gain_lower: Floats  # (F, l, m), 95 % band of its modulus
-    gain_upper: Floats
-    coherence: Floats  # (F, l), multiple squared coherence of an output with all inputs, 0 to 1
-    degrees_of_freedom: Floats  # (F,), twice the number of independent estimates behind each value
+    frequencies: Array  # (F,), Hz
+    response: Complex  # (F, l, m), the H1 estimate (output unit / input unit)
+    gain_lower: Array  # (F, l, m), 95 % band of its modulus
+    gain_upper: Array
+    coherence: Array  # (F, l), multiple squared coherence of an output with all inputs, 0 to 1
+    degrees_of_freedom: Array  # (F,), twice the number of independent estimates behind each value
 
     @property
-    def gain(self) -> Floats:
+    def gain(self) -> Array:
         """Modulus of the response, (F, l, m)."""
         return np.abs(self.response)
 
     @property
-    def phase_deg(self) -> Floats:
+    def phase_deg(self) -> Array:
         """Phase of the response in (-180, 180], (F, l, m)."""
         return np.degrees(np.angle(self.response))
 
-    def coherence_limit(self, probability: float) -> Floats:
+    def coherence_limit(self, probability: float) -> Array:
         """What the coherence of independent signals exceeds with a probability, (F,).
 
         Of n independent estimates it has the beta distribution of m and n - m (Carter 1987).  NaN
@@ -162,17 +161,17 @@ def frequency_response(
 class _Spectra(NamedTuple):
     """Spectral matrices of c channels at F frequencies."""
 
-    matrices: NDArray[np.complex128]  # (F, c, c), two-sided
-    variances: Floats  # (c,)
-    freedom: Floats  # (F,) degrees of freedom, Percival & Walden (1993, eq. 370b)
-    frequencies: Floats  # (F,)
+    matrices: Complex  # (F, c, c), two-sided
+    variances: Array  # (c,)
+    freedom: Array  # (F,) degrees of freedom, Percival & Walden (1993, eq. 370b)
+    frequencies: Array  # (F,)
     tapers: int
     segments: int
     halfbandwidth_hz: float  # of the longest segments
 
 
 def _spectra(
-    signals: Sequence[Floats], rate: float, time_halfbandwidth: float, nfft: int
+    signals: Sequence[Array], rate: float, time_halfbandwidth: float, nfft: int
 ) -> _Spectra:
     """Spectral matrices from segments, (n, c) each, weighted alike in all channels.
 
@@ -214,7 +213,7 @@ def _spectra(
     return _Spectra(averaged, variances, freedom, frequencies, tapers, segments, halfbandwidth)
 
 
-def _tapers(length: int, time_halfbandwidth: float) -> tuple[Floats, Floats]:
+def _tapers(length: int, time_halfbandwidth: float) -> tuple[Array, Array]:
     """2NW - 1 sequences of unit energy, (K, length), and the share of each within its band."""
     from scipy.signal.windows import dpss
 
@@ -235,7 +234,7 @@ def _tapers(length: int, time_halfbandwidth: float) -> tuple[Floats, Floats]:
     return sequences, np.minimum(ratios, 1.0 - np.finfo(np.float64).eps)
 
 
-def _adaptive_weights(eigenspectra: Floats, concentrations: Floats, flat_density: float) -> Floats:
+def _adaptive_weights(eigenspectra: Array, concentrations: Array, flat_density: float) -> Array:
     """Thomson's weights b_k² λ_k, shape (K, F), Percival & Walden (1993, eq. 368a).
 
     A taper counts less wherever its leakage, at most (1 - λ_k) times the variance, outweighs the
@@ -258,5 +257,5 @@ def _adaptive_weights(eigenspectra: Floats, concentrations: Floats, flat_density
     return weights
 
 
-def _weighted_average(weights: Floats, values: NDArray) -> NDArray:
+def _weighted_average(weights: Array, values: NDArray) -> NDArray:
     return (weights * values).sum(axis=0) / weights.sum(axis=0)

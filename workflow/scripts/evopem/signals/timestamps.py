@@ -8,10 +8,9 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.errors import InputError
 from evopem.signals.time_units import TIME_UNITS, stated_unit
-
-Array = NDArray[np.float64]
 
 STEP_TOLERANCE = 0.1
 """A step may differ from the median step by this share of it."""

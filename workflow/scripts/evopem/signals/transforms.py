@@ -6,8 +6,8 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.errors import InputError
 from evopem.signals.recording import Recording
 
@@ -21,7 +21,7 @@ BOX_COX_RANGE = (-5.0, 5.0)
 """Where ``auto`` looks for the Box-Cox parameter."""
 
 
-def positive_shift(*signals: NDArray[np.float64]) -> float:
+def positive_shift(*signals: Array) -> float:
     """The shift that makes every sample of all signals, (N,) each, positive; 0.0 when they are.
 
     The smallest lands one standard deviation of the first signal above zero: a rule free of units,
@@ -33,9 +33,7 @@ def positive_shift(*signals: NDArray[np.float64]) -> float:
     return float(np.std(signals[0])) - smallest
 
 
-def box_cox(
-    signal: NDArray[np.float64], parameter: float, shift: float, source: str = "box_cox"
-) -> NDArray[np.float64]:
+def box_cox(signal: Array, parameter: float, shift: float, source: str = "box_cox") -> Array:
     """``((y + shift)**parameter - 1) / parameter``, the logarithm at 0 (Box & Cox 1964)."""
     from scipy.special import boxcox
 
@@ -60,9 +58,7 @@ def box_cox(
     return transformed
 
 
-def invert_box_cox(
-    signal: NDArray[np.float64], parameter: float, shift: float
-) -> NDArray[np.float64]:
+def invert_box_cox(signal: Array, parameter: float, shift: float) -> Array:
     """Undo `box_cox`; NaN where a value lies outside the transform's range."""
     from scipy.special import inv_boxcox
 
@@ -70,7 +66,7 @@ def invert_box_cox(
     return inv_boxcox(signal, parameter if abs(parameter) >= 1e-19 else 0.0) - shift
 
 
-def likeliest_box_cox(signal: NDArray[np.float64], shift: float, source: str = "box_cox") -> float:
+def likeliest_box_cox(signal: Array, shift: float, source: str = "box_cox") -> float:
     """The Box-Cox parameter in `BOX_COX_RANGE` of largest likelihood for a normal distribution."""
     from scipy.optimize import minimize_scalar
     from scipy.stats import boxcox_normmax
@@ -91,9 +87,7 @@ def likeliest_box_cox(signal: NDArray[np.float64], shift: float, source: str = "
     return parameter
 
 
-def difference(
-    signals: NDArray[np.float64], times: int
-) -> tuple[NDArray[np.float64], tuple[tuple[float, ...], ...]]:
+def difference(signals: Array, times: int) -> tuple[Array, tuple[tuple[float, ...], ...]]:
     """Difference signals, (N, channels), `times` < N times.
 
     The second value holds the first sample of the signals, of their first differences, …
@@ -106,9 +100,7 @@ def difference(
     return differenced, tuple(initial)
 
 
-def invert_difference(
-    differenced: NDArray[np.float64], initial: tuple[tuple[float, ...], ...]
-) -> NDArray[np.float64]:
+def invert_difference(differenced: Array, initial: tuple[tuple[float, ...], ...]) -> Array:
     """Undo `difference`; rounding errors are about ``eps * N**times`` of the largest difference."""
     signals = np.array(differenced, dtype=np.float64)
     for first in reversed(initial):
@@ -145,7 +137,7 @@ def resample_recording(recording: Recording, sampling_rate: float, source: str) 
     )
 
 
-def resample_signal(signal: NDArray[np.float64], ratio: Fraction) -> NDArray[np.float64]:
+def resample_signal(signal: Array, ratio: Fraction) -> Array:
     """A signal, (N,) or (N, channels), at a rate lower by a ratio: ceil(N * ratio) samples.
 
     The filter is linear-phase, and its delay is taken out. Beyond its ends (about 60 new samples)
@@ -158,7 +150,7 @@ def resample_signal(signal: NDArray[np.float64], ratio: Fraction) -> NDArray[np.
     )
 
 
-def anti_alias_filter(ratio: Fraction) -> NDArray[np.float64]:
+def anti_alias_filter(ratio: Fraction) -> Array:
     """Kaiser FIR at the intermediate rate (old rate times numerator), unit gain at zero.
 
     Kaiser, J. F. (1974), "Nonrecursive digital filter design using the I0-sinh window".

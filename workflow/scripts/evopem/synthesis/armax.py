@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
-
-Array = NDArray[np.float64]
 
 # The modes of the chapter's table 2 (Hz, damping ratio) at its sampling rate, and one real pole.
 MODES = ((5.36, 0.0091), (16.65, 0.1750), (37.00, 0.0107))

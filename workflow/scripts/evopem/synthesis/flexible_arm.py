@@ -9,13 +9,11 @@ whose drift and slightly compressive characteristic make it non-stationary in me
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.models.states import states_of
 from evopem.signals.recording import Recording
 from evopem.synthesis.armax import Truth, true_mode
-
-Array = NDArray[np.float64]
 
 # Natural frequencies (Hz) and damping ratios: the servo loop, and the arm's modes with the share
 # of each in the tip's acceleration.  The frequencies are those of the chapter's spectrum and

@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from evopem.arrays import Array, Flags
 from evopem.signals.spectra import multitaper_spectrum
-
-Array = NDArray[np.float64]
 
 # An eigenvalue of the input's covariance this far below the largest counts as not excited:
 # there the input is 40 dB weaker than where it is strongest.
@@ -95,9 +94,7 @@ def _relative_density(signal: Array, length: int) -> Array:
     return density / density.sum()
 
 
-def _bands(
-    frequencies: Array, inside: NDArray[np.bool_], power: Array
-) -> tuple[tuple[float, float], ...]:
+def _bands(frequencies: Array, inside: Flags, power: Array) -> tuple[tuple[float, float], ...]:
     """Ranges of neighbouring frequencies with at least a hundredth of the power."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(np.int8), [0]])))
     return tuple(

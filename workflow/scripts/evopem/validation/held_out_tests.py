@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtr
 
+from evopem.arrays import Array
 from evopem.estimation.pem.least_squares import autoregression
-
-Array = NDArray[np.float64]
 
 # Fewest samples from which a test is made.
 FEWEST_SAMPLES = 50

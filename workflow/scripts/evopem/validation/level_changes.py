@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
-Array = NDArray[np.float64]
+from evopem.arrays import Array
 
 # Fewest estimates from which a level is tested.
 FEWEST = 4

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.models.modes import Mode
 from evopem.models.states import delayed
 from evopem.validation.held_out_tests import (
@@ -19,9 +19,6 @@ from evopem.validation.held_out_tests import (
     joint_contribution_test,
 )
 from evopem.validation.responses import HeldOut
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.models.mode_matching import (
     SAME_FREQUENCY,
     STANDARD_ERRORS,
@@ -33,8 +33,6 @@ from evopem.validation.responses import HeldOut, Model, divided
 
 if TYPE_CHECKING:
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
-
-Array = NDArray[np.float64]
 
 # Level of each test.
 SIGNIFICANCE = 0.01

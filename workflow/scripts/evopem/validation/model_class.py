@@ -11,15 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from evopem.arrays import Array
 from evopem.estimation.pem.least_squares import autoregression
 from evopem.signals.correlation import cross_correlation, repetition_lag
 from evopem.validation.held_out_tests import MOST_WHITENING, left_by
 from evopem.validation.responses import HeldOut, unscored_samples
-
-Array = NDArray[np.float64]
 
 # Degree of the polynomial in time that a change of the system is sought as.
 DEGREE = 3

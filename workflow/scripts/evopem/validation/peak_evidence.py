@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Integers
 from evopem.config.settings import SpectrumSettings
 from evopem.errors import InputError
 from evopem.models.state_space import StateSpaceModel
@@ -73,7 +73,7 @@ def peak_evidence(
 
 def _response_density(
     model: StateSpaceModel, samples: Recording, output: int, spectrum: Spectrum
-) -> NDArray[np.float64]:
+) -> Array:
     """Density of a simulated output; NaN where the simulation grows out of all numbers."""
     if not model.inputs:
         return np.zeros_like(spectrum.density)
@@ -91,8 +91,8 @@ def _response_density(
 
 
 def _noise_density(
-    model: StateSpaceModel, output: int, spectrum: Spectrum, index: NDArray[np.int64]
-) -> NDArray[np.float64]:
+    model: StateSpaceModel, output: int, spectrum: Spectrum, index: Integers
+) -> Array:
     """One-sided density of the model's noise at some frequencies, averaged over ± W."""
     half = spectrum.halfbandwidth_hz * np.linspace(-1.0, 1.0, NOISE_GRID)
     nyquist = spectrum.frequencies[-1]

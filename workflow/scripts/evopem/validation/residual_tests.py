@@ -9,9 +9,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
+from evopem.arrays import Array, Flags, Integers
 from evopem.estimation.pem.covariance import density_at_zero
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.response_tables import NORMAL_95
@@ -20,8 +21,6 @@ from evopem.validation.responses import HeldOut, unscored_samples
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Array = NDArray[np.float64]
 
 # Missed dynamics and feedback show at short lags; more lags only dilute the test.
 CROSS_CORRELATION_LAGS = 200
@@ -174,7 +173,7 @@ def fit_effects(
 class ResidualCorrelation:
     """Correlations of residuals with themselves or with the input."""
 
-    lag: NDArray[np.int64]  # (L,)
+    lag: Integers  # (L,)
     values: Array  # (L,) Normalised to ±1; ``nan`` where a series does not vary
     bound95: Array  # (L,) 95 % bound of each, were the residuals white and independent of the input
 
@@ -188,7 +187,7 @@ class ResidualCorrelation:
         """Share of the correlations inside their bounds, 0 to 1; ``nan`` for none."""
         return share_inside(self.values, self.bound95)
 
-    def where(self, chosen: NDArray[np.bool_]) -> ResidualCorrelation:
+    def where(self, chosen: Flags) -> ResidualCorrelation:
         """Some of the lags."""
         return ResidualCorrelation(self.lag[chosen], self.values[chosen], self.bound95[chosen])
 

@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags
 from evopem.models.polynomial import Model, simulated_form, state_space_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.models.states import first_samples
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +148,7 @@ class Responses:
     predicted: Array
     simulated: Array
     fitted: Array
-    scored: NDArray[np.bool_]
+    scored: Flags
 
 
 def responses_of(held_out: Sequence[HeldOut], fit_level: bool) -> Responses:

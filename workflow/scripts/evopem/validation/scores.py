@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from evopem.arrays import Array
 
 
 def error_percent(measured: ArrayLike, computed: ArrayLike) -> float:
@@ -33,7 +35,7 @@ def outlier_percent(residuals: ArrayLike) -> float:
     return float(100.0 * np.mean(distance > 5.0 * 1.4826 * np.median(distance)))
 
 
-def _norm(values: NDArray[np.float64]) -> float:
+def _norm(values: Array) -> float:
     """Euclidean norm, also of numbers whose squares leave the range of floats.
 
     An unstable response that is transformed back to recorded units may reach these.

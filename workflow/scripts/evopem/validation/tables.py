@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags
 from evopem.signals.prepared_data import StretchOrigin, Transforms, measured_outputs
 from evopem.signals.recording import Recording
 from evopem.signals.transforms import box_cox, invert_box_cox
@@ -16,8 +16,6 @@ from evopem.validation.residual_tests import ResidualCorrelation
 from evopem.validation.responses import Responses
 from evopem.validation.scores import error_percent
 from evopem.validation.validation import RecordedErrors, Validation
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +63,7 @@ def _recorded(
 
 
 def recorded_errors(
-    transforms: Transforms, series: RecordedSeries, scored: NDArray[np.bool_], output: int
+    transforms: Transforms, series: RecordedSeries, scored: Flags, output: int
 ) -> RecordedErrors:
     """Errors of one recorded output over the scored samples."""
     measured, predicted, simulated = (

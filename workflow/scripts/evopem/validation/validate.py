@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.settings import OBJECTIVES, SpectrumSettings
 from evopem.errors import check_choice
 from evopem.models.mode_matching import OrderModel
@@ -66,8 +66,6 @@ from evopem.validation.validation import (
     Validation,
     ValidationTables,
 )
-
-Array = NDArray[np.float64]
 
 # Horizons of a decade, and the longest one.
 DECADE = (1, 2, 3, 5, 7)

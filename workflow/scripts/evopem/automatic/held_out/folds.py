@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.held_out.repetition import Repetition, decide_repetition
 from evopem.automatic.held_out.simulation import (
@@ -18,8 +18,6 @@ from evopem.automatic.held_out.simulation import (
 from evopem.automatic.held_out.stretches import REASON, Fold, folds_of, response_parts
 from evopem.errors import NoModelError
 from evopem.signals.recording import Segment, total_samples
-
-Array = NDArray[np.float64]
 
 # Designs of folds: number of folds, and blocks of each.  Long blocks show errors of the gain and of
 # slow poles, many folds leave more samples to fit, interleaved blocks compare like with like.

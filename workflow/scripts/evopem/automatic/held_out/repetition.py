@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
 from evopem.signals.correlation import LONGEST_LAG, repetition_lag
 from evopem.signals.recording import Segment
-
-Array = NDArray[np.float64]
 
 # Orders of the ARX models whose residuals are judged, as far as there are SAMPLES_PER_ORDER samples
 # for each.

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.models.polynomial import Model, simulated_form, state_space_of
 from evopem.models.states import first_samples
 from evopem.signals.recording import Segment
-
-Array = NDArray[np.float64]
 
 # A pole of a larger radius makes a simulation grow without bound.
 STABLE = 1.0 + 1e-9

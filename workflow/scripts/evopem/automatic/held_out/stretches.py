@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.signals.recording import Segment, total_samples
 
 # A stretch shorter than this is of no use.
@@ -82,8 +82,6 @@ def folds_of(
         found.append(Fold(tuple(training), tuple(held_out), tuple(before)))
     return tuple(found)
 
-
-Array = NDArray[np.float64]
 
 REASON = (
     "Part of the record is silent, as before or after a single blow: the folds divide the energy of"

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags
 from evopem.automatic.decision import Alternative, Decision
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import MAX_DESIGNED_LEVELS
-
-Array = NDArray[np.float64]
 
 # Samples that are kept of a rest before the first change: they tell the level of the rest.
 KEPT_REST = 10
@@ -101,7 +99,7 @@ def decide_stuck(recordings: Sequence[Recording], starts: Sequence[int]) -> tupl
     return found, Decision("stuck samples", choice, alternatives, criterion, sentence)
 
 
-def standing_still(signal: Array) -> NDArray[np.bool_]:
+def standing_still(signal: Array) -> Flags:
     """Samples in runs of at least ``STUCK_RUN`` equal values."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(signal) != 0.0) + 1, [len(signal)]])
     lengths = np.diff(edges)

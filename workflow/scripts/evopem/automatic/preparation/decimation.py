@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import FOLD_STAGES, CommonSettings, fit
 from evopem.automatic.held_out.folds import SHORTEST_BLOCK
@@ -19,8 +19,6 @@ from evopem.errors import InputError, NoModelError
 from evopem.models.orders import Orders
 from evopem.signals.recording import Recording, Segment, total_samples
 from evopem.signals.spectra import frequency_response
-
-Array = NDArray[np.float64]
 
 # Decimation is tried where this share of the output's power lies below 1 / OVERSAMPLED of the
 # sampling rate, by factors that leave LEAST_SAMPLES samples.

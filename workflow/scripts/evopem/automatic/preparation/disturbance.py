@@ -7,7 +7,6 @@ from contextlib import suppress
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import ArxFit, fit, likeliest_arx, log_loss
@@ -16,8 +15,6 @@ from evopem.errors import NoModelError
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment, total_samples
-
-Array = NDArray[np.float64]
 
 MOST_DIFFERENCES = 2
 # Orders of the ARX models that are compared, with SAMPLES_PER_ORDER samples for each.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.automatic.decision import Decision, given_by_configuration
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, SHORTEST_STRETCH, first_samples
 from evopem.automatic.preparation.breaks import (
@@ -37,7 +37,6 @@ from evopem.signals.prepared_data import PreparedData, Rows, StretchOrigin
 from evopem.signals.recording import Recording, Segment
 from evopem.signals.transforms import difference, invert_difference
 
-Array = NDArray[np.float64]
 Decided = tuple[object, Decision]
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, fit
 from evopem.automatic.held_out.simulation import simulated_on
@@ -28,8 +28,6 @@ from evopem.signals.transforms import (
     likeliest_box_cox,
     positive_shift,
 )
-
-Array = NDArray[np.float64]
 
 # Models whose simulations are scored.
 PROBES = (

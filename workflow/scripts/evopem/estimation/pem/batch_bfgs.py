@@ -7,13 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags, Indices
 from evopem.estimation.pem.kernels.bfgs import State, advance, state_at, trial_points
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
-InverseHessians = Callable[[Array, Rows], Array]
+InverseHessians = Callable[[Array, Indices], Array]
 
 # Trials after which the inverse Hessians are approximated anew, for all starts at once: they share
 # the passes of that as well.  Not sooner: what a start has learnt of the land on its way leads it
@@ -27,12 +25,12 @@ class Descent:
 
     points: Array
     values: Array
-    converged: NDArray[np.bool_]
+    converged: Flags
     evaluations: int
 
 
 def descend(
-    evaluate: Callable[[Array, Rows], tuple[Array, Array]],
+    evaluate: Callable[[Array, Indices], tuple[Array, Array]],
     starts: Array,
     inverse_hessians: InverseHessians,
     max_iterations: int,

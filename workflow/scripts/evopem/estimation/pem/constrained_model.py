@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags
 from evopem.config.constraints import Constraints, FixedPole
 from evopem.errors import InputError
 from evopem.estimation.pem.constrained_parameters import (
@@ -19,8 +19,6 @@ from evopem.estimation.pem.constrained_polynomials import Linear, RegionSections
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, Band, PoleRegion
 from evopem.models.constraint_checks import coefficient_index
 from evopem.models.orders import Orders
-
-Array = NDArray[np.float64]
 
 
 def constrained_parameters(
@@ -162,7 +160,7 @@ def poles_of_fixed(pole: FixedPole, sampling_rate: float) -> tuple[complex, ...]
     return complex(upper), complex(upper.conjugate())
 
 
-def _fixed(name: str, constraints: Constraints, orders: Orders) -> tuple[NDArray[np.bool_], Array]:
+def _fixed(name: str, constraints: Constraints, orders: Orders) -> tuple[Flags, Array]:
     """Which coefficients of a polynomial are free, and the values of the others."""
     count = orders.part(name).stop - orders.part(name).start
     free, values = np.ones(count, dtype=bool), np.zeros(count)
@@ -175,7 +173,7 @@ def _fixed(name: str, constraints: Constraints, orders: Orders) -> tuple[NDArray
 
 def _linear(
     factor: Array,
-    free: NDArray[np.bool_],
+    free: Flags,
     values: Array,
     radius: float | None = None,
     radius_name: str = "stability",

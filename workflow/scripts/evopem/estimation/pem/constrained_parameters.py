@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.estimation.pem.constrained_polynomials import (
     EXCESS,
     KIND,
@@ -20,8 +20,6 @@ from evopem.estimation.pem.constrained_polynomials import (
 )
 from evopem.estimation.pem.coordinate_errors import Mapped
 from evopem.estimation.pem.pole_region import AT_EDGE
-
-Array = NDArray[np.float64]
 
 # Shares of a start: away from the edges, where the slope by the coordinate vanishes.
 INSIDE = 0.01

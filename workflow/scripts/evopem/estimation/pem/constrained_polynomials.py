@@ -6,13 +6,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.pole_region import AT_EDGE, PoleRegion
 from evopem.models.polynomials import root_gradient, roots
-
-Array = NDArray[np.float64]
 
 # Kinds of coordinates: any number, a share of 0 to 1, an excess over a bound, a kind of section.
 FREE, SHARE, EXCESS, KIND = range(4)
@@ -194,9 +192,7 @@ def null_space(rows: Array) -> Array:
     return basis
 
 
-def _without(
-    poles: NDArray[np.complex128], known: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def _without(poles: Complex, known: Complex) -> Complex:
     """Poles less those nearest to known ones; a pair that loses one pole keeps a real one."""
     left = list(poles)
     for pole in known:

@@ -6,13 +6,11 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.estimation.pem.k_step_errors import KStepErrors
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.priors import Priors
-
-Array = NDArray[np.float64]
 
 
 class Mapped(NamedTuple):

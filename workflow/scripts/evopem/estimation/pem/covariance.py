@@ -8,12 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Indices
 from evopem.estimation.pem.least_squares import autoregression
 from evopem.models.parameter_covariance import ParameterCovariance
-
-Array = NDArray[np.float64]
 
 # Singular values of the Jacobian, its columns scaled to unit length, below this share of the
 # largest one count as zero: they come from rounding, and their directions are unidentifiable.
@@ -32,7 +30,7 @@ def estimate_covariance(
     residuals: Array,
     output: Array,
     parameters: int,
-    of_noise: NDArray[np.intp],
+    of_noise: Indices,
     objective: str,
 ) -> ParameterCovariance | None:
     """Covariance of the first ``parameters`` estimates for white residuals, ``s^2 (J'J)^-1`` with s

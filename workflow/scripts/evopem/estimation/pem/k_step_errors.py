@@ -5,13 +5,11 @@ eq. 3.29-3.31).  Derivatives are W_k times those of e plus e filtered through ``
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.estimation.pem.kernels.polynomials import filter_rows
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import DENSITY_BANDWIDTH, StretchErrors
-
-Array = NDArray[np.float64]
 
 
 class KStepErrors:

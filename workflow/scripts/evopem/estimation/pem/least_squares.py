@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from evopem.arrays import Array
 
 CHUNK = 8192
 

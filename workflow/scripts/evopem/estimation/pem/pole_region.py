@@ -7,9 +7,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from evopem.arrays import Array, Complex
+
 Band = tuple[float, float]
 
 # Largest radius where the stability of the plant is not required.
@@ -109,7 +109,7 @@ class PoleRegion:
                 names, fixed = [*names, "real_poles"], [0, *fixed]
         return names, fixed
 
-    def shares_of(self, poles: NDArray[np.complex128]) -> tuple[int, Array]:
+    def shares_of(self, poles: Complex) -> tuple[int, Array]:
         """Kind and shares of the section nearest to two poles: a conjugate pair, or real ones."""
         if poles[0].imag == 0.0 and self.real is not None:
             low, high = self.real

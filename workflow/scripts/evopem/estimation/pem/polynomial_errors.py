@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags, Indices
 from evopem.config.settings import ScoringWindow
 from evopem.errors import NoModelError
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
@@ -19,9 +19,6 @@ from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
 from evopem.signals.recording import Segment
-
-Array = NDArray[np.float64]
-Places = NDArray[np.intp]
 
 # Roots are moved this share of the radius inside it.
 MARGIN = 1e-6
@@ -86,7 +83,7 @@ class PolynomialErrors:
                 inputs, each.output, self.orders, self.window, objective, self.level
             )
 
-    def _places(self) -> Iterator[Places]:
+    def _places(self) -> Iterator[Indices]:
         """Where the point of each stretch alone stands in the point of all."""
         parts, o = self.parts(), self.orders
         nf, states = sum(o.nf), o.noise_states
@@ -141,7 +138,7 @@ class PolynomialErrors:
         found += [("f", o.part("f", place)) for place in range(o.inputs)]
         return [(name, part) for name, part in found if part.stop > part.start]
 
-    def linear(self, *names: str) -> NDArray[np.bool_]:
+    def linear(self, *names: str) -> Flags:
         """Which entries of a point some parts are."""
         chosen = np.zeros(self.dimension, dtype=bool)
         for name in names:
@@ -297,7 +294,7 @@ class PolynomialErrors:
                 best, lowest = found, float(reached @ reached)
         return best
 
-    def feasible(self, points: Array) -> NDArray[np.bool_]:
+    def feasible(self, points: Array) -> Flags:
         """Whether all roots of A, C, D and F_i of each row lie within their radii."""
         return np.asarray(np.isfinite(points).all(axis=1) & np.isfinite(self.barriers(points)[0]))
 

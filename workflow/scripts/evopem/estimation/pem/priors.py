@@ -6,15 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.constraints import Constraints
 from evopem.models.constraint_checks import coefficient_index
 from evopem.models.modes import modes_of, pole_mode
 from evopem.models.orders import Orders
 from evopem.models.polynomials import roots
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

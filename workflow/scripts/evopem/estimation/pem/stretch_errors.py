@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.settings import ScoringWindow
 from evopem.estimation.pem.kernels.bfgs import LINE, State
 from evopem.estimation.pem.kernels.gauss_newton import gauss_newton_matrices
@@ -24,8 +24,6 @@ from evopem.estimation.pem.kernels.record import (
 )
 from evopem.estimation.pem.least_squares import chunks
 from evopem.models.orders import Orders
-
-Array = NDArray[np.float64]
 
 # What the square of a noise state weighs against that of a residual: a prior of ten standard
 # deviations of the innovations.  Where C forgets its start before the first scored residual, a

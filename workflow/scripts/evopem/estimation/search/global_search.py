@@ -11,8 +11,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.settings import SearchSettings
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.search.certificate import (
@@ -37,8 +37,6 @@ from evopem.estimation.search.problem import (
     undiscovered,
 )
 from evopem.estimation.search.section_replacement import SectionReplacement
-
-Array = NDArray[np.float64]
 
 # Independent batches of random points, and the points of each.
 BATCHES, BATCH = 2, 16

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.estimation.pem.kernels.polynomials import filter_rows
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.polynomials import reflect_into_disc
-
-Array = NDArray[np.float64]
 
 STEIGLITZ_MCBRIDE_STEPS = 20
 # Rows of block Hankel matrices, in orders of the model, and the most of them.

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Indices
 from evopem.config.settings import SearchSettings
 from evopem.estimation.search.certificate import enough_agree
 from evopem.estimation.search.problem import (
@@ -21,8 +21,6 @@ from evopem.estimation.search.problem import (
     same_optimum,
     undiscovered,
 )
-
-Array = NDArray[np.float64]
 
 # Random points of the first batch; each further batch doubles their number.
 FIRST_BATCH = 32
@@ -169,9 +167,7 @@ def discrete_recombination(
     return np.where(from_first, parents[pairs[0]], parents[pairs[1]]), 0
 
 
-def _chosen(
-    values: Array, settings: SearchSettings, generator: np.random.Generator
-) -> NDArray[np.intp]:
+def _chosen(values: Array, settings: SearchSettings, generator: np.random.Generator) -> Indices:
     """Choose the offspring that BFGS refines."""
     count = min(settings.nu, len(values))
     if settings.refine == "random":

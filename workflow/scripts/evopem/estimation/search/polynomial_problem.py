@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property, reduce
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.linear_estimates import (
@@ -38,8 +38,6 @@ from evopem.estimation.search.staged_descent import (
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomials import reflect_into_disc
-
-Array = NDArray[np.float64]
 
 # Damping of descents from neighbours of an optimum, relative to the scaled diagonal of the
 # Gauss-Newton matrix, which is singular where a section is common to all polynomials.

@@ -6,15 +6,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.errors import InputError
 
 if TYPE_CHECKING:
     from evopem.estimation.pem.batch_bfgs import Descent
-
-
-Array = NDArray[np.float64]
 
 # Relative difference of objective values below which two end points count as the same optimum.
 SAME_OPTIMUM = 1e-6

@@ -6,11 +6,9 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex, Integers
 from evopem.models.polynomials import roots
-
-Array = NDArray[np.float64]
 
 # Distances of random roots from the unit circle: as far as a pole that decays in a sample, and as
 # near as one that rings for hundreds.
@@ -58,7 +56,7 @@ def product_of(sections: RootSections) -> Array:
 
 
 def recombined_polynomials(
-    polynomials: Array, pairs: NDArray[np.int64], generator: np.random.Generator
+    polynomials: Array, pairs: Integers, generator: np.random.Generator
 ) -> Array:
     """Polynomials, (count, m), whose sections each come from one of two parents, by frequency.
     ``polynomials`` (M, m): without the leading 1.  ``pairs`` (2, count): the parents of each."""
@@ -134,7 +132,7 @@ def with_moved_section(
     return moved
 
 
-def _section_roots(section: Array) -> NDArray[np.complex128]:
+def _section_roots(section: Array) -> Complex:
     half = -0.5 * section[0]
     spread = np.sqrt(complex(half * half - section[1]))
     return np.array([half + spread, half - spread])

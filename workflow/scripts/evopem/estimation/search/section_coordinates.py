@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.coordinate_errors import CoordinateErrors, Mapped
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
@@ -17,8 +17,6 @@ from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.root_sections import sections_of
 from evopem.estimation.search.staged_descent import POLISH_STAGES, staged_descent
-
-Array = NDArray[np.float64]
 
 # How far inside the side of the box a descent begins: on it the slope is zero.
 INSIDE = 1e-6

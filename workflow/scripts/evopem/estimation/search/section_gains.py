@@ -10,11 +10,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex, Indices
 from evopem.estimation.pem.kernels.polynomials import filter_rows
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.pem.stretch_errors import StretchErrors
-
-Array = NDArray[np.float64]
 
 # Distances of a pair of roots from the unit circle, each twice the last, and how far apart places
 # lie in these distances: a resonance is as wide as it is distant.
@@ -58,7 +57,7 @@ def gains(
     errors: PolynomialErrors,
     point: Array,
     shared: Sequence[tuple[str, int]],
-    places: NDArray[np.intp],
+    places: Indices,
 ) -> Array:
     """Part of the objective that a shared section explains at each of some places, (M,).
     ``shared``: polynomials with it, by letter and input.  ``places`` (M,): rows of grid."""
@@ -74,7 +73,7 @@ def gains(
     response, power = (each[places] for each in _responses(bins))
     delay = np.exp(-1j * np.pi * np.arange(frequencies) / frequencies)
 
-    def summed(*products: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def summed(*products: Complex) -> Complex:
         return np.add.reduceat(np.stack(products), first_of_bin, axis=1).T
 
     count = len(spectra) - 1

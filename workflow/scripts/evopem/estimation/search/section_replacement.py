@@ -10,8 +10,8 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import BasinHopping, converged_values, same_optimum
@@ -22,8 +22,6 @@ from evopem.estimation.search.root_sections import (
 )
 from evopem.estimation.search.section_gains import gains, grid
 from evopem.models.orders import Orders
-
-Array = NDArray[np.float64]
 
 # Random points that the smallest orders are descended from, and optima that are kept.
 FIRST, KEPT = 8, 4

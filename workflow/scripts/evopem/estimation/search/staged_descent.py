@@ -7,8 +7,8 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags, Indices
 from evopem.errors import InputError
 from evopem.estimation.pem.batch_bfgs import Descent, descend, descend_by
 from evopem.estimation.pem.coordinate_errors import CoordinateErrors
@@ -23,7 +23,6 @@ from evopem.estimation.search.problem import (
     same_optimum,
 )
 
-Array = NDArray[np.float64]
 PredictionErrors = PolynomialErrors | KStepErrors | CoordinateErrors
 
 MAX_ITERATIONS = 200
@@ -132,7 +131,7 @@ def _bfgs(
     damping: float,
     wait: float | None,
 ) -> Descent:
-    def inverse_hessians(at: Array, rows: NDArray[np.intp]) -> Array:
+    def inverse_hessians(at: Array, rows: Indices) -> Array:
         return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
 
     own = errors.advance_descents if isinstance(errors, PolynomialErrors) else None
@@ -181,9 +180,7 @@ def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
     return 0.5 * damped * scale[:, :, None] * scale[:, None, :]
 
 
-def solve_linear(
-    errors: PredictionErrors, points: Array, linear: NDArray[np.bool_], steps: int
-) -> Array:
+def solve_linear(errors: PredictionErrors, points: Array, linear: Flags, steps: int) -> Array:
     """Points, (M, n), changed in place, whose linear coordinates minimise the objective.  By
     :data:`LINEAR_STEPS` Newton steps from where they are, given the other coordinates."""
     none = np.zeros(len(points))

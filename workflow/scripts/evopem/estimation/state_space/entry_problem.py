@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags, Integers
 from evopem.config.constraints import Constraints
 from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
@@ -46,8 +47,6 @@ from evopem.estimation.state_space.sections import (
 )
 from evopem.estimation.state_space.starting_points import point_of
 from evopem.models.parameter_covariance import COMPLEX_STEP, ParameterCovariance, jacobian_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,7 +281,7 @@ class EntryProblem:
         hessian[held], hessian[:, held] = 0.0, 0.0
         return gradient, hessian
 
-    def _held(self, point: Array, gradient: Array) -> NDArray[np.bool_]:
+    def _held(self, point: Array, gradient: Array) -> Flags:
         """Coordinates at a bound, beyond which the criterion falls; those of kinds."""
         after = self.moved(point, -1e-6 * np.sign(gradient))
         shares = np.zeros(self.dimension, dtype=bool)
@@ -370,7 +369,7 @@ class EntryProblem:
             coloured=several,
         )
 
-    def active(self, point: Array) -> tuple[tuple[str, ...], NDArray[np.bool_]]:
+    def active(self, point: Array) -> tuple[tuple[str, ...], Flags]:
         """Active inequalities, and the coordinates that they leave free, (n,) of bool."""
         names: set[str] = set()
         free = np.ones(self.dimension, dtype=bool)
@@ -386,7 +385,7 @@ class EntryProblem:
         return tuple(sorted(names)), free
 
 
-def _lagged(bounds: NDArray[np.int64], lag: int) -> Iterator[tuple[slice, slice]]:
+def _lagged(bounds: Integers, lag: int) -> Iterator[tuple[slice, slice]]:
     """Of each segment the samples that have others so much earlier, and those."""
     for first, stop in pairwise(bounds):
         yield slice(first + lag, stop), slice(first, max(stop - lag, first))

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag, qr
 from scipy.linalg.blas import dgemm
 
+from evopem.arrays import Array, Flags, Indices, Integers
 from evopem.config.settings import OutputWeighting
 from evopem.errors import NoModelError
 from evopem.estimation.damped_descent import Weighing
@@ -37,8 +37,6 @@ from evopem.estimation.state_space.sections import (
 )
 from evopem.models.state_space import PlainStructure
 from evopem.signals.recording import Recording
-
-Array = NDArray[np.float64]
 
 # Singular values of the regressors, their columns scaled to unit length, below this share of the
 # largest one are rounding.
@@ -62,8 +60,8 @@ class ScaledRecording:
     delays: tuple[int, ...]  # nk of each input: with 0 it has a column of D
     inputs: Array  # (N, m), shifted by their delays, over input_scales
     outputs: Array  # (N, l), (y - output_offsets) / output_scales: of unit mean square
-    bounds: NDArray[np.int64]  # (segments + 1,): first sample of each segment, and N
-    level_of: NDArray[np.intp]  # (segments,): level of each segment, one for each recording
+    bounds: Integers  # (segments + 1,): first sample of each segment, and N
+    level_of: Indices  # (segments,): level of each segment, one for each recording
     input_scales: Array
     output_scales: Array
     output_offsets: Array
@@ -105,7 +103,7 @@ class ScaledRecording:
         return regressors
 
     @property
-    def feedthrough(self) -> NDArray[np.bool_]:
+    def feedthrough(self) -> Flags:
         """Whether each input acts on the output of the same sample, (m,)."""
         return np.array([delay == 0 for delay in self.delays], dtype=bool)
 
@@ -307,9 +305,7 @@ class StateSpaceErrors:
         states = driven_states(A, initial[:, None], inputs[:, None], self.data.bounds)[:, 0]
         return sections, states, np.column_stack([states, *self.direct])
 
-    def jacobian(
-        self, found: Projection, signals: Array, output: int
-    ) -> tuple[Array, NDArray[np.intp]]:
+    def jacobian(self, found: Projection, signals: Array, output: int) -> tuple[Array, Indices]:
         """Derivatives of what is predicted of an output, from those signals of the sections.
 
         By the coordinates and by its own linear coefficients, and where these stand among the

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import (
     Constraints,
@@ -46,7 +46,6 @@ from evopem.models.orders import Orders
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording, Segment
 
-Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.errors import NoModelError
@@ -31,7 +31,6 @@ from evopem.estimation.state_space.starting_points import point_of_model
 from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
 
-Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
 

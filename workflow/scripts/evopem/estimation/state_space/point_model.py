@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.arrays import Array, Indices, Integers
 from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
 from evopem.estimation.criteria import coloured_autocovariances
@@ -18,9 +19,6 @@ from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.sections import input_matrix, sections_of, state_matrix
 from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
 from evopem.models.state_space import StateSpaceModel
-
-Array = NDArray[np.float64]
-
 
 # Condition of the states' responses at the outputs, scaled to one, above which another basis of the
 # states is taken, and doublings of the number of samples that they are seen over.
@@ -202,7 +200,7 @@ def scores_of(
 
 def sandwich(
     errors: StateSpaceErrors,
-    jacobian: Callable[[int], tuple[Array, NDArray[np.intp]]],
+    jacobian: Callable[[int], tuple[Array, Indices]],
     scores: Array,
     weights: Array,
     mapping: Array,
@@ -252,7 +250,7 @@ def sandwich(
     return ParameterCovariance(factor, unseen[:, unseen.any(axis=0)])
 
 
-def _filtered(signals: Array, of_lags: Array, bounds: NDArray[np.int64]) -> Array:
+def _filtered(signals: Array, of_lags: Array, bounds: Integers) -> Array:
     """``sum_k of_lags_k signals_(t-k)`` over lags of either sign, segment by segment."""
     from scipy.signal import oaconvolve  # loading it takes as long as all else together
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.config.constraints import Constraints
 from evopem.estimation.pem.constrained_model import gain_of, pole_region, poles_of_fixed
 from evopem.estimation.pem.constrained_parameters import Gain
@@ -18,9 +18,6 @@ from evopem.estimation.pem.constrained_polynomials import FREE, KIND, SHARE, Reg
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.state_space.errors import EDGE, ScaledRecording, StateSpaceErrors
 from evopem.estimation.state_space.sections import drawn_in
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

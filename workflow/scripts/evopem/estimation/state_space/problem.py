@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
 from evopem.estimation.damped_descent import Optimum, Places, descend
@@ -22,8 +22,6 @@ from evopem.estimation.state_space.sections import (
 )
 from evopem.estimation.state_space.starting_points import from_poles, random_poles
 from evopem.models.parameter_covariance import ParameterCovariance
-
-Array = NDArray[np.float64]
 
 # Steps and tolerance of a descent of a search, and of its last one.
 STEPS, TOLERANCE = 100, 1e-7

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array
 from evopem.config.settings import SearchSettings
 from evopem.estimation import damped_descent
 from evopem.estimation.criteria import limited
@@ -32,7 +32,6 @@ from evopem.estimation.state_space.starting_points import (
     random_poles,
 )
 
-Array = NDArray[np.float64]
 Log = Callable[[str], None]
 
 

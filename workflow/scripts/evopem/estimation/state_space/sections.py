@@ -16,9 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.arrays import Array, Flags, Integers
 from evopem.estimation.state_space.kernels import derivative_signals
-
-Array = NDArray[np.float64]
 
 # Least magnitude of delta for which s = sqrt(|delta|), which makes a section's two states of one
 # size; s stays as it is below.
@@ -62,7 +61,7 @@ class Layout:
         shape = self.sections, 2 + 2 * self.drives, *point.shape[1:]
         return point[: self.dimension].reshape(shape)
 
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> Flags:
         """Whether anything depends on each coordinate, (sections, 2 + 2 drives)."""
         free = np.ones((self.sections, 2 + 2 * self.drives), dtype=bool)
         if self.single:
@@ -192,7 +191,7 @@ class SectionSignals:
     ``bounds``.  A derivative is the sum of two signals that move a state each, times factors.
     """
 
-    def __init__(self, layout: Layout, driving: Array, bounds: NDArray[np.int64]) -> None:
+    def __init__(self, layout: Layout, driving: Array, bounds: Integers) -> None:
         self.layout, self.bounds = layout, bounds
         self.driving, self.of_drives = driving.shape[1], driving
         # The last column, of zeros, drives the responses to initial states.

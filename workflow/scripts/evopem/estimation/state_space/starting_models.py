@@ -12,13 +12,10 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex, Indices
 from evopem.estimation.state_space.errors import ScaledRecording, StateSpaceErrors
 from evopem.estimation.state_space.starting_points import from_matrices, from_poles
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Lags of the long ARX models, and horizons of the instrumental estimates.
 LAGS = (8, 20, 50)
@@ -101,13 +98,13 @@ class LongArx(NamedTuple):
     errors: Array
 
 
-def _rows(data: ScaledRecording, before: int, after: int) -> NDArray[np.intp]:
+def _rows(data: ScaledRecording, before: int, after: int) -> Indices:
     """Samples with as many others of their segment before and after them."""
     parts = [np.arange(first + before, stop - after) for first, stop in pairwise(data.bounds)]
     return np.concatenate(parts)
 
 
-def _past(signals: Array, rows: NDArray[np.intp], lags: int) -> Array:
+def _past(signals: Array, rows: Indices, lags: int) -> Array:
     """Signals at lags 1 ... ``lags`` of some samples, (rows, lags signals)."""
     return np.hstack([signals[rows - k] for k in range(1, lags + 1)])
 

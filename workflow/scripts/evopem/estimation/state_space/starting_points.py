@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.sections import (
     Layout,
@@ -19,9 +20,6 @@ from evopem.estimation.state_space.sections import (
     with_drives,
 )
 from evopem.models.state_space import StateSpaceModel
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Distance of random poles from the unit circle, log-uniform, and the share of real pairs.
 NEAREST, FARTHEST, REAL_PAIRS = 0.003, 0.6, 0.2

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Complex
 from evopem.config.structures import STRUCTURES, plant_order
 from evopem.models.polynomials import CHI_SQUARE_95, root_gradient, roots
 from evopem.validation.checks.check import Evidence, Found, check
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from evopem.models.parameter_covariance import ParameterCovariance
     from evopem.models.polynomial import PolynomialModel
 
-Roots = NDArray[np.complex128]
-
 # A pole and a zero farther apart than this do not cancel, however uncertain they are.
 MAX_CANCELLATION_DISTANCE = 0.1
 # Without a covariance, only a pair closer than this is called a cancellation.
@@ -25,7 +23,7 @@ COINCIDENT_DISTANCE = 0.01
 
 
 DISTINCT = "Poles and zeros distinct"
-INSIDE_BOUND = "Roots inside the stability bound"
+INSIDE_BOUND = "Complex inside the stability bound"
 
 
 UNSTABLE = "Errors of the initial state and of the input do not decay in a simulation."
@@ -68,7 +66,7 @@ def _letters(model: ModelRecord, letters: str) -> str:
     return " and ".join([", ".join(own[:-1]), own[-1]] if len(own) > 1 else own)
 
 
-def _inside_unit_circle(what: str, found: Roots) -> tuple[bool | None, str]:
+def _inside_unit_circle(what: str, found: Complex) -> tuple[bool | None, str]:
     if found.size == 0:
         return True, "The model has no such roots."
     largest = float(np.max(np.abs(found)))
@@ -192,8 +190,8 @@ def _zeros_beside(
 def indistinguishable(
     pole: complex,
     zero: complex,
-    a: NDArray[np.float64],
-    b: NDArray[np.float64],
+    a: Array,
+    b: Array,
     covariance: ParameterCovariance,
 ) -> bool:
     """Whether the 95 % confidence region of pole minus zero contains 0.

@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evopem.arrays import Array, Indices
 from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
-
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 SUFFICIENT_DECREASE = 1e-4
 CURVATURE = 0.9
@@ -49,7 +47,7 @@ def state_at(starts: Array) -> State:
 
 
 @cached_njit
-def trial_points(state: State, rows: Rows) -> Array:
+def trial_points(state: State, rows: Indices) -> Array:
     """The point that each of some starts tries."""
     trial = np.empty((rows.size, state.x.shape[1]))
     for k, r in enumerate(rows):
@@ -63,7 +61,7 @@ def trial_points(state: State, rows: Rows) -> Array:
 @cached_njit
 def advance(
     state: State,
-    rows: Rows,
+    rows: Indices,
     trial: Array,
     values: Array,
     gradients: Array,

@@ -6,7 +6,6 @@ u_i differs by the sample that enters it from the past, times the response to an
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
 from evopem.estimation.pem.kernels.record import (
@@ -45,8 +44,6 @@ from evopem.estimation.pem.kernels.simd import (
     square_root,
     store,
 )
-
-Array = NDArray[np.float64]
 
 # Magnitude below which an impulse response has died out.
 DECAYED = 1e-100

@@ -7,8 +7,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evopem.arrays import Array, Indices
 from evopem.estimation.pem.kernels.cache import njit
 from evopem.estimation.pem.kernels.simd import constant, lanes_table, store
 from evopem.models.orders import Orders
@@ -18,8 +18,6 @@ OF_A, OF_B, OF_C, OF_D, OF_F, LEVEL, PLANT_STATE, NOISE_STATE = range(8)
 # The response of D/C to an impulse, beside them among the products of lagged signals.
 NOISE_RESPONSE = NOISE_STATE + 1
 
-Array = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 
 # Samples that a recursion works through at a time.
 BLOCK = 4
@@ -41,25 +39,25 @@ class Record(NamedTuple):
     u: Array
     inputs: int
     na: int
-    nb: Numbers
+    nb: Indices
     nc: int
     nd: int
-    nf: Numbers
-    nk: Numbers
+    nf: Indices
+    nk: Indices
     level: int
     states: int
     rows_c: int
-    rows_f: Numbers
-    at_b: Numbers
+    rows_f: Indices
+    at_b: Indices
     at_c: int
     at_d: int
-    at_f: Numbers
+    at_f: Indices
     at_level: int
-    at_g: Numbers
+    at_g: Indices
     at_s: int
-    entry: Numbers
+    entry: Indices
     sign: Array
-    parts: Numbers
+    parts: Indices
     history: int
     rows: int
     residual_start: int
@@ -202,7 +200,7 @@ class LagSums(NamedTuple):
     each part of the sums, its coefficients and their first signed row, and the part with the
     response to what enters it from the past, or -1."""
 
-    parts: NDArray[np.intp]
+    parts: Indices
     source: Array
     by_c: Array
     by_d: Array
@@ -230,7 +228,7 @@ def lag_sums_for(record: Record) -> LagSums:
     )
 
 
-def _parts_of_sums(record: Record) -> NDArray[np.intp]:
+def _parts_of_sums(record: Record) -> Indices:
     """See :class:`LagSums`."""
     own = [tuple(part) for part in record.parts.tolist()]
     responses: dict[tuple[int, int], tuple[int, int]] = {}

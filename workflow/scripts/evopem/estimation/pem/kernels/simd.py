@@ -10,7 +10,8 @@ from numba import types
 from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.extending import intrinsic, register_model
-from numpy.typing import NDArray
+
+from evopem.arrays import Array
 
 LANES = 8
 
@@ -149,10 +150,10 @@ square_root, magnitude = _unary("sqrt"), _unary("fabs")
 add, divide = _binary("fadd"), _binary("fdiv")
 
 
-def lanes_table(rows: int) -> NDArray[np.float64]:
+def lanes_table(rows: int) -> Array:
     """A (rows, LANES) table of zeros whose rows do not straddle cache lines."""
     line = 8 * LANES
     raw = np.zeros(LANES * (rows + 1))
     skipped = -raw.ctypes.data % line // raw.itemsize
-    table: NDArray[np.float64] = raw[skipped : skipped + LANES * rows].reshape(rows, LANES)
+    table: Array = raw[skipped : skipped + LANES * rows].reshape(rows, LANES)
     return table
