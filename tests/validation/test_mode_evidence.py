@@ -142,6 +142,23 @@ def test_lower_orders_that_have_a_mode_speak_for_it():
     assert not any("of the orders compared" in doubt for doubt in judged.doubts)
 
 
+def test_delays_are_no_poles_to_spare():
+    """A model with one mode for two has them, in state space, where B is longer than A."""
+
+    def model(order, *modes):
+        a = np.array([1.0])
+        for each in modes:
+            a = np.convolve(a, factor(each))
+        b = 0.3 ** np.arange(2 * order)
+        found = PolynomialModel(a, b, np.ones(1), nk=1, sampling_rate=RATE)
+        return OrderModel.of(order, 0.0, found.state_space())
+
+    slow, fast = pole(10.0, 0.02), pole(30.0, 0.05)
+    models = [model(2, slow), model(4, slow, fast), model(6, slow, fast, pole(20.0, 0.3))]
+    judged = table_of_models(models, 4).modes
+    assert [each.recurrence for each in judged if each.order == 4] == [1.0, 1.0]
+
+
 def test_a_mode_forty_decibels_below_the_output_or_slower_than_the_record_is_not_trusted():
     """Without noise each is significant, however little of it there is."""
     weak, strong, slow = pole(30.0, 0.02), pole(10.0, 0.02), pole(0.2, 0.002)

@@ -49,6 +49,8 @@ LEAST_POWER = EXCITED
 WIDEST_INTERVAL = 0.1
 # Decay in a sample, relative to the amplitude, that no record of usual length shows.
 NO_DECAY = 1e-6
+# Radius below which a pole is a delay, as those of more coefficients of B than of A.
+DELAY_RADIUS = 1e-3
 # Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
 # expected to have with the true one: that of well correlated shapes (Ewins 2000).
 POLES_APART, KNOWN_SHAPE = 0.01, 0.9
@@ -277,7 +279,10 @@ def _judged(
         each.order in group
         for each in by_order.values()
         if each.order != found.order
-        and (each.order in group or len(each.model.poles()) > 2 * len(found.modes))
+        and (
+            each.order in group
+            or np.sum(np.abs(each.model.poles()) > DELAY_RADIUS) > 2 * len(found.modes)
+        )
     ]
     judged = ModeEvidence(
         mode=mode,
