@@ -149,7 +149,7 @@ def test_delays_are_no_poles_to_spare():
         a = np.array([1.0])
         for each in modes:
             a = np.convolve(a, factor(each))
-        b = 0.3 ** np.arange(2 * order)
+        b = 0.3 ** np.arange(3 * order)
         found = PolynomialModel(a, b, np.ones(1), nk=1, sampling_rate=RATE)
         return OrderModel.of(order, 0.0, found.state_space())
 
