@@ -1,20 +1,32 @@
-"""Runs of Snakemake, each forked from one process that has loaded it: that takes half of a plan.
+"""Runs of Snakemake and their jobs, forked from one process that has loaded what they import.
 
-`python -m tests.workflow.forked_runs` reads a run a line from its standard input, as JSON, and
-answers with the run's exit code.
+Loading takes half of a plan and most of a small job. `python forked_runs.py` reads a run a line
+from its standard input, as JSON, and answers with the run's exit code. It loads nothing of evopem:
+a run takes the package of its own checkout.
 """
 
 import json
 import os
+import runpy
+import shlex
+import signal
 import subprocess
 import sys
 import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NoReturn
+
+LOADED = ("snakemake.cli", "numba", "pandas", "scipy.io", "scipy.signal", "scipy.stats", "jinja2")
+LOADED += ("matplotlib.figure", "matplotlib.backends.backend_svg")
 
 
 def main() -> None:
-    import snakemake.cli  # noqa: F401
-
+    for module in LOADED:
+        import_module(module)
     for line in sys.stdin:
         child = os.fork()
         if child == 0:
@@ -23,18 +35,51 @@ def main() -> None:
         print(os.waitstatus_to_exitcode(status), flush=True)
 
 
-def run(arguments: list[str], folder: str, printed: str) -> None:
-    """Be `snakemake` with its arguments in a folder, what it prints in a file; does not return."""
+def run(arguments: list[str], folder: str, printed: str) -> NoReturn:
+    """Be `snakemake` with its arguments in a folder, what it prints in a file."""
     from snakemake.cli import main as snakemake
 
+    import_module("snakemake.shell").sp = SimpleNamespace(**vars(subprocess) | {"Popen": start})
     os.chdir(folder)
     written = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     nothing = os.open(os.devnull, os.O_RDONLY)
     for source, target in ((nothing, 0), (written, 1), (written, 2)):
         os.dup2(source, target)
-    code, sys.argv = 1, ["snakemake", *arguments]
+    sys.argv = ["snakemake", *arguments]
+    end_with(lambda: snakemake(arguments))
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job's process, as far as Snakemake asks it."""
+
+    pid: int
+
+    def wait(self) -> int:
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+
+def start(command: str, **keys: Any) -> Job | subprocess.Popen[str]:
+    """Start a command of Snakemake; one that would start an interpreter for a script is forked."""
+    *_, program, file = shlex.split(command)
+    if program != sys.executable:
+        return subprocess.Popen(command, **keys)
+    sys.stdout.flush()
+    job = os.fork()
+    if job == 0:
+        for name in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(name, signal.SIG_DFL)
+        sys.argv = [file]
+        end_with(lambda: runpy.run_path(file, run_name="__main__"))
+    return Job(job)
+
+
+def end_with(call: Callable[[], object]) -> NoReturn:
+    """End this process after a call as an interpreter ends after a script."""
+    code = 1
     try:
-        snakemake(arguments)
+        call()
+        code = 0
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
         if isinstance(ended.code, str):
@@ -54,9 +99,15 @@ class ForkedRuns:
 
     def run(self, arguments: list[str], folder: Path, printed: Path) -> int:
         """Run to the end; the exit code."""
+        from evopem.config.configuration import job_environment
+
         if self.process is None:
             self.process = subprocess.Popen(
-                [sys.executable, __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+                [sys.executable, __file__],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                env=os.environ | job_environment(os.environ, folder),  # before numpy is loaded
             )
         asked = {"arguments": arguments, "folder": str(folder), "printed": str(printed)}
         self.process.stdin.write(json.dumps(asked) + "\n")
