@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 from setuptools import find_packages
+from workflow.forked_runs import FORKED
 
 from evopem.config.source_checks import is_valid
 from evopem.files.json_form import to_json
@@ -51,14 +52,14 @@ class Folder:
 
     def run(self, *targets, snakefile=ROOT / "Snakefile", options=(), environment=None):
         """Run Snakemake with this folder as its directory; all it printed is in `stdout`."""
+        arguments = ["--nocolor", "--cores", "1", "--snakefile", str(snakefile)]
+        arguments += ["--directory", str(self.path), *options, "--", *targets]
+        if not environment:
+            return FORKED.run(arguments, self.path.parent)
         return subprocess.run(
-            [
-                *(sys.executable, "-m", "snakemake", "--nocolor", "--cores", "1"),
-                *("--snakefile", str(snakefile), "--directory", str(self.path), *options),
-                *("--", *targets),
-            ],
+            [sys.executable, "-m", "snakemake", *arguments],
             cwd=self.path.parent,
-            env=os.environ | (environment or {}),
+            env=os.environ | environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

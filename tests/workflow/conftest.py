@@ -78,10 +78,10 @@ class Folder:
             start_new_session=True,
         )
 
-    def run(self, *arguments):
+    def run(self, *arguments, **limits):
         """Run to the end; `stdout` holds what was printed."""
         if not self.environment:
-            return self._forked(arguments)
+            return FORKED.run(self.command(*arguments)[3:], self.path, **limits)
         return subprocess.run(
             self.command(*arguments),
             cwd=self.path,
@@ -91,13 +91,6 @@ class Folder:
             text=True,
             check=False,
         )
-
-    def _forked(self, arguments):
-        """The same where nothing in the environment is to be different."""
-        command = self.command(*arguments)
-        with tempfile.NamedTemporaryFile("r", encoding="utf-8", errors="replace") as printed:
-            code = FORKED.run(command[3:], self.path, Path(printed.name))
-            return subprocess.CompletedProcess(command, code, stdout=printed.read())
 
     def finish(self, *arguments):
         """Run to the end, which has to be a success; return what was printed."""

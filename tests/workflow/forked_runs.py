@@ -7,13 +7,15 @@ a run takes the package of its own checkout.
 
 import json
 import os
+import resource
 import runpy
 import shlex
 import signal
 import subprocess
 import sys
+import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -35,8 +37,11 @@ def main() -> None:
         print(os.waitstatus_to_exitcode(status), flush=True)
 
 
-def run(arguments: list[str], folder: str, printed: str) -> NoReturn:
-    """Be `snakemake` with its arguments in a folder, what it prints in a file."""
+def run(arguments: list[str], folder: str, printed: str, largest_file: int) -> NoReturn:
+    """Be `snakemake` with its arguments in a folder, what it prints in a file.
+
+    No file may have more bytes than the largest one.
+    """
     from snakemake.cli import main as snakemake
 
     import_module("snakemake.shell").sp = SimpleNamespace(**vars(subprocess) | {"Popen": start})
@@ -45,6 +50,7 @@ def run(arguments: list[str], folder: str, printed: str) -> NoReturn:
     nothing = os.open(os.devnull, os.O_RDONLY)
     for source, target in ((nothing, 0), (written, 1), (written, 2)):
         os.dup2(source, target)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
     sys.argv = ["snakemake", *arguments]
     end_with(lambda: snakemake(arguments))
 
@@ -97,8 +103,10 @@ class ForkedRuns:
     def __init__(self) -> None:
         self.process: subprocess.Popen[str] | None = None
 
-    def run(self, arguments: list[str], folder: Path, printed: Path) -> int:
-        """Run to the end; the exit code."""
+    def run(
+        self, arguments: Sequence[str], folder: Path, largest_file: int = resource.RLIM_INFINITY
+    ) -> subprocess.CompletedProcess[str]:
+        """Run `snakemake` to its end in a folder; `stdout` holds what was printed."""
         from evopem.config.configuration import job_environment
 
         if self.process is None:
@@ -109,10 +117,12 @@ class ForkedRuns:
                 text=True,
                 env=os.environ | job_environment(os.environ, folder),  # before numpy is loaded
             )
-        asked = {"arguments": arguments, "folder": str(folder), "printed": str(printed)}
-        self.process.stdin.write(json.dumps(asked) + "\n")
-        self.process.stdin.flush()
-        return int(self.process.stdout.readline())
+        with tempfile.NamedTemporaryFile("r", encoding="utf-8", errors="replace") as printed:
+            asked = {"arguments": arguments, "folder": str(folder), "printed": printed.name}
+            self.process.stdin.write(json.dumps(asked | {"largest_file": largest_file}) + "\n")
+            self.process.stdin.flush()
+            code = int(self.process.stdout.readline())
+            return subprocess.CompletedProcess(arguments, code, stdout=printed.read())
 
 
 FORKED = ForkedRuns()

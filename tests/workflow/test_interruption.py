@@ -4,8 +4,6 @@
 """
 
 import os
-import resource
-import subprocess
 from pathlib import Path
 
 from .conftest import TINY
@@ -61,16 +59,7 @@ def test_a_full_disk_is_reported_and_leaves_nothing_half_written(copy, finished)
     files = copy.files_of("truth")
     for path in (files.report, *files.figures):
         Path(path).unlink()
-    limit = 40_000
-    run = subprocess.run(
-        copy.command("--cores", "1"),
-        cwd=copy.path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
-    )
+    run = copy.run("--cores", "1", largest_file=40_000)
     assert run.returncode != 0
     assert "Traceback" not in run.stdout
     assert "cannot be written (File too large); free disk space or" in run.stdout

@@ -13,6 +13,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 
 from .conftest import ROOT, TINY
+from .forked_runs import FORKED
 
 SNAKEFILE = """
 configfile: "project.yaml"
@@ -57,11 +58,14 @@ def project(tmp_path):
     return write
 
 
-def snakemake(folder, *arguments, environment=()):
+def snakemake(folder, *arguments, environment=None):
+    arguments = ("--nocolor", "--cores", "1", *arguments)
+    if not environment:
+        return FORKED.run(arguments, folder)
     return subprocess.run(
-        [sys.executable, "-m", "snakemake", "--nocolor", "--cores", "1", *arguments],
+        [sys.executable, "-m", "snakemake", *arguments],
         cwd=folder,
-        env={**os.environ, **dict(environment)},
+        env={**os.environ, **environment},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -41,6 +41,7 @@ DATASETS = {
         "split": {"discard": 2500, "estimation": 5000},
         "delay": {"orders": [4, 5], "nk": [0, 2]},
         "orders": {"plant": [6, 8], "nc": [4, 8], "nb": [6, 8]},
+        "search": {"evaluations": 10_000},
     },
 }
 

@@ -17,16 +17,19 @@ CONFIG = "datasets: {a: {synthesis: armax, samples: 700}}\n"
 
 def refusal(folder, config=CONFIG, prefix=(), **environment):
     (folder.path / "config.yaml").write_text(config)
-    run = subprocess.run(
-        [*prefix, *folder.command("--cores", "1")],
-        cwd=folder.path,
-        env=os.environ | environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    if prefix or environment:
+        run = subprocess.run(
+            [*prefix, *folder.command("--cores", "1")],
+            cwd=folder.path,
+            env=os.environ | environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+    else:
+        run = folder.run("--cores", "1")
     assert run.returncode != 0
     assert "Traceback" not in run.stdout
     assert 'File "' not in run.stdout
@@ -86,7 +89,4 @@ def test_an_environment_in_which_no_search_can_run(folder):
 
 def test_a_pipe_as_the_configuration(folder):
     os.mkfifo(folder.path / "config.yaml")
-    run = subprocess.run(
-        folder.command("--dry-run"), cwd=folder.path, capture_output=True, text=True, timeout=60
-    )
-    assert "config.yaml: is not a regular file; " in run.stderr + run.stdout
+    assert "config.yaml: is not a regular file; " in folder.run("--dry-run").stdout
