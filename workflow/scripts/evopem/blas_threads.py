@@ -1,7 +1,5 @@
 """One thread for BLAS: the bits of a result must not depend on how many a machine would take."""
 
-from __future__ import annotations
-
 import sys
 from contextlib import AbstractContextManager
 from functools import lru_cache

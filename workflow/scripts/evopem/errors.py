@@ -1,7 +1,5 @@
 """The one error that bad input raises, and refusals of what any part of the package needs."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Limits of orders, and candidates: models with the scores that they are compared by."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """The chosen model, searched globally unless held-out samples speak against what is found."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Decisions and trials, with their reasons: the entries and the contents of ``decisions.json``."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

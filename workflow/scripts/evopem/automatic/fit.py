@@ -1,7 +1,5 @@
 """Fits of one model to several stretches: local descents from structured starts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Delays of the inputs, and orders within one structure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain

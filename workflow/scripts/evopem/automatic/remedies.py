@@ -1,7 +1,5 @@
 """Acting on residuals and roots: each failed check has its remedy, each trial is recorded."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice

@@ -1,7 +1,5 @@
 """What is tried for the failed checks of a model."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial

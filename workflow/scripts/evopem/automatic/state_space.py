@@ -1,7 +1,5 @@
 """Models in state space, estimated order by order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The choice between structures, for each purpose."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter

@@ -1,7 +1,5 @@
 """Where the samples of a data set come from, and where they were measured."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal

@@ -4,8 +4,6 @@ Memory and time of jobs follow from the size of recordings by constants that wer
 (docs/fleets.md), and grow with the number of the attempt.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """A configuration completed: built-in values, then ``defaults:``, then a data set's own keys."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

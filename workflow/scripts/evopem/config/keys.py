@@ -6,8 +6,6 @@ Values come out in one form: ranges as tuples, paths, channels and units as they
 # Types are made here, which a type checker cannot follow.
 # mypy: disable-error-code="valid-type,misc"
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

@@ -4,8 +4,6 @@ The number of jobs and the samples on which all candidates are compared follow f
 configuration alone, so the whole graph is known before anything runs.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace

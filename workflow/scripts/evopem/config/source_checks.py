@@ -1,7 +1,5 @@
 """What is refused of the names of data sets, and of their files, channels and units."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter

@@ -4,8 +4,6 @@ PyYAML follows YAML 1.1, where ``0100`` is 64, ``1:30`` is 90 and ``on`` is true
 text are checked before any value is built from them.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress

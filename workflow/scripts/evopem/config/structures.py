@@ -1,7 +1,5 @@
 """The structures of models: their orders and phases, and the forms of state-space models."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 

@@ -4,8 +4,6 @@ A table has a row for each recording and a column for each key, as spreadsheets,
 write them: in UTF-8 or UTF-16, with row numbers, empty rows and columns, or decimal commas.
 """
 
-from __future__ import annotations
-
 import codecs
 import csv
 import glob

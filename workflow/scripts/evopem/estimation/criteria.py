@@ -1,7 +1,5 @@
 """Criteria of estimates, and the likelihood and colour of errors by a vector autoregression."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

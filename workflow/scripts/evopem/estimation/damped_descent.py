@@ -4,8 +4,6 @@ millionth of the errors. Newton's matrix is nearly singular then, and reweighted
 slow. The primal-dual matrix (Chan, Golub & Mulet 1999) lies between both: its weights are ``(1 - d
 e / h) / h``, h the smoothed value, and a *dual* d follows ``e / h`` by its linearisation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol

@@ -1,7 +1,5 @@
 """Delays of the inputs: from ARX models of several orders, and at the end of an order search."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Estimate a model of any structure: ``evopem.estimate``, and the search behind its polynomials."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

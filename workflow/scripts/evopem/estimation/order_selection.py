@@ -1,7 +1,5 @@
 """Order search: estimates of a phase, on one core or several, and the selection of one of them."""
 
-from __future__ import annotations
-
 import logging
 import multiprocessing
 import sys

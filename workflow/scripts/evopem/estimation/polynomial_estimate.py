@@ -1,7 +1,5 @@
 """Estimated polynomial models: criteria, residuals and covariance at a search's best point."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

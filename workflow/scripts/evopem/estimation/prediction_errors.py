@@ -1,7 +1,5 @@
 """The prediction-error problem of a recording, orders and settings, checked and scaled."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 constraints is the result where it meets them; else descents in coordinates that cannot leave the
 region start from it, from linear estimates and from random points."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

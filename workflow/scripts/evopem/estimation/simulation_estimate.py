@@ -1,8 +1,6 @@
 """Estimates for errors of simulation: the plant first, then the noise model given the plant. C and
 D follow by one-step errors, for each way to divide the plant's poles between A and F."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations

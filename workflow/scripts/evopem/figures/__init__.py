@@ -1,7 +1,5 @@
 """The figures of the report, in its order, drawn by matplotlib as SVG from the results."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from importlib import import_module
 

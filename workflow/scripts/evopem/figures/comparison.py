@@ -1,7 +1,5 @@
 """Several models side by side: their errors, their modes matched by frequency, and overlays."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

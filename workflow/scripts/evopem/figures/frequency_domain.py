@@ -1,7 +1,5 @@
 """Figures over frequency: spectra, gain, phase and coherence of every pair of channels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

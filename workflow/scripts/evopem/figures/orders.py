@@ -1,7 +1,5 @@
 """Figures of the order search, and of poles and zeros."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

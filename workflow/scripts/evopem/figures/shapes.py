@@ -1,7 +1,5 @@
 """Mode shapes over a geometry as SVG text, still and moving."""
 
-from __future__ import annotations
-
 from html import escape
 
 import numpy as np

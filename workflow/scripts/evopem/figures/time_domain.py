@@ -1,7 +1,5 @@
 """Figures over time, lags and horizons: recording, simulation, responses, residuals."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

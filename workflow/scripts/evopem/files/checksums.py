@@ -4,8 +4,6 @@ Each job writes ``checksums/<job>.sha256`` with paths relative to the folder of 
 comments the results that it has read, as they were then.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress

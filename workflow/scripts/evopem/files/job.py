@@ -1,7 +1,5 @@
 """The frame of a job: log file, error messages, checksums, and the record of an unfinished job."""
 
-from __future__ import annotations
-
 import logging
 import os
 import signal

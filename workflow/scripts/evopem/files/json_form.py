@@ -5,8 +5,6 @@ as NaN where the field is a float. A field whose name ends with an underscore lo
 not converted from one type to another: 2.7 or "2" are no whole number.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ A job writes its record when it starts, adds the message of its error when it fa
 record when it succeeds. A job that is killed therefore leaves a record without a message.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Constraints that contradict each other or the structure, refused before any search."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from typing import NoReturn

@@ -1,7 +1,5 @@
 """Other forms of models: polynomials in state space, plant beside noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise

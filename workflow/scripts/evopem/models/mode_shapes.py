@@ -1,7 +1,5 @@
 """Shapes of modes: how straight they are, how alike two are, and how well each is known."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -3,8 +3,6 @@
 Of a polynomial by its roots, of a state-space model by its eigenvalues and eigenvectors.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

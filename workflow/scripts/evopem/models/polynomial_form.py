@@ -1,7 +1,5 @@
 """The polynomials ``A y = sum_i (B_i/F_i) u_i q^-nk_i + (C/D) e + level`` with their roots."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce

@@ -3,8 +3,6 @@
 Monic ones are given by their coefficients after the leading 1.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from evopem.arrays import Array, Complex

@@ -1,7 +1,5 @@
 """A model's modes and responses as tables, with their intervals."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """States of models, and initial ones from a stretch of measured signals by least squares."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The signals that a user hands over: columns of tables, series or arrays, and their rate."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

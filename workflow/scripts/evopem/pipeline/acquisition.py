@@ -1,7 +1,5 @@
 """Acquisition: a recording from files or simulated, in one fixed form."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ Snakemake sees one job. Within it each recording is a job of its own: it has its
 and the record of an unfinished job, fails alone, and is passed over where it is finished already.
 """
 
-from __future__ import annotations
-
 import shutil
 import time
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """The call of a stage's function, with arguments that came as JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from inspect import signature

@@ -1,7 +1,5 @@
 """The chosen model, searched globally: its covariance, modes and frequency response."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import cast

@@ -1,7 +1,5 @@
 """What is known of the choice of a model: a table of candidates, and all decisions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 

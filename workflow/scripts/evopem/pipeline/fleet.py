@@ -1,7 +1,5 @@
 """The lists of all data sets: one page, and one table of all their modes and checks."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Identification: every stage of one data set in one process, without Snakemake."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from evopem.config.defaults import read_settings

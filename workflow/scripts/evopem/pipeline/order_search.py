@@ -1,7 +1,5 @@
 """Order search: the candidates of a phase, and the selection of one of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 By the chapter's recipe it is given, by the automatic one decided from the estimation samples alone.
 """
 
-from __future__ import annotations
-
 from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.orders import decide_delays
 from evopem.automatic.preparation.parts import decide_parts

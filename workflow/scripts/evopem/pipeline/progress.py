@@ -1,7 +1,5 @@
 """How far an identification has come: a line that is overwritten, or one for each stage."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 import time

@@ -1,7 +1,5 @@
 """The pages: figures and report of a data set, and several data sets side by side."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from collections.abc import Mapping, Sequence

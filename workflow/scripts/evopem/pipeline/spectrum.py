@@ -1,7 +1,5 @@
 """Spectrum: Thomson's multitaper estimate, its peaks, and an empirical frequency response."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

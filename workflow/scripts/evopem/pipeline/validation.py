@@ -1,7 +1,5 @@
 """Validation: residual tests, errors, evidence for each mode; tables, decisions and summary."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from evopem.automatic.candidates import StructureSearch

@@ -1,7 +1,5 @@
 """Several models side by side, as a page and in plain text."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A polynomial model as an equation: HTML to read; plain text, MATLAB, Python and JSON to copy."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import asdict

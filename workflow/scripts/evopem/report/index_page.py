@@ -1,7 +1,5 @@
 """The page that lists all data sets."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence

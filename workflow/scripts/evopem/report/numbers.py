@@ -3,8 +3,6 @@
 What is missing or not finite is printed as a dash, or as "not known" where it is a standard error.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import TypeGuard

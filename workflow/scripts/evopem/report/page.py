@@ -1,7 +1,5 @@
 """The report of one data set as an HTML page."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version

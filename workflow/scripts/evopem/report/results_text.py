@@ -1,7 +1,5 @@
 """The results of a data set in few words: verdict, modes, errors, failed checks, report."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from html import escape

@@ -3,8 +3,6 @@
 The template ``section_<id>.html.j2`` of a part sets its content; parts of figures alone share one.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter

@@ -3,8 +3,6 @@
 The templates call each function of this module, and those that it imports, by its name.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any

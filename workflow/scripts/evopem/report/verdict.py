@@ -1,7 +1,5 @@
 """The verdict: what a model is good for and what not, and which of its modes can be trusted."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

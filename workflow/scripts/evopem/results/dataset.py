@@ -1,7 +1,5 @@
 """All results of one data set, read once for figures and report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@ Whatever reads results from outside their run asks here: ``read_results``, ``com
 all data sets, a new run. Nothing here imports numpy or pandas: a Snakefile uses this module.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

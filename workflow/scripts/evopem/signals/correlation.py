@@ -1,7 +1,5 @@
 """Sample autocorrelation and cross-correlation functions, and the period of a signal."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from evopem.arrays import Array

@@ -1,7 +1,5 @@
 """What a measured file holds, before anything is known of it: time, inputs and outputs."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass

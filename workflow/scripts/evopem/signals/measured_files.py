@@ -1,7 +1,5 @@
 """Files of the known formats: what reads them, and channels as a file holds them."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os

@@ -1,7 +1,5 @@
 """Missing samples: the stretches between them, and the filling of those that are too scattered."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -6,8 +6,6 @@ system does not look like that (additive and innovational outliers: Chang, Tiao 
 Liu 1993).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The constant part of outputs that respond to inputs."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Peaks of a spectral density, and the lines of a periodic input among them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

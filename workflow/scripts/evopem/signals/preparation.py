@@ -1,7 +1,5 @@
 """From a recording to the samples a model is estimated and validated on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby

@@ -1,7 +1,5 @@
 """The samples a model is estimated and validated on, and the way back to measured ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal

@@ -1,7 +1,5 @@
 """Read a recording from a measured file of any known format."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Collection, Mapping, Sequence

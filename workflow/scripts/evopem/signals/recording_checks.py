@@ -1,7 +1,5 @@
 """Refuse recordings from which nothing can be identified, and those that do not belong together."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 

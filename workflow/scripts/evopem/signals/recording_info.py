@@ -1,7 +1,5 @@
 """Origin and properties of a recording, as they are kept beside its samples."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

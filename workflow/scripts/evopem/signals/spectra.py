@@ -5,8 +5,6 @@ Percival & Walden (1993), "Spectral Analysis for Physical Applications", chapter
 Piersol (2010), "Random Data", section 7.4 and chapter 9; Carter (1987).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple

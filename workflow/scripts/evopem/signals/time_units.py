@@ -1,7 +1,5 @@
 """Units of time, and the names of channels that hold times."""
 
-from __future__ import annotations
-
 import re
 
 from evopem.errors import InputError

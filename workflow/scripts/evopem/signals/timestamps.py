@@ -1,7 +1,5 @@
 """The sampling rate of time stamps: uniform ones, those of a coarse clock, and uneven ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple, NoReturn
 

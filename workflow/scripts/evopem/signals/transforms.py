@@ -1,7 +1,5 @@
 """Resampling; Box-Cox transform and differencing, each with its exact inverse."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """Synthetic recordings with a known truth."""
 
-from __future__ import annotations
-
 from evopem.config.channels import SyntheticSource
 from evopem.config.settings import TransformSettings
 from evopem.signals.recording import Recording

@@ -1,7 +1,5 @@
 """Records of polynomial models with known parameters, and the chapter's ARMAX model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ record of the tip's acceleration arrives through a zero-order hold, a transport 
 whose drift and slightly compressive characteristic make it non-stationary in mean and variance.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from evopem.arrays import Array

@@ -1,7 +1,5 @@
 """The command ``evopem``: one system from the terminal, or a configuration for many."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

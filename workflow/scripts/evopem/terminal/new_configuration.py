@@ -1,7 +1,5 @@
 """A commented ``config.yaml`` for a folder of recordings, written by looking into them."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

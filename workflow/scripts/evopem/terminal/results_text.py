@@ -1,7 +1,5 @@
 """What a run prints at its end: the results of its data sets, or a line for each."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path

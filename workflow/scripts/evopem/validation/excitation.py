@@ -1,7 +1,5 @@
 """How well inputs excite a model, and whether both parts of a split have power alike."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

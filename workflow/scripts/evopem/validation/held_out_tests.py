@@ -4,8 +4,6 @@ On the estimation samples the choice of orders makes Wald and likelihood-ratio t
 often.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Steps, single estimates away from their level, a trend or a wave are regressors 
 the scatter beyond the standard errors is what they leave.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal

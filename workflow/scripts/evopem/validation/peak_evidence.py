@@ -1,7 +1,5 @@
 """The output's spectrum at its peaks, against the spectrum that a model gives the output."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

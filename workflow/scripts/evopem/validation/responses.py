@@ -1,7 +1,5 @@
 """Predicted and simulated responses of a model over the validation samples."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest

@@ -1,7 +1,5 @@
 """Two scores of a computed response against the measured one."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

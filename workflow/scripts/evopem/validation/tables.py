@@ -1,7 +1,5 @@
 """The series behind a validation as tables, and in the units of the recording."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

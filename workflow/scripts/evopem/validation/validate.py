@@ -3,8 +3,6 @@
 The one-step prediction uses every measured output before a sample, the simulation inputs alone.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Scores of models on held-out samples of the estimation part."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ A periodic input makes the errors of a linear model of a nonlinear system period
 criterion that counts all samples as independent takes a model of too many parameters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Simulation and prediction of stretches, from the initial state that fits what is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The division of stretches into folds, and of the response to a single blow into parts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Samples that tell nothing: a rest before the first change, clipped and stuck ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Decimation: the rate of the samples from which a model is estimated."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress

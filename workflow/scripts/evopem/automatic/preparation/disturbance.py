@@ -1,7 +1,5 @@
 """What the disturbance asks for: differences where it is a random walk, and the objective."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from itertools import product

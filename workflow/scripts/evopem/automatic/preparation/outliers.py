@@ -1,7 +1,5 @@
 """Single wrong samples of the outputs, replaced before anything else is decided."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

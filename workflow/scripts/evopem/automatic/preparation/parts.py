@@ -1,7 +1,5 @@
 """The preparation of both parts of recordings, decided from the estimation samples alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ Each alternative is scored by simulations of held-out samples in recorded units.
 is not safe as a rule: a transform is taken only where every fold gains by it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product

@@ -1,7 +1,5 @@
 """BFGS for many starts at once, in lockstep, so that they share the passes of the objective."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

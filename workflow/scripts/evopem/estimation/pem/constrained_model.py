@@ -1,7 +1,5 @@
 """Constraints of a user, in the parametrisation that meets them exactly."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -2,8 +2,6 @@
 Bounded quantities are ``(1 + sin z) / 2``, whose ends are regular minima where the objective would
 fall further outside (James & Roos 1975, MINUIT).  ``B(1) = g A(1) F(1)`` with a static gain g."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple

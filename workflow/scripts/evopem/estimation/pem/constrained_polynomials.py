@@ -1,8 +1,6 @@
 """Polynomials that meet hard constraints, as functions of bounded coordinates: a fixed factor times
 sections of :mod:`.pole_region`, or an offset plus a basis times free coordinates."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,8 +1,6 @@
 """An objective as a function of coordinates of its points: those of constrained points, or the
 reflection coefficients of sections."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import numpy as np

@@ -2,8 +2,6 @@
 eq. 3.29-3.31).  Derivatives are W_k times those of e plus e filtered through ``dW_k/dc_j = q^-j /
 (A D)``, ``dW_k/da_j = -q^-j H / A``, ``dW_k/dd_j = -q^-j H / D``, each cut to k terms."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from evopem.arrays import Array

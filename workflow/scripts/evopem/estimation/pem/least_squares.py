@@ -1,7 +1,5 @@
 """Least squares over records of any length in blocks of rows, and autoregressions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 

@@ -2,8 +2,6 @@
 *shares* in [0, 1] say where the poles lie: of the largest angle and, at that angle, between the
 smallest and the largest radius; or of two real poles between their bounds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Priors of coefficients, static gain and modes: how far a point deviates from them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ enough have ended at the lowest value and replacement from it finds nothing lowe
 several inputs have basin hopping before (Leary 2000), and so have polynomials that share no
 sections, where memetic restarts take the place of order extension."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Polynomials that descents start from, by linear algebra on one record of inputs u (N, m)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

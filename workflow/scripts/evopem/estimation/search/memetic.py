@@ -2,8 +2,6 @@
 Offspring are recombined, some (the worst by default) refined, and the best kept.  A converged
 population restarts.  When enough restarts agree, a multistart check follows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

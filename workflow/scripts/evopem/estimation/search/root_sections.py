@@ -1,7 +1,5 @@
 """Polynomials as products of second-order sections, each a conjugate pair or two real roots."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@ where spare roots share a place on it, the region of coefficients has cusps.  Re
 coefficients ``k = sin(phi)`` of sections make it a box, on whose sides a root moves by its angle
 alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 a shared one adds residuals and input, filtered through its resonance.  How far these explain the
 slopes of the loss is a score test (Söderström & Stoica 1989, section 11.5) by three spectra."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

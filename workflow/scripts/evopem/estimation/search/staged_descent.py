@@ -1,7 +1,5 @@
 """Descents in stages: BFGS with ever less smoothing and an ever weaker stability barrier."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple

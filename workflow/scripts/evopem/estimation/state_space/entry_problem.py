@@ -5,8 +5,6 @@ then C, D, levels and drift of each output, which cannot be eliminated there.  A
 coordinates of the sections (:mod:`.pole_coordinates`), the other entries, and static gains.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property

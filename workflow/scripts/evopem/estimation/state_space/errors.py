@@ -8,8 +8,6 @@ Pereyra 1973) with the Jacobian of Kaufman (1975).  A derivative is a signal of 
 row of C: one Gram matrix of those signals gives the normal equations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

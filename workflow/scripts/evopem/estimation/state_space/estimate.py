@@ -1,7 +1,5 @@
 """Estimate state-space models of one order or of several."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 Those of a long recording do not fit into a processor's cache.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit

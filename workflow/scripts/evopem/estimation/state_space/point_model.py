@@ -1,7 +1,5 @@
 """The model of a point in the units of the recording, and the covariance of its entries."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from itertools import combinations_with_replacement, pairwise

@@ -4,8 +4,6 @@ Sections ``[sigma, delta]`` are those of :mod:`.sections`.  Free ones are their 
 restricted ones have shares of the allowed region (:mod:`evopem.estimation.pem.pole_region`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The problem as the memetic search sees it, of squares and of absolute errors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 

@@ -9,8 +9,6 @@ follow ``p+ = sigma p + back r + z, r+ = coupling p + sigma r``; a derivative mo
 states, each by one of a few signals times a factor.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

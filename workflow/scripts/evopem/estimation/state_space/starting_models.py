@@ -5,8 +5,6 @@ its impulse response, realised (Kung 1978), for the poles of a plant; poles also
 the past (MOESP, Verhaegen 1994).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple

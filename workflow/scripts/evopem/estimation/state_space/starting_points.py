@@ -1,7 +1,5 @@
 """Points of the search: from poles, from models, from smaller orders, at random."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 

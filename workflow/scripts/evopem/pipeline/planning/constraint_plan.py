@@ -1,7 +1,5 @@
 """Focus and constraints that contradict the orders of a search, refused before it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace

@@ -5,8 +5,6 @@ A rule of the workflow runs the stage of its name for one data set. Without Snak
 Nothing here imports numpy, pandas or Snakemake.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 from evopem.config import order_grid

@@ -1,7 +1,5 @@
 """What every reader gives of an open file, and the errors that readers share."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """HDF5 files, read by h5py."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import ceil, prod

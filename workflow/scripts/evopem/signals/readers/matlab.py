@@ -1,7 +1,5 @@
 """MATLAB files: up to version 7 by scipy, version 7.3 (HDF5) as HDF5 files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Channels out of named arrays, for MATLAB, HDF5 and numpy's own files, which are read here."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """LabVIEW's TDMS files, read by nptdms."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Text tables: separated by commas, semicolons, tabs or blanks, with or without headings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import pairwise

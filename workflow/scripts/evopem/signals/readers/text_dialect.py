@@ -1,7 +1,5 @@
 """Lines of a text table, its separator and decimal mark, and the refusal of ambiguous ones."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Where the numbers of a text table begin, and the headings and units above them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from typing import NamedTuple, NoReturn

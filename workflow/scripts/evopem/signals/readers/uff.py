@@ -1,7 +1,5 @@
 """Universal File Format, datasets of type 58 (functions at nodal degrees of freedom), by pyuff."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path

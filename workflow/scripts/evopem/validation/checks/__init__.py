@@ -4,8 +4,6 @@ A check passes only on numbers that show it. Where a number could not be compute
 exist, ``passed`` is None and the statement says which one.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from evopem.validation.checks import inputs, residuals, roots, search

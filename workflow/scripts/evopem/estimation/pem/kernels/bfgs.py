@@ -1,7 +1,5 @@
 """Lockstep BFGS, the steps of all starts at once, for every objective."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

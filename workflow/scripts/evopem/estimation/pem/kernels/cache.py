@@ -2,8 +2,6 @@
 cache compares a digest of the one file that defines a function; here the digest covers every Python
 file of that folder, which what it calls is defined in."""
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import os

@@ -3,8 +3,6 @@
 x_i``, ``(D/C) 1``, and with an impulse i ``(D/CF_i) i`` and ``(1/C) i``.  A further copy of y or
 u_i differs by the sample that enters it from the past, times the response to an impulse."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit

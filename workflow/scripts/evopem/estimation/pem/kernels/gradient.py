@@ -2,8 +2,6 @@
 1/F_i: ``C* lam = l``, ``mu = D* lam``, ``F_i* xi_i = mu``, l the derivative of the loss by each
 residual.  The gradient correlates one of these with the signal that a parameter multiplies."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from evopem.estimation.pem.kernels.bfgs import advance, trial_points

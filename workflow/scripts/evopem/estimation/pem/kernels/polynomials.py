@@ -1,7 +1,5 @@
 """Single polynomials: roots inside a circle, a barrier at its edge, products, filters."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit

@@ -2,8 +2,6 @@
 ``F_i x_i = -B_i u_i + g_i``, ``v = A y + sum_i x_i - level``, ``C e = D v + s``; parameters are
 stored signed, ``[a, -b_i, -c, d, -f_i, -level, g_i, s]``, C and F_i padded to :data:`MIN_NC`."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Residuals of eight models in one pass over the record, and which models are allowed."""
 
-from __future__ import annotations
-
 from evopem.estimation.pem.kernels.cache import njit
 from evopem.estimation.pem.kernels.record import BLOCK, CHUNK, MIN_NC, fill
 from evopem.estimation.pem.kernels.simd import (

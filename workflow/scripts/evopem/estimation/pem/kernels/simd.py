@@ -2,8 +2,6 @@
 All arithmetic is explicitly ordered, with fused multiply-adds where the code says so: bits depend
 neither on a machine's vectors nor on which models share a pass."""
 
-from __future__ import annotations
-
 import numpy as np
 from llvmlite import ir
 from numba import types
