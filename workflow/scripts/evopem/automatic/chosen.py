@@ -231,10 +231,7 @@ def described_by_search(
 
 
 def _about_search(
-    choice: Choice,
-    found: ChosenModel,
-    compared: ChosenModel,
-    judged: Candidate | None = None,
+    choice: Choice, found: ChosenModel, compared: ChosenModel, judged: Candidate | None = None
 ) -> Decision:
     """What the search found, and whether it is taken."""
     name, known = choice.candidate.name, choice.candidate.scores

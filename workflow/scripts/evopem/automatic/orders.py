@@ -8,12 +8,7 @@ from typing import Any
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.automatic.candidates import (
-    LARGEST_ORDER,
-    Candidate,
-    Scorer,
-    StructureSearch,
-)
+from evopem.automatic.candidates import LARGEST_ORDER, Candidate, Scorer, StructureSearch
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, fit, log_loss
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples

@@ -115,11 +115,7 @@ def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: 
 
 
 def _statement(
-    scorer: Scorer,
-    check: str,
-    current: Candidate,
-    tried: list[Candidate],
-    choice: Choice,
+    scorer: Scorer, check: str, current: Candidate, tried: list[Candidate], choice: Choice
 ) -> str:
     """Why a check stays failed, in a sentence."""
     score = score_of(choice.kind)

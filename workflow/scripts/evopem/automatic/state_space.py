@@ -112,10 +112,7 @@ def refit(
 
 
 def task_of(
-    whole: Recording,
-    structure: str,
-    delays: tuple[int, ...],
-    settings: CommonSettings,
+    whole: Recording, structure: str, delays: tuple[int, ...], settings: CommonSettings
 ) -> StateSpaceTask:
     """What is estimated of a structure in state space."""
     return StateSpaceTask.of(

@@ -5,27 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from evopem.config.channels import (
-    NONE,
-    Geometry,
-    Reference,
-    are_one,
-    is_pattern,
-    listed,
-    of_each,
-)
+from evopem.config.channels import NONE, Geometry, Reference, are_one, is_pattern, listed, of_each
 from evopem.config.constraints import (
     Constraints,
     gains_of_other_inputs,
     of_coefficients_in_state_space,
     of_no_input,
 )
-from evopem.config.keys import (
-    ANALYSIS,
-    SOURCE,
-    STATE_SPACE,
-    SYNTHESIS,
-)
+from evopem.config.keys import ANALYSIS, SOURCE, STATE_SPACE, SYNTHESIS
 from evopem.config.schema import ALL_SAMPLES
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import Place

@@ -7,13 +7,7 @@ from typing import Any
 
 import yaml
 
-from evopem.config.channels import (
-    NONE,
-    ChannelSettings,
-    RecordedSource,
-    SyntheticSource,
-    listed,
-)
+from evopem.config.channels import NONE, ChannelSettings, RecordedSource, SyntheticSource, listed
 from evopem.config.checks import (
     GROUPS,
     STATE_SPACE_KEYS,
@@ -31,14 +25,7 @@ from evopem.config.configuration import (
     with_jobs,
 )
 from evopem.config.constraints import Constraints
-from evopem.config.keys import (
-    ANALYSIS,
-    COLUMNS,
-    CONFIGURATION,
-    SOURCE,
-    SYNTHESIS,
-    mapping,
-)
+from evopem.config.keys import ANALYSIS, COLUMNS, CONFIGURATION, SOURCE, SYNTHESIS, mapping
 from evopem.config.schema import ALL_SAMPLES, checked, normalized
 from evopem.config.settings import (
     CHAPTER_RANGES,

@@ -67,10 +67,7 @@ class FitRecord:
 
     @classmethod
     def of(
-        cls,
-        estimate: Estimate,
-        focus: Focus = "prediction",
-        constraints: Constraints | None = None,
+        cls, estimate: Estimate, focus: Focus = "prediction", constraints: Constraints | None = None
     ) -> FitRecord | None:
         """The record of an estimate; None without focus and constraints."""
         effect = estimate.constraints

@@ -10,16 +10,7 @@ import numpy as np
 import pandas as pd
 
 from evopem.errors import InputError
-from evopem.figures.chart import (
-    FAMILY,
-    MOST_PANELS,
-    Chart,
-    Curve,
-    Panel,
-    across,
-    family,
-    nothing,
-)
+from evopem.figures.chart import FAMILY, MOST_PANELS, Chart, Curve, Panel, across, family, nothing
 from evopem.figures.frequency_domain import gain_panels, phase_panels, thinned
 from evopem.figures.time_domain import VALIDATION_TIME, shown_samples
 from evopem.models.mode_matching import matched_modes

@@ -7,24 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from evopem.config.structures import (
-    ORDER_NAMES,
-    STRUCTURES,
-    phases_of,
-    plant_order,
-    varied_order,
-)
-from evopem.figures.chart import (
-    Chart,
-    Curve,
-    Mark,
-    Panel,
-    Role,
-    Where,
-    family,
-    nothing,
-    scale_of,
-)
+from evopem.config.structures import ORDER_NAMES, STRUCTURES, phases_of, plant_order, varied_order
+from evopem.figures.chart import Chart, Curve, Mark, Panel, Role, Where, family, nothing, scale_of
 from evopem.figures.draw import FRAME
 from evopem.figures.frequency_domain import true_modes
 from evopem.results.dataset import DatasetResults
@@ -123,10 +107,7 @@ def _held_out(results: DatasetResults) -> Chart:
     highest = 1.05 * float(min(errors.max(), 4.0 * errors.min()))
     limits = (0.0, highest) if 0 < highest < np.inf else ()
     panels = []
-    for column, options in (
-        ("error_percent", {"limits": limits, "scale": "linear"}),
-        ("bic", {}),
-    ):
+    for column, options in (("error_percent", {"limits": limits, "scale": "linear"}), ("bic", {})):
         best = table.groupby(["structure", "order"])[column].transform("min")
         lowest = f"lowest_{column}"
         table[lowest] = table[column].where(table[column] == best)

@@ -23,11 +23,7 @@ def first_samples(samples: int) -> int:
 
 
 def fitted(
-    columns: Array,
-    target: Array,
-    spread: Array,
-    robust: bool = False,
-    prior: Array | None = None,
+    columns: Array, target: Array, spread: Array, robust: bool = False, prior: Array | None = None
 ) -> Array:
     """Coefficients, (k,), of columns, (N, ny, k), that fit a target, (N, ny), best.
 

@@ -12,11 +12,7 @@ from evopem.signals.inspection import ChannelRoles, roles_of
 from evopem.signals.reading import read_measured
 from evopem.signals.recording import Recording, save_recording
 from evopem.signals.recording_checks import joined
-from evopem.signals.recording_info import (
-    RecordingInfo,
-    check_measured_places,
-    describe_recording,
-)
+from evopem.signals.recording_info import RecordingInfo, check_measured_places, describe_recording
 from evopem.synthesis import synthesize
 
 

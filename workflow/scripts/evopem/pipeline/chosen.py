@@ -11,12 +11,7 @@ from evopem.automatic.remedies import Remedied
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose
 from evopem.blas_threads import one_blas_thread
-from evopem.config.settings import (
-    AutomaticSettings,
-    FitSettings,
-    ScoringWindow,
-    SearchSettings,
-)
+from evopem.config.settings import AutomaticSettings, FitSettings, ScoringWindow, SearchSettings
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import InputError
 from evopem.estimation.candidate import PhaseSelection
@@ -25,10 +20,7 @@ from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.polynomial import save_model_mat
-from evopem.models.response_tables import (
-    frequency_response_table,
-    time_response_table,
-)
+from evopem.models.response_tables import frequency_response_table, time_response_table
 from evopem.pipeline.structure_search import Scored, errors_name_dataset
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
@@ -130,11 +122,7 @@ def complete_model(
 
 
 def _selected(
-    files: DatasetFiles,
-    search: SearchSettings,
-    window: ScoringWindow,
-    phase: str,
-    fit: FitSettings,
+    files: DatasetFiles, search: SearchSettings, window: ScoringWindow, phase: str, fit: FitSettings
 ) -> ModelRecord:
     """The candidate that a phase has selected."""
     selected = load(PhaseSelection, files.phase(phase)).selected

@@ -135,10 +135,7 @@ def decision_record(
     )
     return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        (
-            *_remarks(prepared.estimation.segments, choice.level),
-            *remedied.statements,
-        ),
+        (*_remarks(prepared.estimation.segments, choice.level), *remedied.statements),
         other,
     )
 

@@ -10,13 +10,7 @@ from evopem.config.configuration import Positions
 from evopem.files.atomic import write_parquet, write_table, write_text
 from evopem.report.index_page import build_index
 from evopem.report.templates import template_folder
-from evopem.results.fleet import (
-    DatasetSummary,
-    Entry,
-    fleet_table,
-    read_entry,
-    without_formulas,
-)
+from evopem.results.fleet import DatasetSummary, Entry, fleet_table, read_entry, without_formulas
 from evopem.results.followed_modes import FollowedMode, follow_modes, followed_table
 from evopem.results.layout import OVERVIEW, DatasetFiles
 

@@ -247,9 +247,7 @@ SECTIONS = (
     Section("summary", lambda _: "Verdict", _summary),
     Section("model", lambda _: "Model", _model),
     Section(
-        "modes",
-        lambda results: "Modes beside the truth" if results.true_modes else "Modes",
-        _modes,
+        "modes", lambda results: "Modes beside the truth" if results.true_modes else "Modes", _modes
     ),
     Section(
         "response",

@@ -20,12 +20,7 @@ from evopem.automatic.state_space import recording_of
 from evopem.errors import InputError, NoModelError
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment, total_samples
-from evopem.signals.transforms import (
-    box_cox,
-    invert_box_cox,
-    likeliest_box_cox,
-    positive_shift,
-)
+from evopem.signals.transforms import box_cox, invert_box_cox, likeliest_box_cox, positive_shift
 
 # Models whose simulations are scored.
 PROBES = (

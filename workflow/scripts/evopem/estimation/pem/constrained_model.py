@@ -8,11 +8,7 @@ import numpy as np
 from evopem.arrays import Array, Flags
 from evopem.config.constraints import Constraints, FixedPole
 from evopem.errors import InputError
-from evopem.estimation.pem.constrained_parameters import (
-    ConstrainedParameters,
-    Gain,
-    GivenGain,
-)
+from evopem.estimation.pem.constrained_parameters import ConstrainedParameters, Gain, GivenGain
 from evopem.estimation.pem.constrained_polynomials import Linear, RegionSections, null_space
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS, Band, PoleRegion
 from evopem.models.constraint_checks import coefficient_index

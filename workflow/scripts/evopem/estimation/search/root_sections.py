@@ -110,10 +110,7 @@ def without_nearest_of(name: str, coefficients: Array, section: Array) -> Array 
 
 
 def with_moved_section(
-    point: Array,
-    lead: slice,
-    others: Sequence[tuple[str, slice]],
-    generator: np.random.Generator,
+    point: Array, lead: slice, others: Sequence[tuple[str, slice]], generator: np.random.Generator
 ) -> list[Array]:
     """Points with each section of a polynomial, and the nearest of others, at random places."""
     moved = []

@@ -52,10 +52,7 @@ def _responses(bins: int) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
 
 
 def gains(
-    errors: PolynomialErrors,
-    point: Array,
-    shared: Sequence[tuple[str, int]],
-    places: Indices,
+    errors: PolynomialErrors, point: Array, shared: Sequence[tuple[str, int]], places: Indices
 ) -> Array:
     """Part of the objective that a shared section explains at each of some places, (M,).
     ``shared``: polynomials with it, by letter and input.  ``places`` (M,): rows of grid."""

@@ -15,11 +15,7 @@ from evopem.arrays import Array
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import BasinHopping, converged_values, same_optimum
-from evopem.estimation.search.root_sections import (
-    each_without,
-    random_sections,
-    without_nearest_of,
-)
+from evopem.estimation.search.root_sections import each_without, random_sections, without_nearest_of
 from evopem.estimation.search.section_gains import gains, grid
 from evopem.models.orders import Orders
 

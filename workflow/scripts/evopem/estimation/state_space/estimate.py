@@ -142,9 +142,7 @@ def _beside(
 
 
 def _horizon(
-    focus: str | int,
-    structure: StateSpaceStructure,
-    constraints: Constraints | None,
+    focus: str | int, structure: StateSpaceStructure, constraints: Constraints | None
 ) -> int | None:
     """Samples ahead; None for simulation where that differs from prediction."""
     ahead = samples_ahead(focus)

@@ -12,12 +12,7 @@ from evopem.estimation.damped_descent import Optimum, Places, descend
 from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.point_model import PointModel, ScaledModel, parameter_covariance
-from evopem.estimation.state_space.sections import (
-    inside,
-    largest_radius,
-    normalised,
-    rescaled,
-)
+from evopem.estimation.state_space.sections import inside, largest_radius, normalised, rescaled
 from evopem.estimation.state_space.starting_points import from_poles, random_poles
 from evopem.models.parameter_covariance import ParameterCovariance
 

@@ -212,10 +212,7 @@ def _evaluations(problem: StateSpaceProblem, settings: SearchSettings) -> int:
 
 
 def searched(
-    errors: StateSpaceErrors,
-    starts: list[Array],
-    settings: SearchSettings,
-    log: Log | None,
+    errors: StateSpaceErrors, starts: list[Array], settings: SearchSettings, log: Log | None
 ) -> tuple[StateSpaceProblem, SearchResult]:
     """Descents from estimates, points and smaller orders, then the search among the optima."""
     problem, generator = problem_for(errors, settings), generator_of(settings, errors, errors.order)

@@ -15,11 +15,7 @@ from typing import Any, Literal
 from evopem.config import order_grid
 from evopem.config.configuration import RunSettings
 from evopem.config.settings import AutomaticSettings, DatasetSettings, OrderGrid, OrderRanges
-from evopem.config.structures import (
-    AUTOMATIC_STRUCTURES,
-    is_polynomial,
-    searched_forms,
-)
+from evopem.config.structures import AUTOMATIC_STRUCTURES, is_polynomial, searched_forms
 from evopem.files.json_form import to_json
 from evopem.pipeline.call import Log, call
 from evopem.pipeline.planning.constraint_plan import known_rate

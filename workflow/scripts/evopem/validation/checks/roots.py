@@ -95,11 +95,7 @@ def stability_bound(evidence: Evidence) -> Found:
         return True, f"No {what} lies at {bound}."
     a = f"{'A' if letters else 'An'} {what} lies at"
     if model.may_be_unstable:
-        return (
-            None,
-            f"{a} or beyond {bound}, and the constraints fix or allow such roots.",
-            "",
-        )
+        return (None, f"{a} or beyond {bound}, and the constraints fix or allow such roots.", "")
     return False, f"{a} {bound}: the bound and not the data determines its radius."
 
 
@@ -188,11 +184,7 @@ def _zeros_beside(
 
 
 def indistinguishable(
-    pole: complex,
-    zero: complex,
-    a: Array,
-    b: Array,
-    covariance: ParameterCovariance,
+    pole: complex, zero: complex, a: Array, b: Array, covariance: ParameterCovariance
 ) -> bool:
     """Whether the 95 % confidence region of pole minus zero contains 0.
 

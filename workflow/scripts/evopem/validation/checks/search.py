@@ -6,12 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from evopem.config.structures import varied_order
-from evopem.estimation.search.certificate import (
-    MANY_OPTIMA,
-    POLYNOMIALS,
-    STATE_SPACE,
-    is_certified,
-)
+from evopem.estimation.search.certificate import MANY_OPTIMA, POLYNOMIALS, STATE_SPACE, is_certified
 from evopem.validation.checks.check import Evidence, Found, OrderRange, check
 
 if TYPE_CHECKING:

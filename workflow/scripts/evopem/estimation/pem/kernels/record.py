@@ -91,12 +91,7 @@ class Workspace(NamedTuple):
 
 
 def record_of(
-    output: Array,
-    inputs: Array,
-    orders: Orders,
-    level: bool,
-    residual_start: int,
-    loss_start: int,
+    output: Array, inputs: Array, orders: Orders, level: bool, residual_start: int, loss_start: int
 ) -> Record:
     """A record, of output (N,) and inputs (N, m), as the kernels read it."""
     o = orders
