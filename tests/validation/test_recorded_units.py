@@ -7,6 +7,7 @@ from evopem.config.settings import PreparationSettings, SplitSettings, Transform
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
+from evopem.validation.responses import Responses
 from evopem.validation.tables import recorded_errors, recorded_series
 from evopem.validation.validate import validate
 
@@ -27,6 +28,13 @@ def prepared(transforms, offset=50.0):
     return record, prepare(record, settings), model
 
 
+def as_recorded(data, predicted, simulated):
+    output = data.validation.outputs
+    scored = np.ones(len(output), dtype=bool)
+    responses = Responses(output, predicted, simulated, simulated, scored)
+    return recorded_series(data.transforms, responses)
+
+
 @pytest.mark.parametrize(
     "transforms",
     [
@@ -39,7 +47,7 @@ def prepared(transforms, offset=50.0):
 def test_the_measured_output_comes_back_as_recorded(transforms):
     record, data, _ = prepared(transforms)
     output = data.validation.outputs
-    series = recorded_series(data.transforms, output, output, output)
+    series = as_recorded(data, output, output)
     expected = record.outputs[-len(output) :]
     for values in (series.outputs, series.predicted, series.simulated):
         np.testing.assert_allclose(values, expected, rtol=1e-8)
@@ -49,17 +57,17 @@ def test_without_nonlinear_transforms_the_prediction_errors_are_those_of_the_pre
     _, data, _ = prepared(TransformSettings("none", 2, 2))
     output = data.validation.outputs
     errors = 0.1 * np.random.default_rng(1).standard_normal(output.shape)
-    series = recorded_series(data.transforms, output, output - errors, output)
+    series = as_recorded(data, output - errors, output)
     np.testing.assert_allclose(series.outputs - series.predicted, errors, atol=1e-9)
 
 
 def test_a_simulation_error_is_summed_up_once_for_each_difference():
     _, data, _ = prepared(TransformSettings("none", 1, 1))
     output = data.validation.outputs
-    series = recorded_series(data.transforms, output, output, output - 1e-3)
+    series = as_recorded(data, output, output - 1e-3)
     drift = 1e-3 * np.arange(1, len(output) + 1)[:, None]
     np.testing.assert_allclose(series.outputs - series.simulated, drift, rtol=1e-6)
-    errors = recorded_errors(data.transforms, series, np.ones(len(series.outputs), dtype=bool), 0)
+    errors = recorded_errors(data.transforms, series, 0)
     assert errors.integrations == 1
     assert errors.simulation_error_percent > 100 * 1e-3
     assert errors.prediction_error_percent == pytest.approx(0.0, abs=1e-9)
@@ -70,8 +78,8 @@ def test_values_outside_the_range_of_the_transform_are_counted_and_not_scored():
     output = data.validation.outputs
     low = output.copy()
     low[7] = -1e3
-    series = recorded_series(data.transforms, output, output, low)
-    errors = recorded_errors(data.transforms, series, np.ones(len(series.outputs), dtype=bool), 0)
+    series = as_recorded(data, output, low)
+    errors = recorded_errors(data.transforms, series, 0)
     assert errors.undefined_samples == 1
     assert errors.simulation_error_percent == pytest.approx(0.0, abs=1e-6)
 

@@ -12,7 +12,7 @@ from evopem.validation.residual_tests import (
     share_inside,
     whiteness_test,
 )
-from evopem.validation.scores import error_percent, fit_percent
+from evopem.validation.scores import error_percent
 
 
 def test_the_statistic_is_that_of_statsmodels():
@@ -110,9 +110,7 @@ def test_scores_by_hand():
     y, y_hat = [3.0, 4.0, 0.0, -1.0], [3.0, 4.0, 1.0, -3.0]
     # ‖y − ŷ‖² = 5, mean 1.5: ‖y − ȳ‖² = 17.
     assert error_percent(y, y_hat) == pytest.approx(100 * np.sqrt(5 / 17))
-    assert fit_percent(y, y_hat) == pytest.approx(100 * (1 - np.sqrt(5 / 17)))
     assert np.isnan(error_percent([0.0, 0.0], [1.0, 1.0]))
-    assert np.isnan(fit_percent([2.0, 2.0], [1.0, 1.0]))
 
 
 @pytest.mark.parametrize(("lines", "order"), [(1, 2), (3, 6)])

@@ -1,4 +1,4 @@
-"""Two scores of a computed response against the measured one."""
+"""Scores of computed responses and of residuals."""
 
 import math
 
@@ -16,11 +16,6 @@ def error_percent(measured: ArrayLike, computed: ArrayLike) -> float:
     y, y_hat = np.asarray(measured, dtype=float), np.asarray(computed, dtype=float)
     reference = _norm(y - y.mean())
     return 100.0 * _norm(y - y_hat) / reference if reference > 0 else math.nan
-
-
-def fit_percent(measured: ArrayLike, computed: ArrayLike) -> float:
-    """NRMSE fit, 100 minus :func:`error_percent`, as MATLAB's ``compare`` has it."""
-    return 100.0 - error_percent(measured, computed)
 
 
 def outlier_percent(residuals: ArrayLike) -> float:

@@ -1,12 +1,12 @@
 """The series behind a validation as tables, and in the units of the recording."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
-from evopem.arrays import Array, Flags
+from evopem.arrays import Array
 from evopem.signals.prepared_data import StretchOrigin, Transforms, measured_outputs
 from evopem.signals.recording import Recording
 from evopem.signals.transforms import box_cox, invert_box_cox
@@ -16,28 +16,18 @@ from evopem.validation.scores import error_percent
 from evopem.validation.validation import RecordedErrors, Validation
 
 
-@dataclass(frozen=True, eq=False)
-class RecordedSeries:
-    """Validation outputs as recorded, with one-step prediction and simulation, (N, l) each."""
-
-    outputs: Array
-    predicted: Array
-    simulated: Array
-
-
-def recorded_series(
-    transforms: Transforms, outputs: Array, predicted: Array, simulated: Array
-) -> RecordedSeries:
-    """Take the validation samples of a model back to the units of the recording.
+def recorded_series(transforms: Transforms, responses: Responses) -> Responses:
+    """Outputs, predictions and simulations in the units of the recording.
 
     Differencing is monic: errors one step ahead are those of the differenced output.
     """
     origins = transforms.validation
     ends = np.cumsum([each.samples for each in origins], dtype=int)[:-1]
-    series = outputs, predicted, simulated
+    series = responses.outputs, responses.predicted, responses.simulated
     split = zip(*(np.split(each, ends) for each in series), strict=True)
     found = [_recorded(transforms, *each) for each in zip(origins, split, strict=True)]
-    return RecordedSeries(*map(np.concatenate, zip(*found, strict=True)))
+    outputs, predicted, simulated = map(np.concatenate, zip(*found, strict=True))
+    return replace(responses, outputs=outputs, predicted=predicted, simulated=simulated)
 
 
 def _recorded(
@@ -60,12 +50,11 @@ def _recorded(
     return measured, prediction, simulation
 
 
-def recorded_errors(
-    transforms: Transforms, series: RecordedSeries, scored: Flags, output: int
-) -> RecordedErrors:
+def recorded_errors(transforms: Transforms, recorded: Responses, output: int) -> RecordedErrors:
     """Errors of one recorded output over the scored samples."""
     measured, predicted, simulated = (
-        each[scored, output] for each in (series.outputs, series.predicted, series.simulated)
+        each[recorded.scored, output]
+        for each in (recorded.outputs, recorded.predicted, recorded.simulated)
     )
     defined = np.isfinite(simulated)
     return RecordedErrors(
@@ -78,16 +67,16 @@ def recorded_errors(
     )
 
 
-def autocorrelation_table(
-    names: Sequence[str], found: Sequence[ResidualCorrelation]
+def correlation_table(
+    value: str, role: Sequence[str], found: Sequence[tuple[Sequence[str], ResidualCorrelation]]
 ) -> pd.DataFrame:
-    """Autocorrelations of the residuals of all outputs, one below the other."""
-    columns = ["output", "lag", "autocorrelation", "bound95"]
+    """Correlations below each other, each beside the names of its channels in their roles."""
+    columns = [*role, "lag", value, "bound95"]
     tables = [
-        each.table("autocorrelation").assign(output=name)[columns]
-        for name, each in zip(names, found, strict=True)
+        each.table(value).assign(**dict(zip(role, names, strict=True)))[columns]
+        for names, each in found
     ]
-    return pd.concat(tables, ignore_index=True)
+    return pd.concat(tables or [pd.DataFrame(columns=columns)], ignore_index=True)
 
 
 def horizon_table(validation: Validation, sampling_rate: float) -> pd.DataFrame:
@@ -108,7 +97,7 @@ def horizon_table(validation: Validation, sampling_rate: float) -> pd.DataFrame:
 
 
 def simulation_table(
-    validation: Recording, responses: Responses, recorded: RecordedSeries
+    validation: Recording, responses: Responses, recorded: Responses
 ) -> pd.DataFrame:
     """Validation samples, time from the first of each stretch; unscored computed ones missing."""
     samples = [np.arange(each.samples) for each in validation.separated]

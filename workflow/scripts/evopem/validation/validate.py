@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
 
 from evopem.arrays import Array
 from evopem.config.settings import OBJECTIVES, SpectrumSettings
@@ -49,8 +48,7 @@ from evopem.validation.responses import (
 )
 from evopem.validation.scores import error_percent, outlier_percent
 from evopem.validation.tables import (
-    RecordedSeries,
-    autocorrelation_table,
+    correlation_table,
     horizon_table,
     recorded_errors,
     recorded_series,
@@ -110,13 +108,11 @@ def validate(
     if not responses.scored.any():
         raise ValueError("no validation sample is left to score; keep more samples for validation")
     tested = EstimationResiduals.of(_estimation_stretches(form, prepared.estimation))
-    recorded = recorded_series(
-        prepared.transforms, responses.outputs, responses.predicted, responses.simulated
-    )
+    recorded = recorded_series(prepared.transforms, responses)
     outputs, autocorrelations, horizons = _outputs(
         form, prepared, held_out, responses, recorded, tested, objective, spectrum, lags
     )
-    pairs, crossed = _pairs(tested, prepared.validation, lags)
+    crossed = _crossed(tested, prepared.validation, min(lags, CROSS_CORRELATION_LAGS))
     models = models or [OrderModel.of(order, math.nan, model)]
     validation = Validation(
         samples=int(np.sum(responses.scored)),
@@ -126,7 +122,10 @@ def validate(
         fitted_state_error_percent=_mean([each.fitted_state_error_percent for each in outputs]),
         outputs=outputs,
         inputs=_inputs(model, prepared),
-        pairs=pairs,
+        pairs=tuple(
+            PairCorrelation(*names, each.share_inside, each.largest, each.largest_ratio)
+            for names, each in crossed
+        ),
         horizons=horizons,
         stretches=tuple(_stretch_errors(held_out, responses)),
         residual_samples=len(tested.residuals),
@@ -140,10 +139,11 @@ def validate(
             models, order, lambda each: held_out_stretches(each, prepared, fit_level)
         ),
     )
-    names = prepared.validation.output_names
+    names = ((name,) for name in prepared.validation.output_names)
+    own = list(zip(names, autocorrelations, strict=True))
     return validation, ValidationTables(
-        autocorrelation_table(names, autocorrelations),
-        crossed,
+        correlation_table("autocorrelation", ("output",), own),
+        correlation_table("cross_correlation", ("output", "input"), crossed),
         simulation_table(prepared.validation, responses, recorded),
         horizon_table(validation, model.sampling_rate),
     )
@@ -187,7 +187,7 @@ def _outputs(
     prepared: PreparedData,
     held_out: Sequence[HeldOut],
     responses: Responses,
-    recorded: RecordedSeries,
+    recorded: Responses,
     tested: EstimationResiduals,
     objective: str,
     spectrum: SpectrumSettings | None,
@@ -210,7 +210,7 @@ def _outputs(
             OutputValidation(
                 *(validation.output_names[k], validation.output_units[k]),
                 *(predicted[k], simulated[k], fitted[k]),
-                recorded_errors(prepared.transforms, recorded, scored, k),
+                recorded_errors(prepared.transforms, recorded, k),
                 tuple(ahead[:, k].tolist()),
                 whiteness[k],
                 correlation.where(correlation.lag > 0).share_inside,
@@ -242,23 +242,15 @@ def _whiteness(
     ]
 
 
-def _pairs(
+def _crossed(
     tested: EstimationResiduals, recording: Recording, lags: int
-) -> tuple[tuple[PairCorrelation, ...], pd.DataFrame]:
-    """Cross-correlations of the residuals of all outputs with all inputs."""
-    columns = ["output", "input", "lag", "cross_correlation", "bound95"]
-    pairs, tables = [], [pd.DataFrame(columns=columns)]
-    lags = min(lags, CROSS_CORRELATION_LAGS)
-    for output, e in zip(recording.output_names, tested.residuals.T, strict=True):
-        for source, u in zip(recording.input_names, tested.inputs.T, strict=True):
-            found = correlation_with_input(e, u, lags, tested.bounds)
-            largest = float(np.max(np.abs(found.values)))
-            pairs.append(
-                PairCorrelation(output, source, found.share_inside, largest, found.largest_ratio)
-            )
-            table = found.table("cross_correlation").assign(output=output, input=source)
-            tables.append(table[columns])
-    return tuple(pairs), pd.concat(tables[1:] or tables, ignore_index=True)
+) -> list[tuple[tuple[str, str], ResidualCorrelation]]:
+    """Cross-correlations of the residuals of all outputs with all inputs, by their names."""
+    return [
+        ((output, source), correlation_with_input(e, u, lags, tested.bounds))
+        for output, e in zip(recording.output_names, tested.residuals.T, strict=True)
+        for source, u in zip(recording.input_names, tested.inputs.T, strict=True)
+    ]
 
 
 def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]:
@@ -294,24 +286,16 @@ def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
     if not any(np.ptp(each.recording.inputs, axis=0).any() for each in held_out):
         # What is simulated is then a free response alone.
         return HeldOutTest(math.nan, math.nan, math.nan, samples)
+    records = []
     with np.errstate(all="ignore"):
-        records = [
-            HeldOutContribution(
-                each.recording.outputs,
-                each.simulated_from_rest()[each.first :],
-                [np.hstack([free_responses(model.poles(), n), _half_waves(n)])]
-                * len(each.recording.output_names),
-            )
-            for each in held_out
-            for n in [each.recording.samples]
-        ]
+        for each in held_out:
+            y, count = each.recording.outputs, each.recording.samples
+            time = (np.arange(count) + 0.5) / count
+            waves = np.cos(np.pi * np.outer(time, np.arange(1, HALF_WAVES + 1)))
+            beside = [np.hstack([free_responses(model.poles(), count), waves])] * y.shape[1]
+            simulated = each.simulated_from_rest()[each.first :]
+            records.append(HeldOutContribution(y, simulated, beside))
         return joint_contribution_test(records)
-
-
-def _half_waves(samples: int) -> Array:
-    """Cosines of 1, 2, ... half periods in some samples, (samples, HALF_WAVES)."""
-    time = (np.arange(samples) + 0.5) / samples
-    return np.cos(np.pi * np.outer(time, np.arange(1, HALF_WAVES + 1)))
 
 
 def _stretch_errors(held_out: Sequence[HeldOut], responses: Responses) -> list[StretchErrors]:
