@@ -1,9 +1,8 @@
 """What the checks of the report say of a candidate, and what its residuals say of the noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -154,7 +153,7 @@ class _Residuals:
     bounds: list[int]  # first residual of each stretch, and N
 
     @classmethod
-    def of(cls, stretches: Sequence[Segment], parts: Sequence[Array]) -> _Residuals:
+    def of(cls, stretches: Sequence[Segment], parts: Sequence[Array]) -> Self:
         inputs = [s.inputs[s.samples - len(e) :] for s, e in zip(stretches, parts, strict=True)]
         bounds = np.cumsum([0, *map(len, parts)]).tolist()
         return cls(np.concatenate(parts), np.concatenate(inputs), bounds)

@@ -1,9 +1,8 @@
 """Keys of a data set that it does not have, or that contradict each other: each in one sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Self
 
 from evopem.config.channels import NONE, Geometry, Reference, are_one, is_pattern, listed, of_each
 from evopem.config.constraints import (
@@ -45,7 +44,7 @@ class Kind:
     synthesis: str | None
 
     @classmethod
-    def of(cls, keys: Keys) -> Kind:
+    def of(cls, keys: Keys) -> Self:
         """That of written or built-in keys."""
         structure = keys.get("structure")
         alone = structure == "arma" and "input" not in keys

@@ -1,10 +1,8 @@
 """What is required or known of a model beforehand: constraints and priors, in a user's units."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import ConfigDict, Field
 
@@ -114,7 +112,7 @@ class Constraints:
         bounds = self.static_gain_bounds
         return bounds.get(name) if isinstance(bounds, dict) else bounds
 
-    def of_input(self, name: str) -> Constraints:
+    def of_input(self, name: str) -> Self:
         """The constraints of the path from one input: its static gain as a number."""
         return replace(
             self, static_gain=self.gain_of(name), static_gain_bounds=self.gain_bounds_of(name)

@@ -6,10 +6,8 @@ with the clause that ends an error ("give ..."); what follows its first sentence
 documentation.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
@@ -143,9 +141,9 @@ class ScoringWindow:
     residual_start: int  # first residual, the same for all orders that are compared
     loss_start: int  # first residual that counts in the loss and in all criteria
 
-    def from_first(self, first_residual: int) -> ScoringWindow:
+    def from_first(self, first_residual: int) -> Self:
         """The same window for orders whose first residual may be later."""
-        return ScoringWindow(
+        return type(self)(
             max(self.residual_start, first_residual), max(self.loss_start, first_residual)
         )
 
@@ -181,7 +179,7 @@ class OrderRanges:
     delay: Range | None = None  # orders k of the models whose delays the chapter's recipe compares
 
     @property
-    def of_polynomials(self) -> OrderRanges:
+    def of_polynomials(self) -> Self:
         """The ranges that a search over the orders of polynomial models depends on."""
         return replace(self, nx=None)
 

@@ -1,14 +1,12 @@
 """The contents of ``model.json``: the model, its criteria, and how it was found."""
 
-from __future__ import annotations
-
 import platform
 import re
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -68,7 +66,7 @@ class FitRecord:
     @classmethod
     def of(
         cls, estimate: Estimate, focus: Focus = "prediction", constraints: Constraints | None = None
-    ) -> FitRecord | None:
+    ) -> Self | None:
         """The record of an estimate; None without focus and constraints."""
         effect = estimate.constraints
         if focus == "prediction" and (constraints is None or effect is None):
@@ -140,7 +138,7 @@ class ModelRecord:
         focus: Focus = "prediction",
         constraints: Constraints | None = None,
         at_upper_ends: tuple[str, ...] = (),
-    ) -> ModelRecord:
+    ) -> Self:
         """The record of an estimate from the ``estimation`` samples; ``level`` of other samples.
 
         ``model``: with a noise model beside the plant; ``variant``: form and weighting in state

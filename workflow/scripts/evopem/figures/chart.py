@@ -4,11 +4,9 @@ matplotlib draws a chart for files and papers (:mod:`evopem.figures.draw`); a pa
 chart again from its table, for a reader to zoom.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 import pandas as pd
@@ -104,7 +102,7 @@ class Chart:
     live: bool = True  # whether a page draws it for a reader to zoom
     nothing: str = ""  # what is said where there is nothing to draw
 
-    def only(self, kind: str) -> Chart:
+    def only(self, kind: str) -> Self:
         """The panels of one kind of column, one above the other."""
         kept = tuple(each for each in self.panels if each.curves[0].column.endswith(kind))
         return replace(self, panels=kept, columns=1)

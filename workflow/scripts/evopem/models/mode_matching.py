@@ -4,14 +4,12 @@ Poles of different orders belong to one mode where they agree within their stand
 usual tolerances of modal analysis; a mode has at most one pole of an order.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -49,7 +47,7 @@ class OrderModel:
     modes: tuple[Mode, ...]
 
     @classmethod
-    def of(cls, order: int, bic: float, model: Model) -> OrderModel:
+    def of(cls, order: int, bic: float, model: Model) -> Self:
         """The entry of a model with its covariance."""
         return cls(order, bic, replace(model, covariance=None), tuple(model.modes()))
 

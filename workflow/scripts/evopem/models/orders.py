@@ -1,11 +1,9 @@
 """Orders of the polynomial model ``A y = sum_i (B_i/F_i) u_i q^-nk_i + (C/D) e + level``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Integral
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from evopem.config.structures import ORDER_NAMES, STRUCTURES, structure_name
 
@@ -103,7 +101,7 @@ class Orders:
         nb, nf, nk = (sum(each) for each in (self.nb, self.nf, self.nk))
         return SingleOrders(self.na, nb, self.nc, self.nd, nf, nk)
 
-    def of_input(self, place: int) -> Orders:
+    def of_input(self, place: int) -> Self:
         """The orders of the path from one input."""
         own = {name: getattr(self, name)[place : place + 1] for name in PER_INPUT}
         return replace(self, structure="", **own) if self.inputs else self
@@ -141,7 +139,7 @@ class Orders:
         exists = letter in "acd" or place < m
         return slice(first, first + (lengths[at] if exists else 0))
 
-    def contains(self, other: Orders) -> bool:
+    def contains(self, other: Self) -> bool:
         """Whether every model of other orders is one of these, with zeros added."""
         pairs = zip(self.nb, self.nf, self.nk, other.nb, other.nf, other.nk, strict=False)
         return (

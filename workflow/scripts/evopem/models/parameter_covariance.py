@@ -4,10 +4,9 @@ A matrix alone can give negative variances where the parameters are almost linea
 has no entry for a direction of infinite variance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -41,7 +40,7 @@ class ParameterCovariance:
     null_space: Array
 
     @classmethod
-    def from_matrix(cls, matrix: ArrayLike) -> ParameterCovariance:
+    def from_matrix(cls, matrix: ArrayLike) -> Self:
         """The factored form of a covariance matrix, (n, n); ValueError when it is not square.
 
         A parameter whose variance is not finite is unidentifiable.  Eigenvalues of the correlation
@@ -75,9 +74,9 @@ class ParameterCovariance:
     def __len__(self) -> int:
         return len(self.factor)
 
-    def part(self, rows: slice | Indices) -> ParameterCovariance:
+    def part(self, rows: slice | Indices) -> Self:
         """The covariance of some of the parameters."""
-        return ParameterCovariance(self.factor[rows], self.null_space[rows])
+        return type(self)(self.factor[rows], self.null_space[rows])
 
     def identifiable(self, jacobian: ArrayLike) -> Flags:
         """Whether functions with gradients (m, n) are free of unidentifiable directions, (m,)."""

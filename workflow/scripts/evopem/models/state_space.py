@@ -1,10 +1,8 @@
 """The state-space model in innovations form, several inputs and outputs, as plain data."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -109,7 +107,7 @@ class StateSpaceModel:
         """``A - K C``, the dynamics of the one-step predictor, (n, n)."""
         return self.A - self.K @ self.C
 
-    def with_parameters(self, parameters: Array) -> StateSpaceModel:
+    def with_parameters(self, parameters: Array) -> Self:
         """The model with other entries of ``[A, B, C, D, K, level]``."""
         ends = np.cumsum([part.size for part in self._parts])[:-1]
         A, B, C, D, K, level = (
@@ -118,7 +116,7 @@ class StateSpaceModel:
         )
         return replace(self, A=A, B=B, C=C, D=D, K=K, level=level)
 
-    def scaled(self, of_inputs: Array, of_outputs: Array) -> StateSpaceModel:
+    def scaled(self, of_inputs: Array, of_outputs: Array) -> Self:
         """The model of signals so many times as large, (nu,) and (ny,); without covariance."""
         return replace(
             self,
@@ -196,7 +194,7 @@ class StateSpaceModel:
         free = self._free_responses(self.predictor, len(errors))
         return fitted(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
 
-    def with_fitted_level(self, inputs: ArrayLike, outputs: ArrayLike) -> StateSpaceModel:
+    def with_fitted_level(self, inputs: ArrayLike, outputs: ArrayLike) -> Self:
         """The model with the level whose prediction errors are smallest, states fitted as well."""
         model = replace(self, level=np.zeros(self.outputs))
         errors, nothing = model.residuals(inputs, outputs), np.zeros_like(inputs, dtype=float)
@@ -286,7 +284,7 @@ class StateSpaceModel:
             self.A, self.B, self.C, self.K, self.level.size, self.sampling_rate, self.covariance
         )
 
-    def without_delays(self) -> StateSpaceModel:
+    def without_delays(self) -> Self:
         """The same plant with delays as further states; without covariance."""
         delays = self._delays
         n, extra = self.order, sum(delays)

@@ -1,10 +1,9 @@
 """Orders, structure and acting on failed checks: one file for each decision."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Self
 
 from evopem.automatic.candidates import (
     OrderLimits,
@@ -43,7 +42,7 @@ class Scored:
         settings: AutomaticSettings,
         fits: CommonSettings,
         of_choice: bool = False,
-    ) -> Scored:
+    ) -> Self:
         """That of a data set; of a choice only models of its structure."""
         prepared = load_prepared(files.prepared, files.transforms)
         plan = load(PreparationPlan, files.decision("preparation"))

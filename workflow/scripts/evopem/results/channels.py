@@ -1,9 +1,8 @@
 """What inputs and outputs are called, with their units, as recorded and as prepared."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
+from typing import Self
 
 from evopem.signals.prepared_data import Transforms
 
@@ -24,12 +23,12 @@ class Channel:
     prepared_unit: str
 
     @classmethod
-    def of_input(cls, name: str, unit: str, transforms: Transforms) -> Channel:
+    def of_input(cls, name: str, unit: str, transforms: Transforms) -> Self:
         """An input as recorded and as prepared."""
         return cls(name, unit, _differenced(transforms.difference_input, name), unit)
 
     @classmethod
-    def of_output(cls, name: str, unit: str, transforms: Transforms) -> Channel:
+    def of_output(cls, name: str, unit: str, transforms: Transforms) -> Self:
         """An output alike; a power transform leaves it without a unit."""
         is_linear = transforms.box_cox is None
         shown = name if is_linear else f"Box-Cox transformed {name}"

@@ -1,11 +1,10 @@
 """A recording: inputs and outputs sampled together at a constant rate, in segments."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,10 +58,10 @@ class Segment(_Channels):
         for role in ("inputs", "outputs"):
             object.__setattr__(self, role, _columns(getattr(self, role)))
 
-    def between(self, first: int, stop: int) -> Segment:
+    def between(self, first: int, stop: int) -> Self:
         """The samples from one to before another, counted from 0."""
         samples = self.inputs[first:stop], self.outputs[first:stop]
-        return Segment(*samples, self.recording, self.first + first)
+        return type(self)(*samples, self.recording, self.first + first)
 
 
 def total_samples(segments: Sequence[Segment]) -> int:
@@ -152,12 +151,12 @@ class Recording(_Channels):
         )
 
     @property
-    def separated(self) -> tuple[Recording, ...]:
+    def separated(self) -> tuple[Self, ...]:
         """Each segment as a recording by itself."""
         return tuple(self.with_segments([replace(each, recording=0)]) for each in self.segments)
 
     @property
-    def longest(self) -> Recording:
+    def longest(self) -> Self:
         """The longest segment alone."""
         return max(self.separated, key=lambda each: each.samples)
 
@@ -167,7 +166,7 @@ class Recording(_Channels):
         numbers = [each.first + np.arange(each.samples) for each in self.segments]
         return np.concatenate(numbers) / self.sampling_rate
 
-    def with_segments(self, segments: Sequence[Segment]) -> Recording:
+    def with_segments(self, segments: Sequence[Segment]) -> Self:
         """The same channels with other samples: these segments, one after the other."""
         lengths = [each.samples for each in segments]
         return replace(
@@ -179,7 +178,7 @@ class Recording(_Channels):
             segment_firsts=tuple(each.first for each in segments),
         )
 
-    def between(self, first: int, stop: int) -> Recording:
+    def between(self, first: int, stop: int) -> Self:
         """The samples from one to before another, counted from 0, as one segment."""
         return self.with_segments([Segment(self.inputs[first:stop], self.outputs[first:stop])])
 

@@ -1,10 +1,9 @@
 """What each mode of a model adds to its simulated and predicted outputs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -34,7 +33,7 @@ class ModalParts:
     first: int
 
     @classmethod
-    def of(cls, modes: Sequence[Mode], record: HeldOut) -> ModalParts:
+    def of(cls, modes: Sequence[Mode], record: HeldOut) -> Self:
         """Divide the outputs of a stretch whose validation samples are held out."""
         model, outputs = record.model, record.outputs
         # Participations are those of inputs one sample before, beyond further delays.

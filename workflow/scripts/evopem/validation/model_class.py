@@ -3,11 +3,10 @@
 What a wrong class leaves in the residuals is small at each lag but has a known form.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -75,7 +74,7 @@ class _Stretch:
     of_powers: tuple[Array, ...]
 
     @classmethod
-    def of(cls, record: HeldOut) -> _Stretch:
+    def of(cls, record: HeldOut) -> Self:
         """Of all samples but those that states are fitted to."""
         first, model, u = unscored_samples(record.model), record.plant, record.inputs
         outputs = record.outputs

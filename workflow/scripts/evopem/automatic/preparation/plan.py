@@ -1,10 +1,8 @@
 """Preparation of recordings, decided: start, gaps, decimation, differences, objective."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -58,7 +56,7 @@ class PreparationPlan:
         limits = (-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high)
         object.__setattr__(self, "clipped", limits)
 
-    def for_others(self, recording: Recording) -> PreparationPlan:
+    def for_others(self, recording: Recording) -> Self:
         """The same for other recordings, whose first samples are kept, and without breaks."""
         starts = (0,) * len(recording.segment_starts)
         return replace(self, starts=starts, clipped=(-np.inf, np.inf), stuck=False)
@@ -82,7 +80,7 @@ class PreparedRecord:
     scales: tuple[Array, Array]  # powers of two by which inputs and outputs are divided
 
     @classmethod
-    def of(cls, recording: Recording, plan: PreparationPlan) -> PreparedRecord:
+    def of(cls, recording: Recording, plan: PreparationPlan) -> Self:
         """The stretches of a recording over powers of two."""
         scales = [
             np.array([power_of_two_scale(each) for each in signals.T])

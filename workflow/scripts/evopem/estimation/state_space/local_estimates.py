@@ -1,11 +1,9 @@
 """Estimates of one state-space problem: next to a model, of ascending orders, in full."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any, get_args
+from typing import Any, Self, get_args
 
 import numpy as np
 
@@ -64,7 +62,7 @@ class StateSpaceTask:
         structure: StateSpaceStructure,
         delays: int | Sequence[int],
         **options: Any,
-    ) -> StateSpaceTask:
+    ) -> Self:
         """The task of a structure.
 
         The drift of ``ss_oe_drift`` is what scores on held-out samples, with a level each, do not
