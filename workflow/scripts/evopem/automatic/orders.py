@@ -8,11 +8,17 @@ from typing import Any
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.automatic.candidates import LARGEST_ORDER, Candidate, Scorer, StructureSearch
+from evopem.automatic.candidates import (
+    LARGEST_ORDER,
+    REACH,
+    Candidate,
+    Scorer,
+    StructureSearch,
+)
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, fit, log_loss
 from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
-from evopem.automatic.state_space import Log, fits_in_state_space
+from evopem.automatic.state_space import Log, fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
@@ -33,8 +39,9 @@ GAIN, BIC_GAIN = 0.005, 0.002
 MOST_WORK = 1_100_000
 # Structures whose optima serve as starts of others.
 NESTED: Mapping[str, tuple[str, ...]] = AUTOMATIC_STRUCTURES
-# Largest number of states, and the one above which they are tried in steps of two.
-MOST_STATES, SINGLE_STEPS = 40, 10
+# Largest number of states, with an input and without one, and that above which they are tried in
+# steps of two.
+MOST_STATES, MOST_ALONE, SINGLE_STEPS = 40, 80, 10
 # Output values of the smallest training part for each parameter of models of several channels.
 VALUES_PER_PARAMETER = 5
 
@@ -96,30 +103,35 @@ def _by_states(
         scorer.described(structure, found, order)
         for order, found in fits_in_state_space(*given, log)
     ]
-    last = min(candidates, key=lambda each: each.bic).order if candidates else 0
+    likeliest = min(candidates, key=lambda each: each.bic, default=None)
     scored = []
     for each in candidates:
-        if each.order <= last and log is not None:
-            log(f"{each.name}: errors on held-out samples")
-        scored.append(scorer.scored(each) if each.order <= last else each)
+        assert likeliest is not None
+        near = scorer.has_input or each.bic <= likeliest.bic + REACH
+        if near and each.order <= likeliest.order:
+            if log is not None:
+                log(f"{each.name}: errors on held-out samples")
+            each = scorer.scored(each)
+        scored.append(each)
     return scored
 
 
 def numbers_of_states(scorer: Scorer) -> tuple[int, ...]:
     """The numbers of states that are tried: all that the record can determine.
 
-    In steps of two where there are many.
+    In steps of two where there are many; without an input those next to the likeliest estimate.
     """
     first = scorer.stretches[0]
     nu, ny, samples = first.inputs.shape[1], first.outputs.shape[1], scorer.samples
     limits = scorer.limits.ranges.nx
-    low, high = limits or (1, MOST_STATES)
+    low, high = limits or (1, MOST_STATES if nu else MOST_ALONE)
     # Each stretch has an initial state of its own.
     values = scorer.plan.least_training(samples) * ny // VALUES_PER_PARAMETER
     affordable = min(values // (nu + 2 * ny + len(scorer.stretches)), samples // 12)
     high = min(high, affordable)
     if limits is None and high > SINGLE_STEPS:
-        return tuple(range(2, high + 1, 2))
+        orders = tuple(range(2, high + 1, 2))
+        return orders if nu else from_likeliest(scorer.stretches, orders, scorer.settings)
     return tuple(range(low, high + 1))
 
 

@@ -16,7 +16,7 @@ from evopem.estimation.state_space.local_estimates import (
     refitted,
 )
 from evopem.estimation.state_space.problem import STEPS
-from evopem.estimation.state_space.search import FINAL_WIDTH
+from evopem.estimation.state_space.search import FINAL_WIDTH, likeliest_order
 from evopem.estimation.state_space.starting_models import USUAL_ORDER
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
@@ -26,6 +26,19 @@ Log = Callable[[str], None]
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
 # and steps of these descents; also of those on folds of long records, from the optimum of all.
 LARGE_WIDTH, LARGE_STEPS = 2, 12
+# States below those of the likeliest estimate by linear algebra at which a search without an input
+# begins where there are many.
+BELOW = 8
+
+
+def from_likeliest(
+    stretches: Sequence[Segment], orders: Sequence[int], settings: CommonSettings
+) -> tuple[int, ...]:
+    """The orders of a search without an input, less small ones where it has many states."""
+    task = task_of(recording_of(stretches), "ss", (), settings)
+    likeliest = likeliest_order(task.errors(recording_of(stretches), orders[-1]), orders)
+    first = likeliest - BELOW if likeliest > USUAL_ORDER else orders[0]
+    return tuple(order for order in orders if order >= first)
 
 
 def weighting_of(structure: str, settings: CommonSettings) -> OutputWeighting:
@@ -57,6 +70,8 @@ def fits_in_state_space(
     large, estimation = is_large(stretches), recording_of(stretches)
     if structure == "ss_bj" and large:
         return
+    driven = estimation.has_input
+    quick = large or not (driven or orders[0] <= USUAL_ORDER - BELOW)
     estimates = estimates_of_orders(
         estimation,
         orders,
@@ -65,21 +80,24 @@ def fits_in_state_space(
         weighting=weighting_of(structure, settings),
         settings=settings,
         forgets=True,
-        width=LARGE_WIDTH if large else FINAL_WIDTH,
-        steps=LARGE_STEPS if large else STEPS,
+        width=LARGE_WIDTH if quick else FINAL_WIDTH,
+        steps=LARGE_STEPS if quick else STEPS,
         log=log,
     )
     first = max(delays, default=0)
-    for each in until_bic_rises(estimates):
+    for each in until_bic_rises(estimates, driven):
         residuals = tuple(e[np.isfinite(e).all(axis=1)] for e in each.residuals)
         yield each.order, Fit(each.model, each.parameters, residuals, first)
 
 
-def until_bic_rises(estimates: Iterable[StateSpaceEstimate]) -> Iterator[StateSpaceEstimate]:
+def until_bic_rises(
+    estimates: Iterable[StateSpaceEstimate], driven: bool = True
+) -> Iterator[StateSpaceEstimate]:
     """The estimates by ascending order, up to where the BIC has risen so often that a search ends.
 
     From the usual largest order on it ends with the first rise, also of the BIC with the colour of
-    the errors: states that only describe coloured errors would be added without end.
+    the errors: states that only describe coloured errors would be added without end.  Where no
+    input drives the model, its states describe nothing else, and the BIC alone decides.
     """
     lowest = lowest_coloured = np.inf
     rises = 0
@@ -87,7 +105,7 @@ def until_bic_rises(estimates: Iterable[StateSpaceEstimate]) -> Iterator[StateSp
         yield estimate
         rises = 0 if estimate.bic < lowest else rises + 1
         falls = rises == 0 and estimate.coloured_bic < lowest_coloured
-        if rises >= RISES or (estimate.order >= USUAL_ORDER and not falls):
+        if rises >= RISES or (driven and estimate.order >= USUAL_ORDER and not falls):
             return
         lowest = min(lowest, estimate.bic)
         lowest_coloured = min(lowest_coloured, estimate.coloured_bic)
@@ -106,7 +124,8 @@ def refit(
     Raises ValueError when they are too short, or the descent finds no stable model.
     """
     estimation = recording_of(stretches)
-    steps = LARGE_STEPS if is_large(whole, LONG) else STEPS
+    many = not estimation.has_input and model.order > USUAL_ORDER
+    steps = LARGE_STEPS if many or is_large(whole, LONG) else STEPS
     task = task_of(recording_of(whole), structure, delays, settings)
     return refitted(replace(model, covariance=None), estimation, task, steps)
 

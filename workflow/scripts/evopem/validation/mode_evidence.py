@@ -81,6 +81,7 @@ class ModeEvidence:
     doubts: tuple[str, ...] = ()  # reasons not to trust it, see :func:`doubts`
     shape_doubt: str = ""  # reason not to trust its shape, see :func:`shape_doubt`
     compared: int = 0  # number of orders that the recurrence is a share of
+    confirmed: bool = True  # whether there are larger orders, or the largest ones have it alike
     # Of a shape that is doubted: the row of the table with the neighbour whose shape spans with
     # this one a plane that is known
     pair: int | None = None
@@ -209,7 +210,7 @@ def table_of_models(
                     squares[each.order] = _mean_squares(held_out(each.model))
             without = float(np.mean(squares[best.order] / squares[order]))
         row_of |= {(order, index): len(judged) for order, index in group.items()}
-        judged.append(_judged(found, group, of_mode, by_order, samples[order], without))
+        judged.append(_judged(found, group, of_mode, by_order, samples[order], without, chosen))
     poles = stabilization({order: each.modes for order, each in by_order.items()}, row_of)
     rows = _with_pairs(judged, by_order, row_of)
     shapes = [each.mode.shape for each in rows]
@@ -263,6 +264,7 @@ def _judged(
     by_order: Mapping[int, OrderModel],
     samples: float,
     without: float | None,
+    chosen: int,
 ) -> ModeEvidence:
     """A mode judged; ``without``: squared errors of the best smaller model without it to its own.
 
@@ -284,12 +286,15 @@ def _judged(
             or np.sum(np.abs(each.model.poles()) > DELAY_RADIUS) > 2 * len(found.modes)
         )
     ]
+    ending = sorted(by_order)[-PERSISTENT_ORDERS:]
+    inside = len(by_order) == 1 or chosen < ending[-1]
     judged = ModeEvidence(
         mode=mode,
         order=found.order,
         orders=tuple(sorted(group)),
         recurrence=float(np.mean(compared)) if compared else math.nan,
         compared=len(compared),
+        confirmed=inside or (len(ending) == PERSISTENT_ORDERS and group.keys() >= set(ending)),
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
         noise_test=of_noise,
@@ -323,7 +328,8 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
     rate that decays within the longest stretch of ``samples``, the inputs drive it or the noise
     model needs it on held-out samples, with power to speak of, three quarters of the models of
-    other orders have it, and its frequency is known to within 10 %.
+    other orders have it, all of the last three where the largest was chosen, and its frequency is
+    known to within 10 %.
     """
     mode, found = evidence.mode, []
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
@@ -355,6 +361,10 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
             f"{f'only {of_them}' if of_them else 'none'} of {evidence.compared} other orders with"
             " poles to spare agree on its frequency and damping"
             + (f", though {others} without do" if others > 0 else "")
+        )
+    if not evidence.confirmed:
+        found.append(
+            f"is not in all of the last {PERSISTENT_ORDERS} orders, and there is no larger one"
         )
     half_width = 1.96 * mode.frequency_se_hz
     if not math.isfinite(half_width):

@@ -201,11 +201,17 @@ def generator_of(
     return np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
 
 
+def is_heavy(errors: StateSpaceErrors) -> bool:
+    """Whether a search only descends from estimates, which are good ones of outputs alone."""
+    alone = errors.data.inputs.shape[1] == 0
+    return errors.cost > HEAVY or (alone and errors.order > USUAL_ORDER)
+
+
 def _evaluations(problem: StateSpaceProblem, settings: SearchSettings) -> int:
     """By the size of the problem; the settings limit it, or raise it above their default."""
     raised = max(settings.evaluations / SearchSettings.evaluations, 1.0)
     each = problem.plain.cost
-    if each > HEAVY and raised == 1.0:
+    if is_heavy(problem.plain) and raised == 1.0:
         return 0
     own = np.clip(BUDGET / each / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS)
     return int(min(settings.evaluations, raised * own))
@@ -217,7 +223,7 @@ def searched(
     """Descents from estimates, points and smaller orders, then the search among the optima."""
     problem, generator = problem_for(errors, settings), generator_of(settings, errors, errors.order)
     budget = _evaluations(problem, settings)
-    if starts and errors.cost > HEAVY and budget == 0:
+    if starts and is_heavy(errors) and budget == 0:
         return problem, _polished(problem, starts, 0)
     plain = without_outliers(problem)
     models = StartingModels(plain, errors.order, errors.cost <= HEAVY)
@@ -262,9 +268,10 @@ def _optima_from_estimates(
     log: Log | None,
 ) -> list[Optimum]:
     """Optima from estimates of the order itself, and from the optimum of two states fewer."""
-    if problem.cost > HEAVY:
+    if is_heavy(problem):
         itself = range(problem.order, problem.order + 1)
-        return next(rungs(problem, models, generator, 1, itself)).optima
+        width = 1 if problem.cost > HEAVY else WIDTH
+        return next(rungs(problem, models, generator, width, itself)).optima
     starts = list(models.points(problem))
     smaller = range(1 + (problem.order + 1) % 2, problem.order, 2)
     for below in rungs(problem, models, generator, WIDTH, smaller, log=log):
@@ -293,6 +300,22 @@ def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
         return ()
     other = replace(errors, structure="ss_oe" if errors.innovations else "ss")
     return () if other.cost > HEAVY else (other,)
+
+
+def likeliest_order(errors: StateSpaceErrors, orders: Sequence[int]) -> int:
+    """That of the lowest BIC of estimates by linear algebra, before any descent."""
+    models, samples = StartingModels(errors, orders[-1], thorough=False), errors.data.samples
+    criteria = {}
+    for order in orders:
+        problem = replace(errors, order=order)
+        values = [
+            problem.criterion(problem.projection(each).covariance)
+            for each in lowest(problem, list(models.points(problem)), 1)
+        ]
+        criteria[order] = min(values, default=np.inf) + (
+            problem.parameters * np.log(samples) / samples
+        )
+    return min(criteria, key=lambda order: criteria[order])
 
 
 def swept(
