@@ -7,18 +7,25 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from vibrating_structure import VibratingStructure
 
 from evopem.automatic.candidates import Candidate, OrderLimits, Scorer
 from evopem.automatic.chosen import estimate_candidate
 from evopem.automatic.fit import CommonSettings
 from evopem.automatic.held_out.folds import HeldOutScores, decide_folds, held_out_scores
-from evopem.automatic.orders import decide_delays, numbers_of_states, search_structure
+from evopem.automatic.orders import (
+    SINGLE_STEPS,
+    decide_delays,
+    numbers_of_states,
+    search_structure,
+)
 from evopem.automatic.remedies import act_on_checks
-from evopem.automatic.state_space import until_bic_rises
+from evopem.automatic.state_space import recording_of, task_of, until_bic_rises
 from evopem.automatic.structures import Choice, as_good, compare_structures
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings, OrderRanges, SearchSettings
 from evopem.errors import NoModelError
+from evopem.estimation.state_space.search import is_heavy
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
@@ -114,22 +121,24 @@ def test_surplus_modes_gain_nothing_by_the_states_they_begin_with():
 
 
 @pytest.mark.parametrize(
-    ("orders", "bic", "coloured", "last"),
+    ("orders", "bic", "coloured", "last", "driven"),
     [
         # Two rises end a search; a single one does not.
-        (range(2, 21, 2), (9, 8, 8.5, 7, 7.5, 7.2, 3, 2, 1, 0), (0,) * 10, 12),
+        (range(2, 21, 2), (9, 8, 8.5, 7, 7.5, 7.2, 3, 2, 1, 0), (0,) * 10, 12, True),
         # Beyond 20 states the first one does, of either criterion.
-        (range(16, 31, 2), (9, 8, 7, 6, 5, 5.5, 4, 3), (9, 8, 7, 6, 5, 4, 3, 2), 26),
-        (range(16, 31, 2), (9, 8, 7, 6, 5, 4, 3, 2), (9, 8, 7, 6, 6.5, 6, 5, 4), 24),
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 5.5, 4, 3), (9, 8, 7, 6, 5, 4, 3, 2), 26, True),
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 4, 3, 2), (9, 8, 7, 6, 6.5, 6, 5, 4), 24, True),
         # Errors that stay coloured alike do not add states without end.
-        (range(16, 31, 2), (9, 8, 7, 6, 5, 4, 3, 2), (5, 6, 7, 8, 9, 9, 9, 9), 20),
-        ((30,), (1,), (1,), 30),
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 4, 3, 2), (5, 6, 7, 8, 9, 9, 9, 9), 20, True),
+        ((30,), (1,), (1,), 30, True),
+        # Without an input states describe nothing but colour: BIC alone decides.
+        (range(16, 31, 2), (9, 8, 7, 6, 5, 5.5, 6, 3), (5, 6, 7, 8, 9, 9, 9, 9), 28, False),
     ],
 )
-def test_a_search_over_orders_ends_where_bic_rises(orders, bic, coloured, last):
+def test_a_search_over_orders_ends_where_bic_rises(orders, bic, coloured, last, driven):
     scores = zip(orders, bic, coloured, strict=True)
     estimates = (SimpleNamespace(order=n, bic=b, coloured_bic=c) for n, b, c in scores)
-    assert [each.order for each in until_bic_rises(estimates)][-1] == last
+    assert [each.order for each in until_bic_rises(estimates, driven)][-1] == last
 
 
 def noise(samples, nu=2, ny=3):
@@ -145,6 +154,22 @@ def test_orders_follow_the_length_of_the_record():
     assert numbers_of_states(short) == ()
     with pytest.raises(NoModelError, match="too short for a model of any structure"):
         compare_structures(short, [search_structure(short, "ss", {})])
+
+
+def test_orders_of_outputs_alone_begin_below_the_states_of_their_modes():
+    modes = np.arange(1.0, 12.0)
+    shapes = np.random.default_rng(6).standard_normal((6, 11))
+    mast = VibratingStructure(1.3 * modes, 0.008 / np.sqrt(modes), shapes)
+    y = mast.ambient_record(1200, 32.0, 0.05, np.random.default_rng(7))
+    alone = [Segment(y[:, :0], y)]
+    orders = numbers_of_states(scorer_of(alone))
+    assert SINGLE_STEPS < orders[0] <= 22 <= orders[-1] - 40
+    # They are descended from estimates alone.
+    errors = task_of(recording_of(alone), "ss", (), CommonSettings()).errors
+    assert is_heavy(errors(recording_of(alone), 22))
+    assert not is_heavy(errors(recording_of(alone), 20))
+    few = [Segment(y[:, :0], noise(1200, ny=6)[0].outputs)]
+    assert numbers_of_states(scorer_of(few))[0] == 2
 
 
 def test_delays_stay_within_their_limits():

@@ -15,6 +15,7 @@ from evopem.signals.recording import Recording, recording_of
 from evopem.validation.modal_parts import held_out_mode_tests
 from evopem.validation.mode_evidence import (
     ModeTable,
+    doubts,
     mode_table,
     table_of_models,
 )
@@ -88,6 +89,23 @@ def test_smaller_orders_do_not_speak_against_a_mode_of_the_largest(ambient):
     assert {each.stable for each in own} <= {None, True}
 
 
+def test_modes_of_the_largest_order_are_trusted_where_the_last_three_orders_have_them(ambient):
+    """A larger order that was not tried may have other ones in their place."""
+    estimates, _ = ambient
+    models = [OrderModel.of(each.model.order, each.bic, each.model) for each in estimates]
+    y = CLOSE.ambient_record(900, RATE, 0.2, np.random.default_rng(5))
+    recording = recording_of(None, y, RATE)
+
+    def trusted(some, chosen):
+        table = table_of_models(some, chosen, lambda model: divided(model, recording, 0))
+        return [each.frequency_hz for each in table.trusted]
+
+    # The pair at 12 Hz is one mode of four states: 2, 4 and 6 states have the one at 5 Hz alone.
+    assert len(trusted(models[:4], 6)) == 3
+    assert len(trusted(models[:3], 6)) < 2
+    assert trusted(models[2:5], 10) == pytest.approx(CLOSE.frequencies_hz, rel=0.02)
+
+
 def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
     """Frequencies and damping ratios of the pair stay trusted, its shapes are not."""
     estimates, _ = ambient
@@ -107,6 +125,11 @@ def test_a_pair_whose_shapes_are_mixed_is_stated_as_their_plane(ambient):
     assert [each.shape_trusted for each in table.modes if each.trusted] == [True, False, False]
     rows = [k for k, each in enumerate(table.modes) if each.shape_doubt]
     assert [table.modes[k].pair for k in rows] == rows[::-1]
+    # Forces of one colour at several places have about the same pole each.
+    for p, is_colour in ((0.3, True), (0.0, False)):
+        mode = replace(table.modes[rows[0]].mode, damping_ratio=0.05, equal_poles_p=p)
+        reasons = doubts(replace(table.modes[rows[0]], mode=mode), RATE)
+        assert any("colour of the force" in reason for reason in reasons) == is_colour
     csv = table.rows((), ("a", "b", "c"))
     assert csv["plane_with_mode"][3 * rows[0]] == str(rows[1] + 1)
     assert [changed(equal_poles_p=0.3, plane_assurance=0.7).modes[k].pair for k in rows] == [

@@ -40,9 +40,10 @@ SIGNIFICANCE = 0.01
 STABLE_SHARE = 0.75
 # A mode that the chosen order lacks is listed where this many orders have it.
 PERSISTENT_ORDERS = 3
-# Damping ratio above which a pair of poles is hardly a resonance, and above which one without an
-# input may be the colour of the unknown force.
-STRONG_DAMPING, COLOUR_OF_FORCE = 0.5, 0.2
+# Damping ratio above which a pair of poles is hardly a resonance, above which one without an input
+# may be the colour of the unknown force, and above which it may be so where its shape is doubted:
+# forces of one colour at several places have about the same pole each.
+STRONG_DAMPING, COLOUR_OF_FORCE, COLOUR_OF_FORCES = 0.5, 0.2, 0.03
 # Share of an output's power below which a mode is not trusted: 40 dB, as of inputs.
 LEAST_POWER = EXCITED
 # Largest half width of the 95 % interval of a frequency, relative to the frequency.
@@ -335,7 +336,9 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
     if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
         found.append("decays too fast to be a resonance")
-    elif mode.damping_ratio > COLOUR_OF_FORCE and not evidence.has_input:
+    elif not evidence.has_input and mode.damping_ratio > (
+        COLOUR_OF_FORCES if shape_doubt(mode) else COLOUR_OF_FORCE
+    ):
         found.append(
             f"has a damping ratio of {100 * mode.damping_ratio:.0f} %: without an input that is as"
             " likely the colour of the force"
