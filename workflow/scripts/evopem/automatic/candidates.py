@@ -187,8 +187,7 @@ class Scorer:
     Structures and orders of a long record of one output are compared on its first ``MOST_SAMPLES``
     samples; :meth:`on_all_samples` fits what was chosen to all.
 
-    ``limits``: Other orders have no candidates. ``delays``: Of the inputs, for structures whose
-    orders have none.
+    ``limits``: Other orders have no candidates. ``delays``: Of inputs, where orders have none.
     """
 
     def __init__(

@@ -62,8 +62,7 @@ def estimate_candidate(
 
     Its own model is among the starts; without evaluations and anything to fit it for the only one.
 
-    Raises InputError when no model of the order meets the constraints, and NoModelError when the
-    record is too short.
+    InputError when no model of the order meets the constraints, NoModelError of a short record.
     """
     if candidate.polynomials is not None:
         estimate, ends = _polynomials(candidate, estimation, scorer, search, fit, log)

@@ -241,8 +241,7 @@ def changed(orders: Orders, place: int | None = None, **differences: int) -> Ord
 RECORDED = 5
 # Delays up to this one are not doubted.  Where the input has power at few frequencies and the
 # disturbance does not pass through A, the many lags of an ARX model replace those of a short delay;
-# output-error models of these orders do not.  Very strong evidence is a difference of BIC of 10
-# (Kass & Raftery 1995).
+# output-error models do not.  A difference of BIC of 10 is very strong (Kass & Raftery 1995).
 CERTAIN_DELAY, OUTPUT_ERROR_ORDERS, VERY_STRONG = 2, (2, 4, 8), 10.0
 
 

@@ -32,8 +32,7 @@ class Remedied:
     trials: tuple[Trial, ...]
     failed: tuple[str, ...]
     statements: tuple[str, ...]  # of what stays failed: what was tried, and why it stays
-    # Whether the noise model was fitted to the errors of simulation of a plant that stays as it was
-    # estimated without one.
+    # Whether the noise model was fitted to errors of simulation of a plant estimated without one.
     plant_kept: bool = False
 
 

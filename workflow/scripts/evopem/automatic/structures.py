@@ -23,8 +23,7 @@ Score = Callable[[Candidate], float]
 BIC: Score = attrgetter("bic")
 SIMULATION_BIC: Score = attrgetter("simulation_bic")
 
-# Models whose errors are within so many standard errors of the lowest, and within this share, are
-# as good.
+# Models within so many standard errors of the lowest error, and within this share, are as good.
 STANDARD_ERRORS, AS_GOOD = 2.0, 0.1
 # Folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4

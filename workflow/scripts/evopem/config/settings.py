@@ -2,8 +2,7 @@
 
 The fields are the one home of a key of ``config.yaml``: :mod:`evopem.config.schema` takes from them
 what it refuses, the JSON schema and the tables of the documentation. The text below a field begins
-with the clause that ends an error ("give ..."); what follows its first sentence is for the
-documentation.
+with the clause that ends an error ("give ..."); the documentation has the rest as well.
 """
 
 from dataclasses import dataclass, field, replace

@@ -148,8 +148,7 @@ def estimate(
     Warns
     -----
     UserWarning
-        When the mean of the output is not small beside its standard deviation, and the model has no
-        level.
+        When the output has a mean beside its standard deviation, and the model has no level.
 
     Examples
     --------

@@ -86,8 +86,7 @@ class ModelRecord:
     structure: str
     orders: Orders | None  # of polynomials
     model: Model  # with the covariance of its coefficients or entries
-    # Number of the first states, in state space, which the inputs drive; those that follow are of
-    # the noise alone
+    # Number of the first states, in state space, which the inputs drive; the others are of noise
     plant_states: int
     weighting: str  # of the outputs in the criterion of a state-space model
     # Level of other samples than those of the estimation: that of the model, one that is fitted to
@@ -113,8 +112,7 @@ class ModelRecord:
     zeros: tuple[Complex, ...]  # from each input of polynomials, delay aside
     noise_poles: Complex
     noise_zeros: Complex
-    # (n,) Of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``, b and f those of all inputs one after the
-    # other
+    # (n,) Of ``[a_1.., b_0.., c_1.., d_1.., f_1..]``, b and f of one input after the other
     parameter_standard_errors: Array | None
     search: SearchRecord
     transforms: Transforms
@@ -141,8 +139,7 @@ class ModelRecord:
     ) -> Self:
         """The record of an estimate from the ``estimation`` samples; ``level`` of other samples.
 
-        ``model``: with a noise model beside the plant; ``variant``: form and weighting in state
-        space.
+        ``model``: with its noise model; ``variant``: form and weighting in state space.
         """
         return cls(
             **derived_from(model or estimate.model, estimate.plant_states),

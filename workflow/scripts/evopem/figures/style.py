@@ -1,8 +1,7 @@
 """Style of all figures: colours, lines, labels, and reproducible SVG text.
 
 Each role has one colour, which differs from the others in lightness or line style as well, so that
-figures can be read by the colour-blind and in greyscale. No colour has two roles, so a page may
-replace the colours.
+figures are readable without colour. No colour has two roles, so a page may replace the colours.
 """
 
 from __future__ import annotations

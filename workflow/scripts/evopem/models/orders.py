@@ -37,8 +37,7 @@ class Orders:
         the degree of F_i.  A number stands for one input; ``nb = 0`` for none.
     structure : str
         A key of :data:`evopem.config.structures.STRUCTURES`, by default the smallest one that has
-        these orders.  It has no part in comparisons: an output-error model is also a Box-Jenkins
-        model.
+        these orders.  It is not compared: an output-error model is also a Box-Jenkins model.
 
     Examples
     --------
@@ -129,8 +128,7 @@ class Orders:
     def part(self, letter: str, place: int = 0) -> slice:
         """Where the coefficients of a, c, d, or of b or f of an input, stand in the parameters.
 
-        They are ``[a, b_1 ... b_m, c, d, f_1 ... f_m]``; a part of an input that is not there is
-        empty.
+        They are ``[a, b_1 ... b_m, c, d, f_1 ... f_m]``; of an input that is not there it is empty.
         """
         lengths = [self.na, *self.nb, self.nc, self.nd, *self.nf]
         m = self.inputs

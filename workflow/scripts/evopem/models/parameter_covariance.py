@@ -88,8 +88,7 @@ class ParameterCovariance:
     def standard_errors(self, jacobian: ArrayLike) -> Array:
         """Standard errors of functions with gradients (m, n) to first order, (m,).
 
-        Infinite for functions that depend on an unidentifiable direction, NaN where the gradient
-        is not finite.
+        Infinite where functions depend on an unidentifiable direction, NaN without finite gradient.
         """
         gradients = np.asarray(jacobian, dtype=float)
         defined = np.isfinite(gradients).all(axis=1)

@@ -219,8 +219,7 @@ class StateSpaceModel:
 
         With ``known`` from the initial state that so many first outputs make most probable: of
         normal states with the second moments of a simulation from rest, in noise of the size that
-        the least-squares state leaves over these outputs.  A state that they hardly determine stays
-        small.
+        the least-squares state leaves over them.  A state that they hardly determine stays small.
         """
         form = self.without_delays()
         u, y = form._signals(inputs, outputs)

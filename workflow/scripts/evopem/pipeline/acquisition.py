@@ -39,8 +39,7 @@ def read_recording(
 
     With ``channels_from_file`` input, output and time are those that the first file shows.
     ``validation``: files of recordings for validation, with the same channels.  The channels of a
-    geometry must be outputs. Relative paths are relative to ``folder``, by default the working
-    directory.
+    geometry must be outputs. Paths are relative to ``folder``, by default the working directory.
     """
     roles = roles_of(Path(folder) / recorded[0]) if channels_from_file else None
     recording, info = _read(recorded, channels, roles, folder)

@@ -37,8 +37,7 @@ def estimate_candidates(
     """Estimate every ``parts``-th candidate of a phase, from the ``part``-th on (from 1).
 
     Where candidates may be pruned this is a first pass: which of them are searched further is
-    known only when all of the phase are there.  Those that the phase before searched are taken
-    from there.
+    known only when all of the phase are there.  Those of the phase before are taken from there.
     """
     previous = previous_phase(phase, grid.structure)
     before = load(PhaseSelection, files.phase(previous)) if previous else None

@@ -19,8 +19,7 @@ from evopem.results.layout import DatasetFiles
 def commit_of(workflow: Path) -> str:
     """Name the commit that the workflow was checked out at, ``"unknown"`` outside of Git.
 
-    It is read when the report is written and not in a rule: a new commit alone must not make a
-    result out of date.
+    Read by the report and not in a rule: a new commit alone must not make a result out of date.
     """
 
     def git(*arguments: str) -> str:

@@ -174,8 +174,7 @@ def made_from(settings: DatasetSettings, code: str) -> MadeFrom:
 def is_finished(files: DatasetFiles, settings: DatasetSettings, code: str) -> bool:
     """Whether a recording has the results of a batch, whole and made from what there is now.
 
-    A recorded file that no longer exists is taken for unchanged, so that nothing made from it is
-    lost.
+    A recorded file that no longer exists is taken for unchanged: nothing made from it is lost.
     """
     if incompleteness(files, (*files.batch_results, files.checksums)):
         return False

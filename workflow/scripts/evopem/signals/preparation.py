@@ -143,8 +143,7 @@ def _divided(
 ) -> tuple[list[Range], list[Range], Source]:
     """The samples for estimation and for validation, and where the latter come from.
 
-    Those of files for validation stand last, after ``own``; ``lost`` first samples of each stretch
-    go to its differences.
+    Those of files for validation follow ``own``; differences take the first ``lost`` of a stretch.
     """
     count = 1 + stretches[-1].number
     places = [[i for i, each in enumerate(stretches) if each.number == n] for n in range(count)]

@@ -97,8 +97,7 @@ class Recording(_Channels):
     Raises
     ------
     ValueError
-        When inputs and outputs differ in length, names or units are not one for each channel, or
-        the rate is none.
+        When inputs and outputs differ in length, channels lack a name or unit, or there is no rate.
     """
 
     inputs: Array

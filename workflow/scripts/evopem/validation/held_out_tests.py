@@ -1,7 +1,6 @@
 """Tests of parts of a model on samples that took no part in its estimation.
 
-On the estimation samples the choice of orders makes Wald and likelihood-ratio tests reject far too
-often.
+On the estimation samples Wald and likelihood-ratio tests reject too often after a choice of orders.
 """
 
 import math
@@ -49,8 +48,7 @@ class HeldOutContribution:
     # errors_without, contributions: (N, ny)
     errors_without: Array
     contributions: Array
-    # (N, k) Further regressors of each output, with coefficients of their own; a constant always is
-    # one
+    # (N, k) Further regressors of each output beside a constant, with coefficients of their own
     nuisance: Sequence[Array]
 
 

@@ -17,8 +17,7 @@ from evopem.arrays import Array
 FEWEST = 4
 # Estimates on either side of a step.
 BESIDE = 2
-# Estimates beyond the coefficients from which a regressor is tested, and shortest period in
-# estimates.
+# Estimates beyond the coefficients that a regressor needs, and shortest period in estimates.
 FEWEST_BEYOND, SHORTEST_PERIOD = 2, 3.0
 # Newton steps to the scatter.
 ITERATIONS = 10

@@ -138,8 +138,7 @@ class Responses:
     """Validation samples of all stretches with the computed responses, (N, l) each.
 
     ``simulated`` runs on from what came before, ``fitted`` from the state that fits these samples;
-    NaN without an input.  ``scored``, (N,): the samples that count, not those that states are
-    determined by.
+    NaN without an input.  ``scored``, (N,): the samples that determine no state, and count.
     """
 
     outputs: Array

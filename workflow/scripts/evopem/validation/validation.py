@@ -39,8 +39,7 @@ class OutputValidation:
 
     name: str
     unit: str
-    # prediction_error_percent, simulation_error_percent, fitted_state_error_percent: as of
-    # :class:`Validation`
+    # The three errors as of :class:`Validation`
     prediction_error_percent: float
     simulation_error_percent: float
     fitted_state_error_percent: float
@@ -93,8 +92,7 @@ class Validation:
     the outputs, and fits are 100 minus the error, as MATLAB's ``compare`` has them.
     """
 
-    # samples, unscored_samples: validation samples that are scored, and those before them that are
-    # not
+    # samples, unscored_samples: validation samples that are scored, and those before them
     samples: int
     unscored_samples: int
     prediction_error_percent: float  # one step ahead

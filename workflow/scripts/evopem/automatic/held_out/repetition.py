@@ -16,8 +16,7 @@ from evopem.automatic.fit import likeliest_arx
 from evopem.signals.correlation import LONGEST_LAG, repetition_lag
 from evopem.signals.recording import Segment
 
-# Orders of the ARX models whose residuals are judged, as far as there are SAMPLES_PER_ORDER samples
-# for each.
+# Orders of the ARX models whose residuals are judged, with SAMPLES_PER_ORDER samples for each.
 ORDERS, SAMPLES_PER_ORDER = (2, 4, 8, 12, 16), 25
 # A correlation of this many standard errors is significant (1 %).
 SIGNIFICANT = 2.6

@@ -40,8 +40,7 @@ def descend(
     Overton 2013); points of infinite value only shorten the step.  ``evaluate`` and
     ``inverse_hessians`` get points and the starts ``rows`` they belong to, the latter on the way
     too with ``refresh``.  ``tolerance``: of the decreases promised and last made, relative to the
-    value.  ``wait``: how much longer the rest may take once half of the starts have ended, in what
-    those took."""
+    value.  ``wait``: how much longer the last half may take, in times of the first half."""
 
     def tried(state: State, trials: int, few: int) -> tuple[int, int]:
         if not trials:

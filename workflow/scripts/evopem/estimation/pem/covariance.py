@@ -18,8 +18,7 @@ from evopem.models.parameter_covariance import ParameterCovariance
 RANK_TOLERANCE = 1e-10
 # Components of a null vector below this share of its length are rounding.
 COMPONENT_TOLERANCE = 1e-8
-# Residuals smaller than this share of the output are rounding errors: they carry no information
-# about the noise model.
+# Residuals smaller than this share of the output are rounding errors, without a noise model.
 RESIDUAL_ROUNDING = 1e-12
 # Largest order of the autoregression that describes coloured residuals.
 MOST_COLOURING = 50
@@ -87,8 +86,7 @@ def scores_of(residuals: Array, estimated: int, objective: str) -> Array:
 def whitened_covariance(
     fitted: Fitted, residuals: Array, objective: str
 ) -> ParameterCovariance | None:
-    """Covariance of a fit whose derivatives depend on the inputs alone, for residuals of any
-    colour."""
+    """Covariance of a fit whose derivatives depend on inputs alone; residuals may be coloured."""
     estimated = fitted.tangent.shape[1]
     deviation = loss_deviation(residuals, estimated, objective)
     if not np.isfinite(deviation):

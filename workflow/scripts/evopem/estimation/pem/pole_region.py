@@ -22,8 +22,7 @@ LEAST = 1e-9
 class PoleRegion:
     """Region of the poles of a plant: largest radii of real and of complex ones, ``zeta / sqrt(1 -
     zeta^2)`` for the least damping ratio, natural frequencies in radians a sample, bounds of real
-    poles or None, the constraint that the radius stands for, and the band that forbidden ones
-    cut."""
+    poles or None, the constraint behind the radius, and the band that forbidden ones cut."""
 
     radius: float
     mode_radius: float

@@ -54,8 +54,7 @@ class StretchErrors:
         self.residual_start, self.loss_start = window.residual_start, window.loss_start
         self.objective = objective
 
-    # Tables of eight numbers a sample, made when they are needed: a problem that is only scaled
-    # needs none.
+    # Tables of eight numbers a sample, made when needed: a problem that is only scaled has none.
     @cached_property
     def _record(self) -> Record:
         starts = self.residual_start, self.loss_start

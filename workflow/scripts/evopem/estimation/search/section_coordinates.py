@@ -1,7 +1,6 @@
 """Descents in the sections' own coordinates, which move along the edge of the stability region:
 where spare roots share a place on it, the region of coefficients has cusps.  Reflection
-coefficients ``k = sin(phi)`` of sections make it a box, on whose sides a root moves by its angle
-alone."""
+coefficients ``k = sin(phi)`` of sections make it a box, whose sides keep the modulus of a root."""
 
 from dataclasses import replace
 

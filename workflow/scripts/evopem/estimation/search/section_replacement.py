@@ -34,8 +34,7 @@ PATIENCE = 3
 # Descents that begin anew, further from the edge of the stability region and then along it, until
 # they gain no more than this.
 POLISHES, LAST_GAIN = 5, 1e-7
-# Share of the places that have two real roots, and how far these lie from the unit circle at most
-# and at least.
+# Share of places with two real roots, and largest and least distance of these from the circle.
 REAL_SHARE, FARTHEST_REAL, NEAREST_REAL = 0.2, 0.9, 0.003
 # Polynomials that share a section, by letter and input; the poles of the first are those of it.
 Shared = tuple[tuple[str, int], ...]

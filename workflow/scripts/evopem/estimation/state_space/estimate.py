@@ -47,8 +47,7 @@ from evopem.signals.recording import Recording, Segment
 Log = Callable[[str], None]
 
 
-# A search of orders ends after so many of higher BIC; estimates of each order that are descended
-# from.
+# A search ends after so many orders of higher BIC; estimates of an order that are descended from.
 RISES, WIDTH = 2, 3
 # Largest order, and output values for each parameter.
 MOST_STATES, VALUES_PER_PARAMETER = 10, 5
@@ -285,8 +284,7 @@ def meeting(
 ) -> StateSpaceEstimate:
     """The estimate for errors so many samples ahead that meets constraints, which are checked.
 
-    ``free``: that of one step without constraints.  ValueError when no allowed model has finite
-    errors.
+    ``free``: that of one step without constraints.  ValueError without a model of finite errors.
     """
     problem = EntryProblem(errors, horizon, constraints, settings.objective)
     found = problem_for(errors, settings).projection(free.search.point)

@@ -65,8 +65,7 @@ class StateSpaceTask:
     ) -> Self:
         """The task of a structure.
 
-        The drift of ``ss_oe_drift`` is what scores on held-out samples, with a level each, do not
-        count.
+        Scores on held-out samples, with a level each, do not count the drift of ``ss_oe_drift``.
         """
         if structure not in STRUCTURES:
             raise ValueError(f"structure must be one of {STRUCTURES}, not {structure!r}")

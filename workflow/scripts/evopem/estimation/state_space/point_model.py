@@ -182,8 +182,7 @@ def scores_of(
 ) -> tuple[Array, Array] | None:
     """Errors, (N, l), and their weights, (l, l), in a covariance, or what takes their place.
 
-    Of absolute errors signs over twice the density at zero (Bassett & Koenker 1978); None where
-    that is not known.
+    Of absolute errors signs over twice the density at zero (Bassett & Koenker 1978); else None.
     """
     if objective == "quadratic":
         return found, errors.weights(found.T @ found / len(found))

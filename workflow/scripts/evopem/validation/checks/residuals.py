@@ -32,8 +32,7 @@ MIN_CROSS_CORRELATION_SHARE = 0.90
 # Probability that the share of white autocorrelations inside their bounds is too small by chance:
 # three standard deviations.
 SHARE_LEVEL = 0.00135
-# Percentage of outliers below which they are ignored, and up to which the absolute objective is
-# robust against them.
+# Percentage of outliers that is ignored, and up to which the absolute objective is robust.
 MAX_OUTLIER_PERCENT = 0.1
 MAX_OUTLIER_PERCENT_ABSOLUTE = 5.0
 
