@@ -81,9 +81,7 @@ try:
             ),
         ]
     )
-    check_planned_fits(
-        provider.config.single_channel, " and ".join(map(str, CONFIG_FILES))
-    )
+    check_planned_fits(provider.config.datasets, " and ".join(map(str, CONFIG_FILES)))
 except InputError as error:
     sys.exit(str(error))
 

@@ -93,12 +93,6 @@ class Configuration:
     """Names of the recordings that one job identifies, by the number of the batch; empty where each
     recording has jobs of its own."""
 
-    @property
-    def single_channel(self) -> dict[str, DatasetSettings]:
-        """The data sets with one input and one output, or an output alone."""
-        items = self.datasets.items()
-        return {name: each for name, each in items if each.is_single_channel}
-
 
 SECONDS_OF_A_BATCH = 120.0
 """Work of a job, by estimate, beside which the 2 s of its start are less than a fiftieth."""

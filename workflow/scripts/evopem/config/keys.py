@@ -56,14 +56,12 @@ STATE_SPACE = "state_space"
 Value = TypeVar("Value")
 
 
-_STRICT = ConfigDict(extra="forbid", strict=True)
-
-
 def mapping(name: str, keys: Mapping[str, Any], required: Iterable[str] = ()) -> Any:
     """The type of a mapping with these keys, of which none but some have to be there."""
     kinds = {key: Required[each] if key in required else each for key, each in keys.items()}
     kind = TypedDict(name, kinds, total=False)
-    kind.__pydantic_config__ = _STRICT  # type: ignore[attr-defined]
+    strict = ConfigDict(extra="forbid", strict=True)
+    kind.__pydantic_config__ = strict  # type: ignore[attr-defined]
     return kind
 
 

@@ -24,7 +24,6 @@ MAX_KEY = 300
 ALL_SAMPLES = 1.0
 """The fraction of samples that means all of them, where 1 is one sample."""
 
-_SCHEMA = "config.schema.yaml"
 _LINK = re.compile(r"\[([^]]*)\]\([^)]*\)")
 _NOT_TEXT = re.compile(r"[\x00\ud800-\udfff]")
 _LIMITS = {
@@ -38,11 +37,16 @@ Steps = tuple[str | int, ...]
 """The keys and positions that lead to a value."""
 
 
-def schema_file() -> Path:
-    """The JSON schema for editors, beside an installed package or in ``workflow`` of a checkout."""
+def shipped(folder: str) -> Path:
+    """A folder that an installed package holds, and in a checkout ``workflow``."""
     package = Path(__file__).resolve().parents[1]
-    installed = package / "schemas"
-    return (installed if installed.is_dir() else package.parents[1] / "schemas") / _SCHEMA
+    installed = package / folder
+    return installed if installed.is_dir() else package.parents[1] / folder
+
+
+def schema_file() -> Path:
+    """The JSON schema for editors."""
+    return shipped("schemas") / "config.schema.yaml"
 
 
 def normalized(value: Any, source: str, path: Steps = ()) -> Any:

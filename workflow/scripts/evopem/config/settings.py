@@ -222,11 +222,6 @@ class AutomaticSettings:
     preparation: GivenPreparation = GivenPreparation()
     evaluations: int | None = None  # of the last search
 
-    @property
-    def other_purpose(self) -> Literal["simulation", "prediction"]:
-        """The purpose whose model is kept beside that for the purpose."""
-        return "prediction" if self.purpose in ("auto", "simulation") else "simulation"
-
 
 @dataclass(frozen=True)
 class DatasetSettings:

@@ -197,11 +197,11 @@ def orders_of(
         if orders.structure == structure:
             return orders
         inputs = orders.inputs or inputs
-        orders = {name: each for name in ORDER_NAMES if (each := getattr(orders, name))}
         orders = {
             name: each
-            for name, each in orders.items()
-            if name in STRUCTURES[structure] or name not in PER_INPUT or any(each)
+            for name in ORDER_NAMES
+            if (each := getattr(orders, name))
+            and (name in STRUCTURES[structure] or name not in PER_INPUT or any(each))
         }
     given: dict[str, Any] = {}
     for name, value in named_orders(structure, orders).items():

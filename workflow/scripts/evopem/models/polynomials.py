@@ -78,13 +78,11 @@ def uncertain_roots(
 
     As of :func:`root_covariance`, (2, 2); NaN where it is not known or not finite.
     """
-    found = []
+    uncertain, unknown = [], np.full((2, 2), np.nan)
     for root in map(complex, np.roots(coefficients)):
-        spread = np.full((2, 2), np.nan)
-        if covariance is not None:
-            spread = root_covariance(coefficients, root, covariance)
-        found.append((root, spread if np.isfinite(spread).all() else np.full((2, 2), np.nan)))
-    return found
+        spread = unknown if covariance is None else root_covariance(coefficients, root, covariance)
+        uncertain.append((root, spread if np.isfinite(spread).all() else unknown))
+    return uncertain
 
 
 def root_covariance(

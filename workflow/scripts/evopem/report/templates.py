@@ -8,6 +8,7 @@ from inspect import getmembers, isfunction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from evopem.config.schema import shipped
 from evopem.models.mode_matching import PERSISTENT_ORDERS
 from evopem.report import numbers, sentences
 from evopem.report.equations import symbol
@@ -18,13 +19,8 @@ if TYPE_CHECKING:
 
 
 def template_folder() -> Path:
-    """The folder of the templates.
-
-    It is a subpackage of an installed evopem, and ``workflow/templates`` in a checkout.
-    """
-    package = Path(__file__).resolve().parents[1]
-    installed = package / "templates"
-    return installed if installed.is_dir() else package.parents[1] / "templates"
+    """The folder of the templates."""
+    return shipped("templates")
 
 
 def environment(folder: Path) -> Environment:

@@ -70,8 +70,7 @@ class HeldOut:
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
         known, u, y = max(self.first + self.unscored, 1), self.inputs, self.outputs
-        form = self.plant
-        found = form.simulate_from_fitted_state(u, y, fit_level, known=known)
+        found = self.plant.simulate_from_fitted_state(u, y, fit_level, known=known)
         if fit_level:
             found = found + np.mean((y - found)[known:], axis=0)
         return found[self.first :]

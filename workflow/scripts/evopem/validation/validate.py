@@ -31,7 +31,6 @@ from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
     EstimationResiduals,
     ResidualCorrelation,
-    WhitenessTest,
     autocorrelation_of,
     correlation_with_input,
     ljung_box_lags,
@@ -204,7 +203,11 @@ def _outputs(
     horizons = log_spaced_horizons(min(longest, len(measured)))
     ahead = np.array([_errors(measured, _ahead(held_out, k)) for k in horizons])
     correlations = [autocorrelation_of(e, lags, tested.bounds) for e in tested.residuals.T]
-    whiteness = _whiteness(model, tested, len(correlations[0].lag) - 1, objective)
+    lags = ljung_box_lags(len(tested.residuals), 2 * model.order, len(correlations[0].lag) - 1)
+    whiteness = [
+        whiteness_test(e, lags, tested.bounds, effect, objective)
+        for e, effect in zip(tested.residuals.T, tested.fit_effects(lags), strict=True)
+    ]
     return (
         tuple(
             OutputValidation(
@@ -228,18 +231,6 @@ def _ahead(held_out: Sequence[HeldOut], horizon: int) -> Array:
     """Predictions of the scored samples."""
     with np.errstate(all="ignore"):
         return np.concatenate([each.predicted(horizon)[each.unscored :] for each in held_out])
-
-
-def _whiteness(
-    model: StateSpaceModel, tested: EstimationResiduals, largest: int, objective: str
-) -> list[WhitenessTest]:
-    """Joint tests of the residuals of each output over some lags up to the largest."""
-    lags = ljung_box_lags(len(tested.residuals), 2 * model.order, largest)
-    effects = tested.fit_effects(lags)
-    return [
-        whiteness_test(e, lags, tested.bounds, effect, objective)
-        for e, effect in zip(tested.residuals.T, effects, strict=True)
-    ]
 
 
 def _crossed(

@@ -87,9 +87,9 @@ def _without_frequencies(constraints: Constraints) -> Constraints:
 
 
 def check_planned_fits(datasets: Mapping[str, DatasetSettings], source: str) -> None:
-    """Check focus and constraints of every data set, as far as the configuration shows it."""
+    """Check focus and constraints of one channel, as far as the configuration shows them."""
     for name, settings in datasets.items():
-        if not settings.fit.changes_model:
+        if not (settings.is_single_channel and settings.fit.changes_model):
             continue
         rate, place, grid = known_rate(settings), f"datasets.{name}.", settings.order_grid
         if settings.automatic is not None:

@@ -107,8 +107,10 @@ def _nested(job: StageJob) -> tuple[str, ...]:
 
 def purposes(job: StageJob) -> tuple[str, ...]:
     """The purpose whose model is kept beside that of the configuration; none without inputs."""
-    kept = job.settings.automatic and job.settings.channels.inputs
-    return (automatic(job).other_purpose,) if kept else ()
+    if not (job.settings.automatic and job.settings.channels.inputs):
+        return ()
+    simulated = automatic(job).purpose in ("auto", "simulation")
+    return ("prediction" if simulated else "simulation",)
 
 
 def _part_count(job: StageJob) -> int:
