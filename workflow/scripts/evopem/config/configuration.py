@@ -247,7 +247,7 @@ def blas_code(cpuinfo: Path = CPUINFO) -> dict[str, str]:
     """Environment in which OpenBLAS takes its code for AVX2 on newer processors as well.
 
     The fastest for a processor rounds differently, and a search follows its last bits. Empty where
-    the processor lacks AVX2 or cannot be asked (Linux tells).
+    the processor has no AVX2 or cannot be asked (Linux tells).
     """
     try:
         flags = set(re.findall(r"\w+", cpuinfo.read_text(encoding="utf-8")))

@@ -132,19 +132,20 @@ class ModelRecord:
         level: LevelOfSimulation = "none",
         *,
         model: Model | None = None,
-        variant: tuple[str, str] = ("", ""),
+        structure: str = "",
+        weighting: str = "",
         focus: Focus = "prediction",
         constraints: Constraints | None = None,
         at_upper_ends: tuple[str, ...] = (),
     ) -> Self:
         """The record of an estimate from the ``estimation`` samples; ``level`` of other samples.
 
-        ``model``: with its noise model; ``variant``: form and weighting in state space.
+        ``model``: with its noise model; ``structure``, ``weighting``: of one in state space.
         """
         return cls(
             **derived_from(model or estimate.model, estimate.plant_states),
-            structure=variant[0] or estimate.model.structure,
-            weighting=variant[1],
+            structure=structure or estimate.model.structure,
+            weighting=weighting,
             level_of_simulation=level,
             input_names=estimation.input_names[: estimate.model.inputs],
             output_names=estimation.output_names,

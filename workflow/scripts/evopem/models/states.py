@@ -31,19 +31,19 @@ def fitted(
     ``prior`` (M, k): further rows, of target 0, that are not reweighted.
     """
     scale = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
-    rows, aim = (columns * scale[:, None]).reshape(-1, columns.shape[2]), (target * scale).ravel()
+    rows, goal = (columns * scale[:, None]).reshape(-1, columns.shape[2]), (target * scale).ravel()
     further = np.zeros((0, rows.shape[1])) if prior is None else prior
-    weights = np.ones(len(aim))
+    weights = np.ones(len(goal))
     for _ in range(REWEIGHTINGS + 1 if robust else 1):
         weighted = np.vstack([rows * weights[:, None], further])
         # States of very different sizes would make the small ones look undetermined.
         sizes = np.linalg.norm(weighted, axis=0)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
-        goal = np.concatenate([aim * weights, np.zeros(len(further))])
-        found = np.linalg.lstsq(weighted / sizes, goal, STATE_RANK)[0] / sizes
-        left = np.abs(aim - rows @ found)
+        weighted_goal = np.concatenate([goal * weights, np.zeros(len(further))])
+        coefficients = np.linalg.lstsq(weighted / sizes, weighted_goal, STATE_RANK)[0] / sizes
+        left = np.abs(goal - rows @ coefficients)
         weights = 1.0 / np.sqrt(np.maximum(left, 0.1 * np.mean(left) + 1e-300))
-    return np.asarray(found)
+    return np.asarray(coefficients)
 
 
 def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:

@@ -61,11 +61,11 @@ def _record_of(
             *(choice, scorer, scored.record, data, own),
             *(fit if fit.changes_model else None, plant_kept, log),
         )
-    weighting = weighting_of(candidate.structure, scorer.settings) if states else ""
     return ModelRecord.of(
         *(found.estimate, data, search, scored.prepared.transforms, _level_of(choice.level, data)),
         model=found.model,
-        variant=(candidate.structure, weighting),
+        structure=candidate.structure,
+        weighting=weighting_of(candidate.structure, scorer.settings) if states else "",
         focus=fit.focus,
         constraints=fit.constraints,
         at_upper_ends=found.at_upper_ends,

@@ -124,9 +124,9 @@ class DatasetFiles:
         """The search of one structure's orders by the automatic recipe."""
         return self.decision(f"search/{structure}")
 
-    def models_of_orders(self, variant: str) -> str:
+    def models_of_orders(self, form: str) -> str:
         """The models of all orders of one form with its weighting, of several channels."""
-        return self.decision(f"orders/{variant}")
+        return self.decision(f"orders/{form}")
 
     # All decisions of the automatic recipe, and its trials of remedies
     decisions = _File("decisions.json")

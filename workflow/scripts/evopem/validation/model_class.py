@@ -144,7 +144,7 @@ def _of_outputs(
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     """Test of the correlations of residuals with later inputs, each whitened (Haugh 1976).
 
-    Later samples of a periodic input are earlier ones too, which what the model lacks depends on.
+    Later samples of a periodic input are earlier ones too, which what the model misses depends on.
     """
     first, tests = stretches[0], []
     pairs = first.residuals.shape[1] * first.inputs.shape[1]

@@ -31,7 +31,7 @@ REFINE = ("worst", "all", "best", "random")
 
 # Restarts that must end at the lowest value, and be at least half of all, before the check.
 AGREEING_RESTARTS = 2
-# How many times the evaluations a search may take that only lacks further restarts to be certified.
+# How many times the evaluations a search may take that only needs further restarts to be certified.
 CONFIRMING = 2
 
 
