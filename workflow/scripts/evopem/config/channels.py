@@ -33,7 +33,6 @@ UnevenTime = Literal["refuse", "interpolate"]
 TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "d"]
 Vector = tuple[float, float, float]
 
-
 Units = str | tuple[str, ...] | dict[str, str]
 """The unit of all channels, of each in their order, or by their names."""
 

@@ -25,7 +25,6 @@ AUTO_JOINT_UPPER = 14
 CandidateOrders = dict[str, int]
 """The orders of a candidate by their names."""
 
-
 DELAY_REFINED_IN = "nb"
 """The phase whose selection is compared with other lags of B."""
 
@@ -90,8 +89,8 @@ def candidate_orders(
     if phase == "delay":
         return [
             orders_of_plant(order, grid, delay)
-            for order in _inclusive(range_of(grid, "delay"))
-            for delay in _inclusive(range_of(grid, "nk"))
+            for order in inclusive(range_of(grid, "delay"))
+            for delay in inclusive(range_of(grid, "nk"))
         ]
     if selected is None and previous_phase(phase, grid.structure) is not None:
         raise ValueError(
@@ -99,10 +98,10 @@ def candidate_orders(
         )
     selected = selected or {}
     if phase == "plant":
-        orders = _inclusive(plant_range(grid, resonances))
+        orders = inclusive(plant_range(grid, resonances))
         return [orders_of_plant(order, grid, selected.get("nk", 0)) for order in orders]
     own = {name: selected[name] for name in STRUCTURES[grid.structure]}
-    return [own | {phase: order} for order in _inclusive(range_of(grid, phase))]
+    return [own | {phase: order} for order in inclusive(range_of(grid, phase))]
 
 
 def needs_resonances(phase: str, grid: OrderGrid) -> bool:
@@ -232,5 +231,6 @@ def range_of(grid: OrderGrid, name: str) -> Range:
     return given
 
 
-def _inclusive(limits: Range) -> range:
+def inclusive(limits: Range) -> range:
+    """All orders of a range."""
     return range(limits[0], limits[1] + 1)

@@ -19,7 +19,6 @@ Weighing = Literal["noise", "power"]
 # Damping relative to the diagonal of the Hessian: at the start, and where a descent gives up.
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e12
 
-
 # Widths of the smoothing relative to the mean absolute error of an output: the first one, and the
 # factor from one to the next.
 FIRST_WIDTH, NARROWER = 1.0, 0.1

@@ -32,7 +32,6 @@ FIGURES: dict[Callable[[Comparison], Chart], tuple[str, str, str]] = {
     ),
 }
 
-
 ModeRow = tuple[tuple[Mode | None, ...], list[tuple[str, str]], str]
 
 

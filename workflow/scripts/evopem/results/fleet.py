@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 # injection"), with the full-width forms of the signs.
 _FORMULA_START = tuple("=+-@＝＋－＠\t\r\n")
 
-
 # Bands of the gain in a summary.
 GAIN_BANDS = 60
 MODE_COLUMNS = ("frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent")

@@ -32,7 +32,6 @@ PROBES, MOST_FACTORS = (2, 4, 6), 3
 # Samples of a long record on which factors are compared.
 MOST_DECIMATED = 20_000
 
-
 CRITERION = "simulation error on held-out samples at the recorded rate, % of the outputs"
 
 

@@ -26,7 +26,6 @@ FIRST_BATCH = 32
 # many local optima to find them all.
 SUFFICIENT_PROBABILITY, HOPELESS_PROBABILITY = 0.003, 0.2
 
-
 REFINE = ("worst", "all", "best", "random")
 
 # Restarts that must end at the lowest value, and be at least half of all, before the check.

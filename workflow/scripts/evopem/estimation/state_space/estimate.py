@@ -46,7 +46,6 @@ from evopem.signals.recording import Recording, Segment
 
 Log = Callable[[str], None]
 
-
 # A search ends after so many orders of higher BIC; estimates of an order that are descended from.
 RISES, WIDTH = 2, 3
 # Largest order, and output values for each parameter.

@@ -31,7 +31,6 @@ from evopem.signals.recording import Recording
 
 Log = Callable[[str], None]
 
-
 STRUCTURES, WEIGHTINGS = get_args(StateSpaceStructure), get_args(OutputWeighting)
 QUADRATIC = SearchSettings(objective="quadratic")
 # Periods of the drift of structure ss_oe_drift in the longest segment, the shortest one.

@@ -34,7 +34,6 @@ from evopem.estimation.state_space.starting_points import (
 
 Log = Callable[[str], None]
 
-
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 3
 # Random starts of an order that nothing else leads to.

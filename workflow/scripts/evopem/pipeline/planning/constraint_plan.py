@@ -7,7 +7,7 @@ from itertools import product
 
 from evopem.config.channels import RecordedSource
 from evopem.config.constraints import Constraints
-from evopem.config.order_grid import orders_of_plant, plant_range
+from evopem.config.order_grid import inclusive, orders_of_plant, plant_range
 from evopem.config.settings import DatasetSettings, FitSettings, OrderGrid
 from evopem.config.structures import STRUCTURES, phases_of
 from evopem.errors import InputError
@@ -63,10 +63,7 @@ def selectable_orders(grid: OrderGrid) -> Iterator[Orders]:
     The comparison with neighbouring lags of B at its end may select another nb.
     """
     phases = phases_of(grid.structure)
-    plant = range(1, 2)
-    if "plant" in phases:
-        lower, upper = plant_range(grid)
-        plant = range(lower, upper + 1)
+    plant = inclusive(plant_range(grid) if "plant" in phases else (1, 1))
     names = [phase for phase in phases if phase not in ("delay", "plant")]
     ends = [sorted(set(getattr(grid.ranges, name))) for name in names]
     for k, *values in product(plant, *ends):

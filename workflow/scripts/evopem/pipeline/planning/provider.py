@@ -41,7 +41,6 @@ LIST = "fleet:collect_fleet"
 FILES = DatasetFiles.of_dataset("{dataset}")
 """The files of a data set, with the wildcard in their paths."""
 
-
 Wildcards = Any
 """The wildcards of a job: ``dataset``, or ``batch``, and those of its stage."""
 
@@ -158,8 +157,6 @@ class Provider:
         if len(own) == len(self.config.datasets):
             return DATASET_PATTERN
         return "|".join(map(re.escape, sorted(own))) or "(?!)"
-
-    # Of batches.
 
     def batch_files(self, wildcards: Wildcards) -> list[str]:
         """The recorded files of a batch that exist: the job of a batch knows what it has read."""

@@ -21,10 +21,8 @@ MAX_CANCELLATION_DISTANCE = 0.1
 # Without a covariance, only a pair closer than this is called a cancellation.
 COINCIDENT_DISTANCE = 0.01
 
-
 DISTINCT = "Poles and zeros distinct"
 INSIDE_BOUND = "Complex inside the stability bound"
-
 
 UNSTABLE = "Errors of the initial state and of the input do not decay in a simulation."
 
