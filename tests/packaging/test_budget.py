@@ -21,12 +21,12 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 42_250,
-    "files": 250,
+    "lines": 39_305,
+    "files": 233,
     "files above 400 lines": 0,
     "folders above 20 files": 0,
-    "words of guides": 20_000,
-    "words beside evidence": 6_000,
+    "words of guides": 19_961,
+    "words beside evidence": 2_363,
 }
 
 
