@@ -70,10 +70,10 @@ class HeldOut:
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
         known, u, y = max(self.first + self.unscored, 1), self.inputs, self.outputs
-        found = self.plant.simulate_from_fitted_state(u, y, fit_level, known=known)
+        simulated = self.plant.simulate_from_fitted_state(u, y, fit_level, known=known)
         if fit_level:
-            found = found + np.mean((y - found)[known:], axis=0)
-        return found[self.first :]
+            simulated = simulated + np.mean((y - simulated)[known:], axis=0)
+        return simulated[self.first :]
 
     def fitted(self, fit_level: bool) -> Array:
         """Response of the validation samples, (N, l), from the state that fits them best."""

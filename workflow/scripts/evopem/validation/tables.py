@@ -25,8 +25,8 @@ def recorded_series(transforms: Transforms, responses: Responses) -> Responses:
     ends = np.cumsum([each.samples for each in origins], dtype=int)[:-1]
     series = responses.outputs, responses.predicted, responses.simulated
     split = zip(*(np.split(each, ends) for each in series), strict=True)
-    found = [_recorded(transforms, *each) for each in zip(origins, split, strict=True)]
-    outputs, predicted, simulated = map(np.concatenate, zip(*found, strict=True))
+    stretches = [_recorded(transforms, *each) for each in zip(origins, split, strict=True)]
+    outputs, predicted, simulated = map(np.concatenate, zip(*stretches, strict=True))
     return replace(responses, outputs=outputs, predicted=predicted, simulated=simulated)
 
 

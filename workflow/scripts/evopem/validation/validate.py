@@ -139,9 +139,9 @@ def validate(
         ),
     )
     names = ((name,) for name in prepared.validation.output_names)
-    own = list(zip(names, autocorrelations, strict=True))
+    of_outputs = list(zip(names, autocorrelations, strict=True))
     return validation, ValidationTables(
-        correlation_table("autocorrelation", ("output",), own),
+        correlation_table("autocorrelation", ("output",), of_outputs),
         correlation_table("cross_correlation", ("output", "input"), crossed),
         simulation_table(prepared.validation, responses, recorded),
         horizon_table(validation, model.sampling_rate),
