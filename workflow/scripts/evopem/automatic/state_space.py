@@ -26,9 +26,9 @@ Log = Callable[[str], None]
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
 # and steps of these descents; also of those on folds of long records, from the optimum of all.
 LARGE_WIDTH, LARGE_STEPS = 2, 12
-# States below those of the likeliest estimate by linear algebra at which a search without an input
-# begins where there are many.
-BELOW = 8
+# Number of states from which on a search without an input is shortened, and states below those of
+# the likeliest estimate by linear algebra at which it begins then.
+MANY_ALONE, BELOW = 14, 8
 
 
 def from_likeliest(
@@ -37,7 +37,7 @@ def from_likeliest(
     """The orders of a search without an input, less small ones where it has many states."""
     task = task_of(recording_of(stretches), "ss", (), settings)
     likeliest = likeliest_order(task.errors(recording_of(stretches), orders[-1]), orders)
-    first = likeliest - BELOW if likeliest > USUAL_ORDER else orders[0]
+    first = likeliest - BELOW if likeliest >= MANY_ALONE else orders[0]
     return tuple(order for order in orders if order >= first)
 
 
@@ -71,7 +71,8 @@ def fits_in_state_space(
     if structure == "ss_bj" and large:
         return
     driven = estimation.has_input
-    quick = large or not (driven or orders[0] <= USUAL_ORDER - BELOW)
+    many = orders[0] >= MANY_ALONE - BELOW and orders[-1] >= MANY_ALONE
+    quick = large or (many and not driven)
     estimates = estimates_of_orders(
         estimation,
         orders,
