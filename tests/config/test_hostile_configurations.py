@@ -181,6 +181,7 @@ def nested(depth):
         ({"file": "x.csv", "search": {"lambda": 10**9}}, "is above"),
         ({"file": "x.csv", "search": {"evaluations": 2**64}}, "is above"),
         ({"file": "x.csv", "transforms": {"box_cox": 1e9}}, "is above"),
+        ({"file": "x.csv", "input": "none", "output": ["none"]}, "there is no output"),
         (None, "there is no value"),
         ([], "cannot be used"),
         ("x.csv", "cannot be used"),
@@ -212,6 +213,11 @@ def test_a_value_that_no_key_can_mean(entry, said):
 )
 def test_a_configuration_of_another_form(config):
     refusal(config)
+
+
+@pytest.mark.parametrize("path", ["", "  "])
+def test_an_empty_path_of_a_table_is_named_by_its_key(path):
+    assert refusal({"datasets": path}).startswith(f"config.yaml, datasets: {path!r}: ")
 
 
 def test_three_thousand_files_are_checked_in_seconds():

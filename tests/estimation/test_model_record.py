@@ -119,6 +119,12 @@ def too_few(content):
         (changed("structure", value="magic"), "the structure magic is not"),
         (changed("evopem", value="999.1"), "later than this"),
         (changed("model", "covariance", "factor", value=[[1.0]]), "covariance"),
+        (changed("model", "sampling_rate", value=10**400), "is too large"),
+        (changed("orders", "nf", value=[9]), "polynomials are those of"),
+        (changed("output_names", value=[]), "output_names has not 1 entries"),
+        (changed("fit_percent", value=[1.0, 2.0]), "fit_percent has not 1 entries"),
+        (changed("poles", value=[[0.5, 0.0]]), "poles has not 3 entries"),
+        (changed("parameter_standard_errors", value=[0.1]), "errors has not"),
     ],
 )
 def test_numbers_that_are_no_model_are_refused(path, change, problem):
@@ -141,6 +147,46 @@ def test_deep_nesting_is_refused(path):
     path.write_text("[" * 100_000)
     with pytest.raises(InputError, match="is not valid JSON"):
         evopem.load(path)
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
+def test_numbers_that_are_no_json_are_refused(path, number):
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content["bic"] = "here"
+    path.write_text(json.dumps(content).replace('"here"', number))
+    with pytest.raises(InputError, match="is not valid JSON"):
+        evopem.load(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"nk": [10**9]}, "reaches back 1000000000 of 10000 samples"),
+        ({"A": [2.0, 1.0]}, "does not begin with 1"),
+        ({"A": [1.0, None]}, "is not finite"),
+        ({"sampling_rate": 0.0}, r"the sampling rate is 0\.0 Hz"),
+        ({"noise_variance": -1.0}, "a variance is negative"),
+    ],
+)
+def test_a_model_without_a_record_is_checked_alike(tmp_path, changes, problem):
+    path = tmp_path / "plain.json"
+    save(evopem.PolynomialModel([1.0, -0.5], [2.0], nk=1), path)
+    assert evopem.load(path).nk == (1,)
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | changes))
+    with pytest.raises(InputError, match=problem):
+        evopem.load(path)
+
+
+@pytest.mark.parametrize("given", [None, 1, b"x", [], "x" * 5000])
+@pytest.mark.parametrize("read", [evopem.load, evopem.read_results])
+def test_what_is_no_path_is_refused(read, given):
+    with pytest.raises(InputError, match="is no path"):
+        read(given)
+
+
+def test_a_device_is_no_model():
+    with pytest.raises(InputError, match="is no regular file"):
+        evopem.load("/dev/null")
 
 
 def test_a_missing_file_is_named(tmp_path):

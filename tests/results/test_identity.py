@@ -39,6 +39,23 @@ def test_a_changed_file_is_named_and_not_read(files, name):
             evopem.load(file)
 
 
+@pytest.mark.parametrize("name", ["simulation.csv", "config.yaml", "recording.npz"])
+def test_a_result_that_no_finished_job_has_written_is_not_read(files, name):
+    for listed in Path(files.folder, "checksums").rglob("*.sha256"):
+        kept = [each for each in listed.read_text().splitlines(True) if f"  {name}" not in each]
+        listed.write_text("".join(kept))
+    with pytest.raises(evopem.InputError, match=f"{name}: has no checksum"):
+        evopem.read_results(files.folder)
+
+
+def test_another_data_set_s_file_is_not_read_along(files):
+    """Whether there is a validation recording the configuration says, and not the folder."""
+    shutil.copy(files.recording_info, files.validation_recording_info)
+    assert read_results(files).validation_recording_info is None
+    with pytest.raises(evopem.InputError, match=r"validation_recording\.json: has no checksum"):
+        evopem.read_results(files.folder)
+
+
 def killed(files, *outputs):
     """Leave what a job leaves that was killed: its record, and none of some outputs."""
     record = Path(files.log("identification")).with_suffix(".unfinished.json")

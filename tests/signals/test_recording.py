@@ -8,7 +8,7 @@ import pytest
 
 from evopem.errors import InputError
 from evopem.files.archive import load_arrays
-from evopem.signals.recording import Recording, load_recording, save_recording
+from evopem.signals.recording import Recording, Segment, load_recording, save_recording
 from evopem.signals.recording_checks import check_recording, saturated_share
 
 
@@ -120,3 +120,11 @@ def test_a_signal_of_a_few_levels_is_not_called_saturated():
     assert saturated_share(np.round(white * 20) / 20) == 0.0
     # Random steps rest at every level, the lowest and the highest ones among them.
     assert saturated_share(np.repeat(white[:50], 20)) == 0.0
+
+
+def test_masked_samples_are_missing():
+    """What stands under a mask is no sample."""
+    masked = np.ma.masked_equal([0.0, 9999.0, 1.0], 9999.0)
+    for values in (Recording(masked, masked, 1.0), Segment(masked, masked)):
+        assert np.isnan(values.outputs[1, 0])
+        assert np.isnan(values.inputs[1, 0])

@@ -5,6 +5,9 @@ import re
 import pytest
 from identified import finished_copy
 
+import evopem
+from evopem.files.checksums import GENERATOR, write_checksums, write_page
+from evopem.results.layout import DatasetFiles
 from evopem.terminal.command import main
 
 
@@ -59,6 +62,16 @@ def test_only_a_page_of_evopem_is_replaced(folders, held, capsys):
     assert main(["compare", "results/a", "results/b", "--page", "taken"]) == 1
     assert "not replaced" in capsys.readouterr().err
     assert target.is_symlink() or before is None or target.read_text() == before
+
+
+def test_a_report_among_the_results_is_not_replaced(folders, capsys):
+    """It is a page of evopem, and the results would no longer be as their run wrote them."""
+    report = DatasetFiles("results/a").report
+    write_page(report, f"<!DOCTYPE html>{GENERATOR}")
+    write_checksums([report], "results/a", "report")
+    assert main(["compare", "results/a", "results/b", "--page", report]) == 1
+    assert "is a result and is not replaced" in capsys.readouterr().err
+    evopem.read_results("results/a")
 
 
 def test_a_page_is_replaced(folders):

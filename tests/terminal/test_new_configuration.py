@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+from pathlib import Path
 
 import hypothesis
 import numpy as np
@@ -12,10 +13,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from evopem.config.defaults import complete
+from evopem.config.source_checks import is_valid
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import InputError
 from evopem.signals.reading import read_measured
-from evopem.terminal.new_configuration import configuration_text, write_configuration
+from evopem.terminal.new_configuration import (
+    configuration_text,
+    dataset_name,
+    write_configuration,
+)
 
 RNG = np.random.default_rng(1)
 SAMPLES = 300
@@ -151,6 +157,11 @@ def test_what_it_writes_is_a_configuration_for_every_name(tmp_path_factory, name
     assert len(files) == len(datasets)
     assert set(files) <= {f"{name}.npz" for name in (*names, "good")}
     assert "good.npz" in files
+
+
+@pytest.mark.parametrize("stem", ["x" * 240, "ab" * 100, "recording" * 20])
+def test_a_long_name_of_equal_parts_becomes_a_name(stem):
+    assert is_valid(dataset_name(Path(f"{stem}.csv")))
 
 
 def test_many_recordings_get_a_job_each(tmp_path):

@@ -3,6 +3,7 @@
 import importlib.util
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
 _CONTROLS = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 
@@ -38,6 +39,16 @@ class InputError(ValueError):
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str, str]]:
         return (type(self), (self.source, self.problem, self.remedy, self.place))
+
+
+def checked_path(source: str, given: object) -> Path:
+    """A path that a user handed over; an `InputError` says that it cannot be one."""
+    try:
+        path = Path(given)  # type: ignore[arg-type]
+        path.exists()
+    except (TypeError, OSError):
+        raise InputError(source, f"{repr(given)[:40]} is no path", "give that of a file") from None
+    return path
 
 
 class NoModelError(ValueError):

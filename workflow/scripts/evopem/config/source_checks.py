@@ -10,7 +10,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import NoReturn
 
-from evopem.config.channels import Reference, is_pattern, listed, of_each
+from evopem.config.channels import NONE, Reference, is_pattern, listed, of_each
 from evopem.config.strict_yaml import Keys
 from evopem.config.table import Origin, check_locale
 from evopem.errors import InputError
@@ -97,7 +97,7 @@ def check_source(
 ) -> None:
     """Refuse channels in two roles, units of other channels, and paths that cannot be."""
     roles = {"input": inputs, "time": listed(keys.get("time")), "output": outputs}
-    if not outputs:
+    if outputs in ((), (NONE,)):
         at.refuse("output", "there is no output", "name a channel")
     if "time" in keys and "sampling_rate" in keys:
         at.refuse("", "both sampling_rate and time are given", "give one of the two")

@@ -210,7 +210,8 @@ def check_locale(path: str, source: str, place: str = "") -> None:
 def _text(path: str) -> str:
     """Read the text of a table, in UTF-8 or in UTF-16 with a byte order mark."""
     check_locale(path, "datasets")
-    shown = path if path.isprintable() and len(path) < 100 else repr(path[:100])
+    is_plain = path.strip() and path.isprintable() and len(path) < 100
+    shown = path if is_plain else f"config.yaml, datasets: {path[:100]!r}"
     try:
         is_other = Path(path).exists() and not Path(path).is_file()
         content = b"" if is_other else Path(path).read_bytes()

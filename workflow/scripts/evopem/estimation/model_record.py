@@ -2,7 +2,6 @@
 
 import platform
 import re
-from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -14,7 +13,7 @@ from evopem.arrays import Array, Complex
 from evopem.config.constraints import Constraints
 from evopem.config.settings import Focus, ScoringWindow, SearchSettings
 from evopem.config.structures import STRUCTURES
-from evopem.errors import InputError
+from evopem.errors import InputError, checked_path
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
@@ -41,6 +40,8 @@ FORMS = {
 }
 _REMEDY = "give the model.json of a results folder"
 _LIBRARIES = ("numpy", "scipy", "numba")
+_FARTHEST = 10_000
+"""Polynomials that reach back so many samples are none that anybody estimates."""
 
 
 @dataclass(frozen=True)
@@ -254,28 +255,57 @@ def _check(record: ModelRecord) -> None:
     model, orders = record.model, record.orders
     if _release(record.evopem) > _release(__version__):
         raise ValueError(f"it is of evopem {record.evopem}, later than this {__version__}")
+    if isinstance(model, PolynomialModel):
+        if record.structure not in STRUCTURES or model.structure != record.structure:
+            raise ValueError(f"the structure {record.structure} is not that of the model")
+        if model.orders != orders:
+            raise ValueError(f"the polynomials are those of {model.orders}, not of {orders}")
+    elif record.structure not in FORMS:
+        raise ValueError(f"the structure {record.structure} is not known")
+    elif not 0 <= record.plant_states <= model.order:
+        raise ValueError(f"{record.plant_states} of {model.order} states are of the plant")
+    if not np.isfinite(_check_model(model, record.transforms.estimation_samples)).all():
+        raise ValueError("a variance is not finite")
+    _check_lengths(record)
+
+
+def _check_model(model: Model, samples: int) -> Array:
+    """Raise ValueError for numbers that are no model of ``samples``; returns the variances."""
     if not 0.0 < model.sampling_rate < np.inf:
         raise ValueError(f"the sampling rate is {model.sampling_rate} Hz")
+    if not np.isfinite(np.r_[model.parameters, model.level]).all():
+        raise ValueError("a coefficient or level is not finite")
+    more = 0
     if isinstance(model, PolynomialModel):
-        _check_polynomials(model, orders, record)
+        if any(each[0] != 1.0 for each in (model.A, model.C, model.D, *model.F)):
+            raise ValueError("A, C, D or F does not begin with 1")
+        reach, samples, more = model.orders.first_residual, min(samples, _FARTHEST), 1
+        if reach >= samples:
+            raise ValueError(f"{model.orders} reaches back {reach} of {samples} samples")
         variance = np.atleast_2d(model.noise_variance)
     else:
-        if record.structure not in FORMS:
-            raise ValueError(f"the structure {record.structure} is not known")
-        if not 0 <= record.plant_states <= model.order:
-            raise ValueError(f"{record.plant_states} of {model.order} states are of the plant")
         variance = model.noise_covariance
-    numbers = [model.parameters, np.atleast_1d(model.level), variance.ravel()]
-    if not np.isfinite(np.concatenate(numbers)).all():
-        raise ValueError("a coefficient, level or variance is not finite")
     if np.diag(variance).min() < 0.0:
         raise ValueError("a variance is negative")
     if model.covariance is not None:
         rows = {len(model.covariance.factor), len(model.covariance.null_space)}
-        least = model.parameters.size
-        most = least + (1 if orders is not None else 0)
-        if len(rows) > 1 or not least <= min(rows) <= most:
+        if len(rows) > 1 or not 0 <= min(rows) - model.parameters.size <= more:
             raise ValueError("the covariance is not one of the coefficients")
+    return variance
+
+
+def _check_lengths(record: ModelRecord) -> None:
+    """Raise ValueError where a list has not one entry for each channel, root or coefficient."""
+    model = record.model
+    expected = {f"input_{each}": model.inputs for each in ("names", "units")}
+    expected |= dict.fromkeys(("output_names", "output_units", "fit_percent"), model.outputs)
+    derived = derived_from(model, record.plant_states)
+    for name in ("poles", "zeros", "noise_poles", "noise_zeros", "parameter_standard_errors"):
+        expected[name] = 0 if derived[name] is None else len(derived[name])
+    for name, count in expected.items():
+        found = getattr(record, name)
+        if (0 if found is None else len(found)) != count:
+            raise ValueError(f"{name} has not {count} entries")
 
 
 def _release(text: str) -> tuple[int, ...]:
@@ -284,18 +314,6 @@ def _release(text: str) -> tuple[int, ...]:
     if numbers is None:
         raise ValueError(f"{text!r} is no version of evopem")
     return tuple(map(int, numbers.group().split(".")))
-
-
-def _check_polynomials(model: PolynomialModel, orders: Orders | None, record: ModelRecord) -> None:
-    if record.structure not in STRUCTURES or model.structure != record.structure:
-        raise ValueError(f"the structure {record.structure} is not that of the model")
-    if orders is None or str(model.orders) != str(orders):
-        raise ValueError(f"the polynomials are those of {model.orders}, not of {orders}")
-    if any(each[0] != 1.0 for each in (model.A, model.C, model.D, *model.F)):
-        raise ValueError("A, C, D or F does not begin with 1")
-    samples = record.transforms.estimation_samples
-    if orders.first_residual >= samples:
-        raise ValueError(f"{orders} reaches back {orders.first_residual} of {samples} samples")
 
 
 def load_record(path: str | Path) -> ModelRecord:
@@ -327,11 +345,18 @@ def load_model(path: str | Path) -> Model:
     >>> model.A
     array([ 1. , -0.5])
     """
+    path = checked_path("load", path)
     check_result(path, "summary.json")
     try:
         return load_record(path).model
     except InputError as error:
         # Another form of file: only what is no model of any form is refused.
-        with suppress(InputError):
-            return load(PolynomialModel, path)
-        raise InputError(error.source, error.problem, _REMEDY) from None
+        try:
+            model = load(PolynomialModel, path)
+        except InputError:
+            raise InputError(error.source, error.problem, _REMEDY) from None
+    try:
+        _check_model(model, _FARTHEST)
+    except ValueError as error:
+        raise InputError(str(path), str(error), _REMEDY) from None
+    return model

@@ -73,26 +73,6 @@ def write_text(path: str | Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-GENERATOR = '<meta name="generator" content="evopem">'
-"""Mark of a page that evopem wrote, in its head."""
-
-
-def write_page(path: str | Path, text: str) -> None:
-    """Write a page to a path that a user gave; of what is there, only another page is replaced.
-
-    ``text`` has :data:`GENERATOR` among its first characters.
-    """
-    target = Path(path)
-    if target.is_file() and target.stat().st_size > 0:
-        with target.open("rb") as file:
-            begins = file.read(2000)
-        if GENERATOR.encode() not in begins:
-            raise InputError(
-                str(path), "is no page of evopem and is not replaced", "give another path"
-            )
-    write_text(path, text)
-
-
 def write_json(path: str | Path, content: Mapping[str, Any] | Sequence[Any]) -> None:
     """Write indented JSON. Floats are written exactly; one that is not finite is a ValueError."""
     write_text(path, json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n")

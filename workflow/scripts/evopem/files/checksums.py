@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from evopem.errors import InputError
+from evopem.errors import InputError, checked_path
 from evopem.files.atomic import files_below, write_text
 
 FOLDER = "checksums"
@@ -89,6 +89,28 @@ def sources(folder: str | Path) -> Iterator[tuple[Path, Path, str]]:
         made, read = _read(file)
         for path, checksum in read.items() if made else ():
             yield folder / next(iter(made)), folder / path, checksum
+
+
+GENERATOR = '<meta name="generator" content="evopem">'
+"""Mark of a page that evopem wrote, in its head."""
+
+
+def write_page(path: str | Path, text: str) -> None:
+    """Write a page to a path that a user gave; only another page is replaced, and no result.
+
+    ``text`` has :data:`GENERATOR` among its first characters.
+    """
+    target = checked_path("page", path)
+    if target.resolve() in checksummed(target.resolve().parent):
+        raise InputError(str(path), "is a result and is not replaced", "give another path")
+    if target.is_file() and target.stat().st_size > 0:
+        with target.open("rb") as file:
+            begins = file.read(2000)
+        if GENERATOR.encode() not in begins:
+            raise InputError(
+                str(path), "is no page of evopem and is not replaced", "give another path"
+            )
+    write_text(path, text)
 
 
 def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:

@@ -7,6 +7,7 @@ not converted from one type to another: 2.7 or "2" are no whole number.
 
 import json
 import math
+import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
@@ -70,12 +71,24 @@ def save(value: object, path: str | Path) -> None:
 def load(kind: type[T], path: str | Path) -> T:
     """Read the dataclass that :func:`save` wrote; an `InputError` names what is wrong."""
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        if Path(path).exists() and not Path(path).is_file():
+            raise InputError(str(path), "is no regular file", "give the path of a file")
+        text = Path(path).read_text(encoding="utf-8")
+        content = json.loads(text, parse_float=_finite, parse_constant=_finite)
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(str(path), f"cannot be read ({error.strerror})", _REMEDY) from None
     except (ValueError, RecursionError):
         raise InputError(str(path), "is not valid JSON", _REMEDY) from None
     return from_json(kind, content, str(path))
+
+
+def _finite(text: str) -> float:
+    """A number; NaN, Infinity and 1e999 are no JSON, though Python reads them."""
+    if not math.isfinite(number := float(text)):
+        raise ValueError(text)
+    return number
 
 
 @cache
@@ -107,6 +120,8 @@ def _read(kind: Any, content: Any, place: str) -> Any:
     if origin is float:
         if isinstance(content, bool) or not isinstance(content, int | float | None):
             raise misfit("is not a number")
+        if isinstance(content, int) and abs(content) > sys.float_info.max:
+            raise misfit("is too large")
         return math.nan if content is None else float(content)
     if is_dataclass(origin):
         return _read_fields(origin, content, place)
@@ -131,7 +146,7 @@ def _read(kind: Any, content: Any, place: str) -> Any:
         if origin in (dict, Mapping):
             return {key: _read(members[1], each, f"{place}.{key}") for key, each in content.items()}
         return complex(*content) if origin is complex else _array(kind, content)
-    except (TypeError, ValueError, AttributeError):
+    except (TypeError, ValueError, AttributeError, OverflowError):
         raise _MisfitError("the content has another form", place) from None
 
 

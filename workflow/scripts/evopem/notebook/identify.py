@@ -14,7 +14,7 @@ from evopem.config.configuration import check_environment
 from evopem.config.defaults import complete
 from evopem.config.keys import one_or_list
 from evopem.config.source_checks import RESULTS_FOLDER
-from evopem.errors import FOR_RESULTS, InputError, check_packages
+from evopem.errors import FOR_RESULTS, InputError, check_packages, checked_path
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings
 from evopem.results.layout import DatasetFiles
 
@@ -140,7 +140,7 @@ def read_results(folder: str | Path) -> Results:
     from evopem.notebook.results import Results
     from evopem.results.dataset import read_whole_results
 
-    files = DatasetFiles(str(folder))
+    files = DatasetFiles(str(checked_path("read_results", folder)))
     return Results(files, read_whole_results(files))
 
 

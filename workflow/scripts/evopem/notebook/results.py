@@ -24,8 +24,14 @@ from evopem.figures.comparison import (
 )
 from evopem.figures.draw import draw, panels_of
 from evopem.figures.style import PARAMETERS
-from evopem.files.atomic import files_below, write_page
-from evopem.files.checksums import check_replaceable, checksummed, delete_results, write_checksums
+from evopem.files.atomic import files_below
+from evopem.files.checksums import (
+    check_replaceable,
+    checksummed,
+    delete_results,
+    write_checksums,
+    write_page,
+)
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel

@@ -8,7 +8,8 @@ from urllib.parse import quote
 
 from evopem.figures import svg_texts
 from evopem.figures.comparison import Comparison
-from evopem.files.atomic import write_page, write_text
+from evopem.files.atomic import write_text
+from evopem.files.checksums import write_page
 from evopem.report.comparison import build_comparison
 from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import template_folder

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -268,7 +267,7 @@ def read_results(files: DatasetFiles) -> DatasetResults:
         recording=load_recording(files.recording),
         recording_info=load(RecordingInfo, files.recording_info),
         validation_recording_info=load(RecordingInfo, validation_info)
-        if Path(validation_info).exists()
+        if getattr(settings.source, "validation_files", ())
         else None,
         prepared=load_prepared(files.prepared, files.transforms),
         model=load_record(files.model),
@@ -277,7 +276,7 @@ def read_results(files: DatasetFiles) -> DatasetResults:
             **tables("residual_autocorrelation", "cross_correlation", "simulation", "horizons")
         ),
         **tables("candidates", "frequency_response", "spectrum", "time_response"),
-        truth=load(Truth, files.truth) if Path(files.truth).exists() else None,
+        truth=None if settings.source.all_files else load(Truth, files.truth),
         decisions=load(DecisionRecord, files.decisions) if is_automatic else None,
         spectrum_summaries=load(tuple[SpectrumSummary, ...], files.spectrum_summary),
         phases={

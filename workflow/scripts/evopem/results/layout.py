@@ -165,6 +165,12 @@ class DatasetFiles:
     details = _File("details.zip")
 
     @property
+    def named(self) -> list[str]:
+        """The files and folders that an attribute names, whether they exist or not."""
+        names = [name for name, value in vars(DatasetFiles).items() if isinstance(value, _File)]
+        return [getattr(self, name) for name in names]
+
+    @property
     def checksums(self) -> str:
         """Checksums of the results that one job has made."""
         return f"{self.folder}/checksums/{IDENTIFICATION}.sha256"

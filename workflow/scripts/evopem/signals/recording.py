@@ -216,7 +216,9 @@ def recording_of(
 
 
 def _columns(values: Array) -> Array:
-    """Samples as an (N, channels) array of float64; a one-dimensional array is one column."""
+    """Samples as an (N, channels) array of float64, with NaN for masked ones; 1-D is one column."""
+    if np.ma.isMaskedArray(values):
+        values = np.ma.filled(np.ma.asarray(values).astype(np.float64), np.nan)
     found = np.asarray(values, dtype=np.float64)
     return found[:, None] if found.ndim == 1 else found
 

@@ -107,7 +107,7 @@ def dataset_name(path: Path) -> str:
     """The name of a data set after its file."""
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", path.stem).lstrip("_.-")
     name = re.sub(r"\.{2,}", ".", name)[: MAX_LENGTH - 20].rstrip(".") or "recording"
-    return name if is_valid(name) else f"recording_{name[:40]}"
+    return next(filter(is_valid, (name, f"recording_{name[:40]}", f"recording_{name[:10]}")))
 
 
 def _entry(name: str, path: Path, file: str) -> str:
