@@ -5,9 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from identified import WRITTEN
 
+from evopem.config.defaults import complete, yaml_text
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
+from evopem.files.atomic import write_text
 from evopem.results.dataset import read_results
 from evopem.results.layout import DatasetFiles
 
@@ -48,11 +51,17 @@ def test_the_table_of_candidates_is_that_of_the_phases(identified):
 
 def test_a_synthetic_data_set_has_a_truth_and_a_recorded_one_has_none(identified, copied):
     assert identified.results.truth.orders.na == 7
-    Path(copied.truth).unlink()
-    assert read(copied, identified).truth is None
     assert read(copied, identified).validation_recording_info is None
     shutil.copy(copied.recording_info, copied.validation_recording_info)
-    info = read(copied, identified).validation_recording_info
+    keys = {key: value for key, value in WRITTEN.items() if key not in ("synthesis", "samples")}
+    keys |= {"file": "x.csv", "sampling_rate": 100, "split": {"discard": 100}}
+    for files in ({}, {"validation_file": "v.csv"}):
+        own = complete({"datasets": {"bench": keys | files}}).datasets["bench"]
+        write_text(copied.config, yaml_text(own))
+        found = read(copied, identified)
+        assert found.truth is None
+        assert (found.validation_recording_info is None) == (not files)
+    info = found.validation_recording_info
     assert info == identified.results.recording_info
 
 

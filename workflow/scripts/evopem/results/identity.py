@@ -71,7 +71,7 @@ def incompleteness(
         what = f"{missing} has not been made" if missing else "not all of its jobs have run"
         return IncompleteDataset("unfinished", f"{what}; run snakemake again.")
     known = checksummed(files.folder)
-    for file in filter(os.path.isfile, files.named):
+    for file in filter(os.path.isfile, files.read_again()):
         if Path(file) not in known:
             return _changed(file, "has no checksum, which a finished run has written")
     for path, checksum in known.items():

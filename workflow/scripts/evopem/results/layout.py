@@ -164,11 +164,10 @@ class DatasetFiles:
     # All other results of a recording that was identified in a batch
     details = _File("details.zip")
 
-    @property
-    def named(self) -> list[str]:
-        """The files and folders that an attribute names, whether they exist or not."""
+    def read_again(self) -> list[str]:
+        """What an attribute names, but for the report, which a notebook may write there too."""
         names = [name for name, value in vars(DatasetFiles).items() if isinstance(value, _File)]
-        return [getattr(self, name) for name in names]
+        return [getattr(self, name) for name in names if name != "report"]
 
     @property
     def checksums(self) -> str:
