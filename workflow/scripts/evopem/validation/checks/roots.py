@@ -22,7 +22,7 @@ MAX_CANCELLATION_DISTANCE = 0.1
 COINCIDENT_DISTANCE = 0.01
 
 DISTINCT = "Poles and zeros distinct"
-INSIDE_BOUND = "Complex inside the stability bound"
+INSIDE_BOUND = "Roots inside the stability bound"
 
 UNSTABLE = "Errors of the initial state and of the input do not decay in a simulation."
 
