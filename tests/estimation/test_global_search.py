@@ -7,6 +7,8 @@ from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
 from evopem.estimation.search.certificate import (
+    AGREEING,
+    ONE_OPTIMUM,
     POLYNOMIALS,
     STATE_SPACE,
     enough_agree,
@@ -29,6 +31,15 @@ def problem(orders, samples=600, objective="quadratic"):
     )
 
 
+def problem_of(structure, orders):
+    record = armax(seed=2, samples=500)[0]
+    settings = SearchSettings(objective="quadratic")
+    of_structure = orders_of(structure, orders)
+    window = ScoringWindow(of_structure.first_residual, of_structure.first_residual)
+    errors = prediction_errors(record, of_structure, settings, window, False)
+    return PolynomialProblem(scaled_errors(errors)[0])
+
+
 @pytest.mark.parametrize("objective", ["quadratic", "absolute"])
 def test_where_all_random_points_lead_to_one_optimum_the_search_is_over(objective):
     found = global_search(
@@ -47,6 +58,28 @@ def test_a_lower_value_known_from_before_keeps_the_search_going():
     )
     assert told.diagnostics.evaluations >= settings.evaluations
     assert told.value <= alone.value
+
+
+def test_a_spent_search_is_certified_where_its_few_restarts_agree_and_the_edge_is_no_lower():
+    searched, steps = problem_of("bj", (4, 2, 2, 4, 3)), []
+    found = global_search(searched, SearchSettings(), np.random.default_rng(1), steps.append)
+    diagnostics = found.diagnostics
+    assert diagnostics.n_confirming + 1 == diagnostics.n_restarts < AGREEING
+    assert diagnostics.undiscovered_probability > ONE_OPTIMUM
+    assert is_certified(diagnostics)
+    assert steps[-1].startswith("roots of C at the edge")
+
+
+@pytest.mark.parametrize("orders", [(4, 4, 4, 3), (8, 8, 8, 3)])
+def test_descents_from_roots_of_c_at_the_edge_end_lower_than_those_from_random_points(orders):
+    searched = problem(orders, 300, "absolute")
+    descents = searched.descend(searched.random(8, np.random.default_rng(1)))
+    ended = searched.polish(descents.points[[np.argmin(descents.values)]])
+    point, value = ended.points[0], float(ended.values[0])
+    found = searched.from_edge(point, value, np.random.default_rng(1))
+    assert found.value == searched.values(found.point[None, :])[0] < 0.999 * value
+    c = found.point[searched.errors.orders.part("c")]
+    assert np.abs(np.roots([1.0, *c])).max() > 0.999
 
 
 def test_hops_lead_lower_than_the_memetic_search_alone():
@@ -108,6 +141,24 @@ def test_enough_restarts_are_more_where_there_are_more_optima(
     assert enough_agree(agreeing, restarts, undiscovered) is enough
 
 
+@pytest.mark.parametrize(
+    ("agreeing", "restarts", "undiscovered", "enough"),
+    [
+        (3, 3, 0.15, True),
+        (3, 4, 0.1, True),
+        (3, 5, 0.1, False),
+        (2, 2, 0.1, False),
+        (3, 3, 0.16, False),
+    ],
+)
+def test_a_spent_search_of_polynomials_needs_random_points_and_one_restart_more(
+    agreeing, restarts, undiscovered, enough
+):
+    given = agreeing, restarts, undiscovered
+    assert enough_agree(*given, spent=True) is enough
+    assert not enough_agree(*given)
+
+
 @pytest.mark.parametrize("measured", [POLYNOMIALS, STATE_SPACE])
 def test_the_error_rate_is_an_upper_limit(measured):
     assert measured.wrong / measured.certified < measured.largest_error_rate < 0.2
@@ -118,17 +169,12 @@ def test_the_error_rate_is_an_upper_limit(measured):
     [("oe", (4, 4, 3)), ("bj", (4, 2, 2, 4, 3)), ("arma", (4, 3)), ("ararmax", (4, 4, 2, 2, 3))],
 )
 def test_every_structure_has_neighbours_of_finite_value(structure, orders):
-    record = armax(seed=2, samples=500)[0]
-    settings = SearchSettings(objective="quadratic")
-    of_structure = orders_of(structure, orders)
-    window = ScoringWindow(of_structure.first_residual, of_structure.first_residual)
-    errors = prediction_errors(record, of_structure, settings, window, False)
-    searched = PolynomialProblem(scaled_errors(errors)[0])
+    searched = problem_of(structure, orders)
     generator = np.random.default_rng(1)
     point = searched.descend(searched.random(4, generator)).points[0]
     value = float(searched.values(point[None, :])[0])
     moved, evaluations = searched.neighbours(point, 8, generator)
-    assert moved.shape == (8, errors.dimension)
+    assert moved.shape == (8, searched.errors.dimension)
     assert np.isfinite(searched.values(moved)).all()
     assert evaluations > 8
     assert basin_hopping(searched, point, value, 3000, generator).value <= value

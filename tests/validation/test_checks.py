@@ -395,9 +395,9 @@ FIVE_AGREE = {"restart_minima": (1.0,) * 5, "n_confirming": 4}
         ({"restart_minima": (1.0, 1.0)}, True, "1 of 1 other independent restart reached"),
         ({"undiscovered_probability": 0.05, **FIVE_AGREE}, True, "Certified: 4 of 4 other"),
         (
-            {"undiscovered_probability": 0.11, "n_multistart": 32, **FIVE_AGREE},
+            {"undiscovered_probability": 0.16, "n_multistart": 32, **FIVE_AGREE},
             False,
-            "with probability 0.11 a further descent from a random point leads to one that was not",
+            "with probability 0.16 a further descent from a random point leads to one that was not",
         ),
         (
             {"undiscovered_probability": 1.0, "n_multistart": 0, **FIVE_AGREE},

@@ -1,8 +1,8 @@
 """The search of identification.  Where descents from a few random points all end at one optimum, it
 is over.  Elsewhere independent searches by order extension and section replacement follow, until
-enough have ended at the lowest value and replacement from it finds nothing lower.  Models of
-several inputs have basin hopping before (Leary 2000), and so have polynomials that share no
-sections, where memetic restarts take the place of order extension."""
+enough have ended at the lowest value.  Replacements in it, and descents from roots of C at the
+edge, have to find nothing lower.  Models of several inputs have basin hopping before (Leary 2000),
+and so have polynomials that share no sections, where memetic restarts are the independent ones."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -41,8 +41,9 @@ BATCHES, BATCH = 2, 16
 # Undiscovered probability after a batch from which on another one hardly leads to a certificate,
 # and neighbouring optima, or section replacement, have lower values.
 HOPELESS = 0.4
-# Searches next to an optimum that restarts agree on, where random points find many others.
-REFUTATIONS = 4
+# Searches next to an optimum that restarts agree on, where random points find many others; once the
+# evaluations are spent one, with this share of them.
+REFUTATIONS, REFUTING = 4, 0.2
 # Evaluations after which a restart of the memetic search begins no further generation.
 RESTART_EVALUATIONS = 4000
 # Restarts of the memetic search; where they do not agree, basin hopping from descents finds more.
@@ -70,11 +71,12 @@ class _Record(SearchProgress):
         """Independent restarts, batches of random points not counted."""
         return len(self.minima) - self.random_points // BATCH
 
-    def agree(self, best: float, *more: float) -> bool:
-        """Whether enough independent restarts, some more among them, ended at the lowest value."""
+    def agree(self, best: float, *more: float, spent: bool = False) -> bool:
+        """Whether random points, or enough restarts, some more among them, ended at the lowest."""
         minima = (*self.minima, *more)
         agreeing = sum(same_optimum(minimum, best) for minimum in minima)
-        return enough_agree(agreeing, len(minima), self.undiscovered)
+        enough = enough_agree(agreeing, len(minima), self.undiscovered, spent)
+        return enough or (self.one_optimum and same_optimum(self.value, best))
 
     def is_unlikely(self, target: Target | None, known_minimum: float) -> bool:
         """Whether further restarts hardly lead to what the search is made for."""
@@ -116,16 +118,17 @@ def global_search(
             left = settings.evaluations - found.spent
             _search_neighbours(problem, None, left, generator, found)
     refuted_from = np.inf
-    while not (found.one_optimum and same_optimum(found.value, known_minimum)):
-        agreed = found.agree(min(found.value, known_minimum))
-        if agreed and same_optimum(refuted_from, found.value):
-            break
-        if agreed:
-            # Neighbours of the lowest optimum have to be no lower.
+    while True:
+        best = min(found.value, known_minimum)
+        ended = found.spent >= settings.evaluations or found.is_unlikely(target, known_minimum)
+        enough = found.agree(best)
+        if enough or (ended and found.agree(best, spent=True)):
+            if same_optimum(refuted_from, found.value):
+                break
             refuted_from = found.value
-            for _ in range(REFUTATIONS if found.undiscovered > MANY_OPTIMA else 1):
-                _search_neighbours(problem, replacement, np.inf, generator, found)
-        elif found.spent >= settings.evaluations or found.is_unlikely(target, known_minimum):
+            limit = np.inf if enough else REFUTING * settings.evaluations
+            _refute(problem, replacement, limit, generator, found)
+        elif ended:
             break
         elif replacement is not None:
             hopping = replacement.search(settings.evaluations - found.spent, generator)
@@ -134,6 +137,26 @@ def global_search(
         else:
             _restart(problem, settings, generator, found, known_minimum)
     return found.result()
+
+
+def _refute(
+    problem: BasinHoppingProblem,
+    replacement: SectionReplacement | None,
+    max_evaluations: float,
+    generator: np.random.Generator,
+    found: _Record,
+) -> None:
+    """Look for a lower optimum than that of agreeing restarts: a neighbour, or one at the edge."""
+    if not found.one_optimum:
+        many = found.undiscovered > MANY_OPTIMA and max_evaluations == np.inf
+        for _ in range(REFUTATIONS if many else 1):
+            _search_neighbours(problem, replacement, max_evaluations, generator, found)
+    if isinstance(problem, PolynomialProblem) and found.point is not None:
+        before = found.value
+        if problem.errors.orders.nc:
+            hopping = problem.from_edge(found.point, before, generator)
+            found.lower("roots of C at the edge", hopping.point, hopping.value, hopping.evaluations)
+        found.one_optimum &= same_optimum(before, found.value)
 
 
 def _search_neighbours(

@@ -18,8 +18,9 @@ from evopem.estimation.search.linear_estimates import (
     steiglitz_mcbride,
 )
 from evopem.estimation.search.memetic import discrete_recombination
-from evopem.estimation.search.problem import BasinHoppingProblem
+from evopem.estimation.search.problem import SAME_DESCENT, BasinHopping, BasinHoppingProblem
 from evopem.estimation.search.root_sections import (
+    at_radius,
     random_denominators,
     recombined_polynomials,
     with_moved_section,
@@ -45,6 +46,9 @@ NEIGHBOUR_DAMPING = 1e-3
 # Damping of the step from a point with a section that polynomials share exactly: the matrix is
 # singular in the directions of the section, where there is no slope either.
 COMMON_DAMPING = 1e-6
+# How far inside the edge descents begin, how many, how far above the optimum they may end to go on
+# along the edge, and how many of these.
+INSIDE, FROM_EDGE, NEAR, CONTINUED = 1e-3, 8, 0.01, 2
 # Share of the generations that recombine roots; the others recombine coefficients.
 BY_ROOTS = 0.75
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
@@ -119,6 +123,26 @@ class PolynomialProblem(BasinHoppingProblem):
     def descend_in_sections(self, points: Array) -> Descent:
         """Descents along the edge of the stability region; never worse than where they began."""
         return descend_in_sections(self.errors, points, self._largest_value)
+
+    def from_edge(self, point: Array, value: float, generator: np.random.Generator) -> BasinHopping:
+        """The lowest end of descents from an optimum, (n,), with a section of C at the edge, where
+        the lowest may lie and descents from random points do not lead (Sargan & Bhargava 1983)."""
+        part, radius = self._parts["c"], self.errors.noise_radius * (1.0 - INSIDE)
+        polynomials = np.array(list(at_radius(radius, point[part], generator)))
+        starts = np.repeat(point[None, :], len(polynomials), axis=0)
+        starts[:, part] = polynomials
+        starts, used = self.completed(starts)
+        lowest = np.argsort(self.values(starts), kind="stable")[:FROM_EDGE]
+        ended = self.descend_from_neighbours(starts[lowest])
+        used += len(starts) + ended.evaluations
+        order = np.argsort(ended.values, kind="stable")
+        above = ended.values[order] / value - 1.0
+        near = order[(np.abs(above) > SAME_DESCENT) & (above <= NEAR)][:CONTINUED]
+        if not len(near):
+            return BasinHopping(point, value, used, [])
+        along = self.descend_in_sections(ended.points[near])
+        best, used = int(np.argmin(along.values)), used + along.evaluations
+        return BasinHopping(along.points[best], float(along.values[best]), used, [])
 
     def promised(self, points: Array, value: float) -> Array:
         """Objective that one Gauss-Newton step from each point predicts; inf where meaningless.

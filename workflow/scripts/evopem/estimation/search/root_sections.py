@@ -11,7 +11,7 @@ from evopem.models.polynomials import roots
 # Distances of random roots from the unit circle: as far as a pole that decays in a sample, and as
 # near as one that rings for hundreds.
 FARTHEST, NEAREST = 0.9, 0.003
-# Places of a section that are tried at a step of basin hopping.
+# Places of a section that are tried at a step of basin hopping, half of them at the edge.
 PLACES = 12
 # Distances of a section's roots from the unit circle: as far as a pole that rings for two samples,
 # and as near as one that rings for hundreds.
@@ -85,6 +85,20 @@ def each_without(coefficients: Array) -> Iterator[tuple[Array, Array]]:
     for row, section in enumerate(found.quadratic):
         rest = RootSections(np.delete(found.quadratic, row, axis=0), found.single)
         yield section, np.append(1.0, product_of(rest))
+
+
+def at_radius(radius: float, c: Array, generator: np.random.Generator) -> Iterator[Array]:
+    """Polynomials (m,) with one section at a radius, by its own angle, by random ones or with real
+    roots, or with the real root left over there."""
+    found = sections_of(c)
+    for (first, second), rest in each_without(c):
+        own = np.angle(-first + 1j * np.sqrt(max(4.0 * second - first**2, 0.0)))
+        drawn = np.pi * (np.arange(PLACES // 2) + generator.random(PLACES // 2)) / (PLACES // 2)
+        at_angles = [[-2.0 * radius * np.cos(each), radius**2] for each in (own, *drawn)]
+        for factor in (*at_angles, [-radius, 0.0], [radius, 0.0], [0.0, -(radius**2)]):
+            yield np.convolve(rest, [1.0, *factor])[1:]
+    for end in (-radius, radius) if len(found.single) else ():
+        yield product_of(found._replace(single=np.array([end])))
 
 
 def without_nearest(coefficients: Array, section: Array) -> Array | None:

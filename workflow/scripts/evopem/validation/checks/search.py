@@ -90,7 +90,7 @@ def repeatability(evidence: Evidence) -> Found:
         ended = "The search ended after one restart"
         return None, f"{ended}: no independent restart could confirm its minimum."
     restarts = f"{others} other independent restart{'' if others == 1 else 's'}"
-    if is_certified(diagnostics):
+    if is_certified(diagnostics, measured is POLYNOMIALS):
         return (
             True,
             f"Certified: {confirming} of {restarts} reached the same minimum. Of"
