@@ -215,6 +215,10 @@ def test_an_output_alone_gives_a_noise_model():
     assert noise.modes["frequency_hz"].iloc[0] == pytest.approx(0.785, abs=0.1)
     with pytest.raises(evopem.InputError, match="the model has no input"):
         noise.plot_step_response()
+    with pytest.raises(evopem.InputError, match="structure oe needs an input, and there is none"):
+        evopem.identify(None, y, RATE, structure="oe", show_progress=False)
+    found = evopem.identify(None, y, RATE, form="ss", orders={"nx": [2, 2]}, show_progress=False)
+    assert found.modes["frequency_hz"].iloc[0] == pytest.approx(0.785, abs=0.1)
 
 
 @pytest.mark.parametrize(

@@ -183,8 +183,7 @@ def _settings(
         "output": one_or_list(outputs),
         "sampling_rate": float(signals.sampling_rate),
     }
-    if inputs or len(outputs) > 1:
-        own["input"] = one_or_list(inputs) if inputs else NONE
+    own["input"] = one_or_list(inputs) if inputs else NONE
     if len(inputs) <= 1 and len(outputs) == 1:
         own["recipe"] = "auto"
     if held_out:
