@@ -9,8 +9,10 @@ from scipy.signal import lfilter
 from evopem import SearchSettings, estimate
 from evopem.automatic.chosen import described_by_search
 from evopem.errors import InputError
+from evopem.estimation import polynomial_estimate
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import describe, searched_objective
+from evopem.estimation.state_space.point_model import ScaledModel
 from evopem.models.orders import orders_of
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording, Segment
@@ -18,6 +20,20 @@ from evopem.signals.recording import Recording, Segment
 QUICK = SearchSettings(objective="quadratic", evaluations=2000)
 ONE = np.ones(1)
 OF_STRUCTURE = {"oe": {"nb": 1, "nf": 2}, "bj": {"nb": 1, "nc": 1, "nd": 1, "nf": 2}}
+RETURNED = {
+    "fir": {"nb": 40, "nk": 1},
+    "arx": (2, 2, 1),
+    "armax": (2, 2, 2, 1),
+    "ararx": {"na": 2, "nb": 2, "nd": 1, "nk": 1},
+    "ararmax": {"na": 2, "nb": 2, "nc": 1, "nd": 1, "nk": 1},
+    "oe": (2, 2, 1),
+    "bj": (2, 1, 1, 2, 1),
+    "general": {"na": 1, "nb": 2, "nc": 1, "nd": 1, "nf": 2, "nk": 1},
+    "ss": 3,
+    "ss_oe": 2,
+    "ss_oe_drift": 2,
+    "ss_bj": 2,
+}
 
 
 @pytest.mark.parametrize("mean", [0.0, 3e3, 1e5])
@@ -82,14 +98,37 @@ def test_a_model_with_states_of_least_squares_has_their_objective():
     assert described.objective == pytest.approx(described.search.value, rel=1e-9)
 
 
-def test_a_standard_error_at_the_bound_covers_what_the_bound_takes_away():
+@pytest.mark.parametrize("structure", RETURNED)
+def test_a_model_that_predicts_worse_than_its_search_is_refused(structure, monkeypatch):
+    """As rounding in a change of coordinates makes it: here all numbers move by a hundredth."""
+    generator = np.random.default_rng(5)
+    u, e = generator.standard_normal((2, 300))
+    y = lfilter([0.0, 1.0, 0.4], [1.0, -1.6, 0.8], u) + 0.05 * lfilter([1.0, 0.3], [1.0, -0.7], e)
+    given = {"orders": RETURNED[structure], "structure": structure, "level": True}
+    estimate(u, y, **given, settings=replace(QUICK, evaluations=0))
+
+    def moved(self_or_orders, *arguments, **attributes):
+        model = made(self_or_orders, *arguments, **attributes)
+        return model.with_parameters(model.parameters * 1.01)
+
+    owner, name = polynomial_estimate, "model_of"
+    if structure.startswith("ss"):
+        owner, name = ScaledModel, "model"
+    made = getattr(owner, name)
+    monkeypatch.setattr(owner, name, moved)
+    with pytest.raises(InputError, match="lost in rounding: their squares are"):
+        estimate(u, y, **given, settings=replace(QUICK, evaluations=0))
+
+
+@pytest.mark.parametrize(("structure", "orders"), [("oe", (1, 2, 1)), ("ss_oe", 2), ("ss", 2)])
+def test_a_standard_error_at_the_bound_covers_what_the_bound_takes_away(structure, orders):
     damping, turn = 3e-5, 0.8
     pole = np.exp(turn * (-damping + 1j * np.sqrt(1.0 - damping**2)))
     generator = np.random.default_rng(4)
     u = generator.standard_normal(2000)
     clean = lfilter([0.0, 1.0], np.real(np.poly([pole, pole.conjugate()])), u)
     y = clean + 0.01 * np.std(clean) * generator.standard_normal(2000)
-    found = estimate(u, y, orders_of("oe", (1, 2, 1)), structure="oe", settings=QUICK)
+    found = estimate(u, y, orders, structure=structure, settings=QUICK)
     assert found.at_stability_bound
     (mode,) = found.model.modes()
     assert mode.damping_ratio > 1.2e-4

@@ -55,6 +55,10 @@ class NoModelError(ValueError):
     """A recording, or a part of one, is too short for a model, or no estimate of it is finite."""
 
 
+class LostModelError(InputError, NoModelError):
+    """A model that rounding has spoilt: no candidate, and no result."""
+
+
 def check_choice(source: str, value: object, choices: Sequence[str]) -> None:
     """Refuse what is none of the words that a setting can have.
 

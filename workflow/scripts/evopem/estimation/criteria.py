@@ -1,12 +1,15 @@
 """Criteria of estimates, and the likelihood and colour of errors by a vector autoregression."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from evopem.arrays import Array, Integers
+from evopem.errors import LostModelError
+from evopem.models.state_space import StateSpaceModel
+from evopem.models.states import delayed
 
 # A root this close to the largest allowed radius, relative to the distance of that radius from the
 # unit circle, counts as lying at the stability bound.
@@ -15,6 +18,10 @@ BOUND_WIDTH = 0.05
 MOST_LAGS, SHARE = 30, 0.1
 # Lags go on until the autocovariances are below this share of the variances, at most so many.
 NEGLIGIBLE, LONGEST = 1e-3, 2000
+
+# Relative excess of the squared errors of a returned model, over some first samples, from which on
+# it is taken for broken; and the share of the outputs' squares that is rounding.
+LOST, FIRST_SAMPLES, ROUNDING = 1e-3, 8192, 1e-10
 
 # Errors beyond this many standard deviations, from the median of the absolute ones, stand out.
 LIMIT, DEVIATIONS = 3.0, 1.4826
@@ -142,3 +149,29 @@ def _recursion(gamma: Array, most: int) -> Iterator[tuple[Array, Array]]:
         backward = np.concatenate([backward - first @ forward[::-1], first[None]])
         forward = longer
         ahead, behind = ahead - last @ rest.T, behind - first @ rest
+
+
+def check_returned(
+    model: StateSpaceModel, inputs: Array, outputs: Array, errors: Array, text: str
+) -> None:
+    """LostModelError where a model predicts worse than its search, whose last errors are given.
+
+    It predicts from the initial state that fits (N, l) outputs best.  Rounding in a change of
+    coordinates may spoil poles that nearly coincide.
+    """
+    first = len(outputs) - len(errors)
+    u = delayed(inputs, model.input_delays or (0,) * model.inputs)[first:][:FIRST_SAMPLES]
+    y, errors = outputs[first:][:FIRST_SAMPLES], errors[:FIRST_SAMPLES]
+    searched = np.sum(errors**2, axis=0) + ROUNDING * np.sum(outputs**2, axis=0)
+    plain = replace(model, input_delays=(), noise_covariance=np.diag(searched), covariance=None)
+    with np.errstate(all="ignore"):
+        found = plain.residuals(u, y, plain.prediction_state(u, y))
+        excess = float(np.mean(np.sum(found**2, axis=0) / searched)) - 1.0
+    if not excess <= LOST:
+        raise lost_model(text, f"their squares are {excess:.2g} times above those of its search")
+
+
+def lost_model(text: str, compared: str) -> LostModelError:
+    """The refusal of a model whose errors are not those of its search."""
+    problem = f"the errors of the best {text} are lost in rounding: {compared}"
+    return LostModelError("search", problem, "lower the orders")

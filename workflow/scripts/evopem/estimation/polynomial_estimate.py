@@ -7,8 +7,13 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.config.settings import ScoringWindow
-from evopem.errors import InputError
-from evopem.estimation.criteria import Criteria, criteria_of, lies_at_bound
+from evopem.estimation.criteria import (
+    Criteria,
+    check_returned,
+    criteria_of,
+    lies_at_bound,
+    lost_model,
+)
 from evopem.estimation.pem.covariance import (
     coloured_covariance,
     estimate_covariance,
@@ -138,12 +143,8 @@ def describe(
     criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
     reached = searched_objective(errors, point) if shortest else result.value
     if not reached <= result.value * (1.0 + LOST) + ROUNDING:
-        raise InputError(
-            "search",
-            f"the errors of the best {errors.orders} are lost in rounding: its objective is "
-            f"{reached:.9g} %, and that of its search was {result.value:.9g} %",
-            "lower the orders",
-        )
+        compared = f"its objective is {reached:.9g} %, and that of its search was"
+        raise lost_model(str(errors.orders), f"{compared} {result.value:.9g} %")
     covariance = covariance_of(errors, point, counted, outputs, counts, triangle)
     model = model_of(
         errors.orders,
@@ -153,6 +154,9 @@ def describe(
         noise_variance=innovation_variance(counted, errors.dimension),
         covariance=covariance,
     )
+    own, scored = errors.stretches[0], residuals[0][window.loss_start :, None]
+    inputs = own.inputs[:, : errors.orders.inputs]
+    check_returned(model.state_space(), inputs, own.outputs, scored, str(errors.orders))
     if covariance is not None and _plant_at_bound(errors, model):
         step = _step_beyond(errors, point, counted, triangle)[: errors.orders.parameters]
         factor = np.column_stack([covariance.factor, step])

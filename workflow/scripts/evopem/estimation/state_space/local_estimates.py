@@ -1,6 +1,7 @@
 """Estimates of one state-space problem: next to a model, of ascending orders, in full."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Self, get_args
@@ -10,13 +11,20 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import OutputWeighting, SearchSettings
-from evopem.errors import NoModelError
-from evopem.estimation.criteria import autoregression_of, lies_at_bound, limited, log_loss
+from evopem.errors import LostModelError, NoModelError
+from evopem.estimation.criteria import (
+    autoregression_of,
+    check_returned,
+    lies_at_bound,
+    limited,
+    log_loss,
+)
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.prediction_errors import check_search_settings
 from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
+from evopem.estimation.state_space.point_model import ScaledModel
 from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
@@ -176,7 +184,8 @@ def plain_estimates(
         orders = sorted(orders)
         errors = task.errors(recording, orders[-1])
         for problem, result in swept(errors, orders, task.settings, width, log, steps):
-            yield described(problem, result)
+            with suppress(LostModelError):
+                yield described(problem, result)
 
 
 def descend_from(
@@ -218,16 +227,28 @@ def described(
     scaled = problem.scaled(result.point)
     model = replace(scaled.model(), covariance=problem.covariance(result.point))
     radius = float(np.abs(np.concatenate([model.poles(), model.noise_zeros()])).max())
+    levels = scaled.levels()
+    _check(problem.plain, scaled, replace(model, level=levels[0]))
     return StateSpaceEstimate(
         model=model,
         order=model.order,
         objective=result.value,
         initial_states=scaled.initial_states(),
-        segment_levels=scaled.levels(),
+        segment_levels=levels,
         search=result,
         at_stability_bound=lies_at_bound(radius, problem.plain.radius),
         **criteria_of(problem.plain, scaled.one_step, problem.parameters, problem.objective),
     )
+
+
+def _check(errors: StateSpaceErrors, scaled: ScaledModel, model: StateSpaceModel) -> None:
+    """Compare the errors of a returned model with those of its search, in the first segment."""
+    data, drift = errors.data, scaled.matrices.outputs[:, errors.level_columns.stop :]
+    own, count = data.recording.segments[0], data.bounds[1]
+    outputs = own.outputs.copy()
+    outputs[len(outputs) - count :] -= (data.drift[:count] @ drift.T) * data.output_scales
+    one_step = scaled.one_step[:count] * data.output_scales
+    check_returned(model, own.inputs, outputs, one_step, f"model of {model.order} states")
 
 
 def criteria_of(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from evopem.arrays import Array, Indices, Integers
 from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
-from evopem.estimation.criteria import coloured_autocovariances
+from evopem.estimation.criteria import coloured_autocovariances, lies_at_bound
 from evopem.estimation.pem.covariance import density_at_zero
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.sections import input_matrix, sections_of, state_matrix
@@ -168,12 +168,15 @@ def parameter_covariance(
     if scored is None:
         return None
     derivatives = errors.signals.derivatives(projection.sections, projection.states)
+    model = PointModel(errors, projection)
+    radius = float(np.abs(np.linalg.eigvals(model.matrices.A)).max())
     return sandwich(
         errors,
         partial(errors.jacobian, projection, derivatives),
         *scored,
-        PointModel(errors, projection).jacobian(),
+        model.jacobian(),
         errors.order,
+        at_bound=lies_at_bound(radius, errors.radius),
     )
 
 
@@ -203,9 +206,12 @@ def sandwich(
     mapping: Array,
     redundant: int,
     coloured: bool = False,
+    at_bound: bool = False,
 ) -> ParameterCovariance:
     """``M H^-1 S H^-1 M'`` in factored form; ``redundant`` directions of H change no model.
 
+    ``at_bound``: the step to the optimum beyond a bound that holds the estimates counts as an error
+    of theirs, which cannot follow the samples there.
     H is the Gauss-Newton Hessian and S the covariance of the gradient, in output-error form or of
     ``coloured`` errors with their autocovariances (Ljung 1999, eq. 9.42).  ``jacobian``: of an
     output the derivatives of its errors, (N, k), and the columns of the mapping M that they are of.
@@ -216,6 +222,7 @@ def sandwich(
         autocovariances = coloured_autocovariances(scores, data.bounds)
     between = weights @ autocovariances @ weights
     hessian, score = np.zeros((count, count)), np.zeros((count, count))
+    gradient = np.zeros(count)
     for one, other in combinations_with_replacement(range(len(weights)), 2):
         (columns, own), (others, their) = jacobian(one), jacobian(other)
         gram = columns.T @ others
@@ -227,10 +234,12 @@ def sandwich(
             total[np.ix_(own, their)] += of_pair
             if one != other:
                 total[np.ix_(their, own)] += of_pair.T
+        if one == other:
+            gradient[own] += columns.T @ (scores @ weights[one])
     score *= data.samples / degrees_of_freedom(errors)
     seen = np.diag(hessian) > 0.0
     unseen, mapping = mapping[:, ~seen], mapping[:, seen]
-    hessian, score = hessian[np.ix_(seen, seen)], score[np.ix_(seen, seen)]
+    hessian, score = (each[np.ix_(seen, seen)] for each in (hessian, score))
     scale = np.sqrt(np.diag(hessian))
     values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
     kept = np.arange(len(values)) >= redundant
@@ -243,7 +252,9 @@ def sandwich(
     mapping = mapping / scale
     # Rounding hides how far along these the data allow to go, but not what they hardly change.
     farthest = vectors[:, kept & ~determined] / np.sqrt(least)
-    factor = mapping @ np.hstack([vectors[:, determined] @ root, farthest])
+    step = vectors[:, determined] @ (inverse.T @ (gradient[seen] / scale))
+    beyond = [step[:, None]] if at_bound else []
+    factor = mapping @ np.hstack([vectors[:, determined] @ root, farthest, *beyond])
     return ParameterCovariance(factor, unseen[:, unseen.any(axis=0)])
 
 
