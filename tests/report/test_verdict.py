@@ -53,6 +53,9 @@ def test_the_error_of_the_simulation_decides(results, monkeypatch, error, answer
         ("Residuals_independent_of_the_input", False, "the frequency response", "care"),
         ("Roots_inside_the_stability_bound", False, "standard errors", "no"),
         ("Response_to_the_input_significant", False, "simulation of the transformed output", "no"),
+        ("Response_to_the_input_significant", False, "standard errors", "no"),
+        ("Free_of_feedback", False, "standard errors", "no"),
+        ("Free_of_feedback", False, "the frequency response", "no"),
     ],
 )
 def test_a_check_that_did_not_pass_takes_its_uses_away(

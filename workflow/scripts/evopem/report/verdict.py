@@ -51,9 +51,9 @@ NAMED = 3
 # them.
 ESSENTIAL: dict[str, tuple[str, ...]] = {
     "Stable": ("simulation", "response", "spectrum"),
-    "Response to the input significant": ("simulation", "response"),
+    "Response to the input significant": ("simulation", "response", "intervals"),
     "Excitation adequate": ("response",),
-    "Free of feedback": ("simulation", "response"),
+    "Free of feedback": ("simulation", "response", "intervals"),
     "Invertible": ("prediction",),
     "Roots inside the stability bound": ("intervals",),
     "Constant in time": ("intervals",),

@@ -14,6 +14,7 @@ from scipy.special import chdtrc
 
 from evopem.arrays import Array
 from evopem.estimation.pem.least_squares import autoregression
+from evopem.signals.correlation import REPEATS as REPEATED
 from evopem.signals.correlation import cross_correlation, repetition_lag
 from evopem.validation.held_out_tests import MOST_WHITENING, left_by
 from evopem.validation.responses import HeldOut, unscored_samples
@@ -37,6 +38,8 @@ class ResidualTest:
 
 
 NOT_TESTED = ResidualTest(math.nan, math.nan)
+# Of inputs that repeat themselves: what follows the noise would differ from period to period.
+REPEATS = ResidualTest(math.nan, 0.0)
 
 
 @dataclass(frozen=True)
@@ -144,9 +147,10 @@ def _of_outputs(
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     """Test of the correlations of residuals with later inputs, each whitened (Haugh 1976).
 
-    Later samples of a periodic input are earlier ones too, which what the model misses depends on.
+    Later samples of a periodic input are earlier ones too, which what the model misses depends on:
+    it is not tested, and its periods are alike as those of an input with noise would not be.
     """
-    first, tests = stretches[0], []
+    first, tests, nothing = stretches[0], [], NOT_TESTED
     pairs = first.residuals.shape[1] * first.inputs.shape[1]
     for output in range(first.residuals.shape[1]):
         for place in range(first.inputs.shape[1]):
@@ -155,7 +159,8 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                 e, u = stretch.residuals[:, output], stretch.inputs[:, place]
                 if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
                     continue
-                if repetition_lag(u):
+                if lag := repetition_lag(u):
+                    nothing = REPEATS if _goes_on(u, lag) else nothing
                     continue
                 e, u = _whitened(e), _whitened(u)
                 n = min(len(e), len(u))
@@ -167,7 +172,19 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
             if freedom:
                 p_value = min(pairs * float(chdtrc(freedom, statistic)), 1.0)
                 tests.append(ResidualTest(p_value, max(shares)))
-    return min(tests, key=lambda each: each.p_value, default=NOT_TESTED)
+    return min(tests, key=lambda each: each.p_value, default=nothing)
+
+
+def _goes_on(signal: Array, lag: int) -> bool:
+    """Whether a signal that repeats after a lag does so over three quarters of its samples.
+
+    Narrow-band noise is like itself a period later, but not many.
+    """
+    longest = 3 * len(signal) // (4 * lag) * lag
+    if longest < 2 * lag:
+        return False
+    alike = np.corrcoef(signal[longest:], signal[: len(signal) - longest])[0, 1]
+    return bool(abs(alike) >= REPEATED)
 
 
 def _whitened(signal: Array) -> Array:
