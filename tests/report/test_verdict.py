@@ -108,6 +108,15 @@ def test_a_model_no_better_than_the_mean_is_good_for_nothing_that_it_computes(
     assert answers(verdict(of_prediction))["the frequency response"] == "good"
 
 
+@pytest.mark.parametrize(
+    ("error", "answer"), [(59.0, "good"), (61.0, "care"), (99.0, "care"), (100.0, "no")]
+)
+def test_a_prediction_is_good_up_to_sixty_percent(results, monkeypatch, error, answer):
+    with_checks(monkeypatch, results)
+    found = verdict(with_outcome(results, prediction_error_percent=error))
+    assert answers(found)["one-step prediction"] == answer
+
+
 def test_a_response_whose_simulation_or_band_is_poor_is_given_with_care(results, monkeypatch):
     """Bands hold the errors of the coefficients, not what a model leaves out of the response."""
     with_checks(monkeypatch, results)

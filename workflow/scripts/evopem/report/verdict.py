@@ -142,11 +142,13 @@ def _by_checks(use: str, results: DatasetResults) -> Finding:
     return "good", ""
 
 
-def _by_error(error: float, text: str = "", good: float = GOOD_SIMULATION) -> Finding:
-    """What an error in percent says: of a simulation, of a prediction by whether it is of use."""
+def _by_error(
+    error: float, text: str = "", limits: tuple[float, float] = (GOOD_SIMULATION, USABLE_SIMULATION)
+) -> Finding:
+    """What an error in percent says, that is good and of use up to some limits."""
     if not is_number(error):
         return "no", "the error is not known"
-    usable = USABLE_SIMULATION if good == GOOD_SIMULATION else good
+    good, usable = limits
     answer: Answer = "good" if error <= good else "care" if error <= usable else "no"
     return answer, f"off by {percent(error)}{text}"
 
@@ -189,8 +191,10 @@ def _prediction(results: DatasetResults) -> Use:
     validation, several = results.validation, len(results.outputs) > 1
     where = " on average over the outputs" if several else " on validation samples"
     # Without a noise model it is a simulation, and is as good as one.
-    good = BELOW_MEAN if results.model.has_noise_model else GOOD_SIMULATION
-    findings = [_by_error(validation.prediction_error_percent, where, good)]
+    limits = USABLE_SIMULATION, BELOW_MEAN
+    if not results.model.has_noise_model:
+        limits = GOOD_SIMULATION, USABLE_SIMULATION
+    findings = [_by_error(validation.prediction_error_percent, where, limits)]
     if several:
         errors = [each.prediction_error_percent for each in validation.outputs]
         largest = float(np.nanmax([*errors, -math.inf]))
