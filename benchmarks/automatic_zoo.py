@@ -27,10 +27,10 @@ from scipy.linalg import cho_factor, cho_solve, toeplitz
 from scipy.signal import chirp, lfilter
 
 import evopem
-from evopem.automatic.held_out.simulation import simulated
+from evopem.automatic.cross_validation.simulation import simulated
 from evopem.estimation.search.linear_estimates import subspace_denominator
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import reflect_into_disc
+from evopem.models.polynomial_roots import reflect_into_disc
 from evopem.signals.recording import Segment
 
 Array = np.ndarray

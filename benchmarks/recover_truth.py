@@ -27,7 +27,7 @@ from evopem.config.defaults import complete  # noqa: E402
 from evopem.config.order_grid import candidate_orders, scoring_window  # noqa: E402
 from evopem.config.settings import DatasetSettings  # noqa: E402
 from evopem.config.structures import phases_of  # noqa: E402
-from evopem.estimation.candidate import Candidate, PhaseSelection  # noqa: E402
+from evopem.estimation.order_candidate import Candidate, PhaseSelection  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
     complete_estimate,
     estimate_candidates,

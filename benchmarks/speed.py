@@ -39,8 +39,8 @@ from evopem.config.order_grid import (  # noqa: E402
     scoring_window,
 )
 from evopem.config.settings import ScoringWindow, SearchSettings  # noqa: E402
-from evopem.estimation.candidate import Candidate, first_pass  # noqa: E402
 from evopem.estimation.estimate import estimate  # noqa: E402
+from evopem.estimation.order_candidate import Candidate, first_pass  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
     estimate_candidates,
     select_candidate,

@@ -7,11 +7,11 @@ import pytest
 from records import output_error_record
 from scipy.signal import lfilter
 
-from evopem.automatic import chosen
+from evopem.automatic import chosen_model
 from evopem.automatic.candidates import Scorer
+from evopem.automatic.cross_validation.folds import decide_folds
+from evopem.automatic.cross_validation.simulation import prediction_errors, simulated
 from evopem.automatic.fit import CommonSettings, Fit
-from evopem.automatic.held_out.folds import decide_folds
-from evopem.automatic.held_out.simulation import prediction_errors, simulated
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import Choice
 from evopem.config.settings import SearchSettings
@@ -34,7 +34,7 @@ def candidate():
 @pytest.mark.parametrize(("worse", "taken"), [(1.0, True), (1.3, False)])
 def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, worse, taken):
     recording, record, scorer, choice = candidate
-    compared = chosen.estimate_candidate(
+    compared = chosen_model.estimate_candidate(
         replace(choice.candidate, model=record.in_its_units(choice.candidate.model)),
         *(recording, scorer, SearchSettings(evaluations=0)),
     )
@@ -42,7 +42,7 @@ def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, w
     lower = replace(estimate, search=replace(estimate.search, value=0.9 * estimate.search.value))
     searched = replace(compared, estimate=lower)
     monkeypatch.setattr(
-        *(chosen, "estimate_candidate"),
+        *(chosen_model, "estimate_candidate"),
         lambda *given: compared if given[3].evaluations == 0 else searched,
     )
 
@@ -53,20 +53,20 @@ def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, w
         return replace(candidate, scores=scores)
 
     monkeypatch.setattr(Scorer, "scored", scored)
-    found, about = chosen.estimate_choice(
+    found, about = chosen_model.estimate_choice(
         *(choice, scorer, record, recording, SearchSettings(evaluations=100))
     )
     assert (found is searched) == taken
-    assert about.choice == (chosen.SEARCHED if taken else chosen.COMPARED)
+    assert about.choice == (chosen_model.SEARCHED if taken else chosen_model.COMPARED)
     assert ("worse by more than chance" in about.sentence) != taken
 
 
 def test_the_search_begins_with_the_candidate_in_the_units_of_the_recording(candidate):
     recording, record, scorer, choice = candidate
-    found, about = chosen.estimate_choice(
+    found, about = chosen_model.estimate_choice(
         *(choice, scorer, record, recording, SearchSettings(evaluations=200))
     )
-    assert about.choice == chosen.SEARCHED
+    assert about.choice == chosen_model.SEARCHED
     assert found.model.F[0] == pytest.approx([1.0, -1.5, 0.8], abs=0.05)
     assert found.model.B[0] == pytest.approx([5.0, 2.5], rel=0.2)
 

@@ -7,11 +7,11 @@ from scipy.signal import lfilter
 
 import evopem
 from evopem.automatic.candidates import OrderLimits, Scorer, StructureSearch
+from evopem.automatic.cross_validation.folds import FoldPlan, decide_folds
+from evopem.automatic.cross_validation.repetition import decide_repetition
+from evopem.automatic.cross_validation.simulation import simulated
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.held_out.folds import FoldPlan, decide_folds
-from evopem.automatic.held_out.repetition import decide_repetition
-from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.orders import search_structure
 from evopem.automatic.structures import compare_structures
 from evopem.config.settings import OrderRanges

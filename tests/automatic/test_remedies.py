@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.automatic.candidates import Scorer
+from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.held_out.folds import decide_folds
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.remedy_orders import with_noise_models
 from evopem.automatic.structures import Choice

@@ -5,8 +5,8 @@ import pytest
 from records import output_error_record
 from scipy.signal import lfilter
 
-from evopem.automatic.held_out.folds import SHORTEST_BLOCK, decide_folds
-from evopem.automatic.held_out.stretches import REASON, folds_of, response_parts
+from evopem.automatic.cross_validation.folds import SHORTEST_BLOCK, decide_folds
+from evopem.automatic.cross_validation.stretches import REASON, folds_of, response_parts
 from evopem.signals.recording import Segment
 
 SAMPLES, DECAY = 1000, np.array([1.0, -2.0 * 0.985 * np.cos(0.4), 0.985**2])

@@ -10,9 +10,9 @@ from scipy.signal import lfilter
 from vibrating_structure import VibratingStructure
 
 from evopem.automatic.candidates import Candidate, OrderLimits, Scorer
-from evopem.automatic.chosen import estimate_candidate
+from evopem.automatic.chosen_model import estimate_candidate
+from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds, held_out_scores
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.held_out.folds import HeldOutScores, decide_folds, held_out_scores
 from evopem.automatic.orders import (
     SINGLE_STEPS,
     decide_delays,

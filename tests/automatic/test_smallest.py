@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evopem.automatic.candidates import Candidate
-from evopem.automatic.held_out.folds import HeldOutScores
+from evopem.automatic.cross_validation.folds import HeldOutScores
 from evopem.automatic.structures import _smallest_as_good, as_good
 from evopem.models.polynomial import PolynomialModel
 

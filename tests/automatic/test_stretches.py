@@ -7,9 +7,9 @@ import pytest
 from records import error_percent, output_error_record
 from scipy.optimize import approx_fprime
 
+from evopem.automatic.cross_validation.simulation import simulated
+from evopem.automatic.cross_validation.stretches import folds_of
 from evopem.automatic.fit import fit
-from evopem.automatic.held_out.simulation import simulated
-from evopem.automatic.held_out.stretches import folds_of
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.orders import Orders

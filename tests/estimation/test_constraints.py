@@ -10,7 +10,7 @@ from evopem import Constraints, FixedPole, Prior, SearchSettings, estimate
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import max_root_radius
+from evopem.models.polynomial_roots import max_root_radius
 from evopem.synthesis.armax import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")

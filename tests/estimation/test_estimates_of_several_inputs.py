@@ -6,7 +6,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
-from evopem.automatic.chosen import refitted_estimate
+from evopem.automatic.chosen_model import refitted_estimate
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.prediction_errors import scaled_errors

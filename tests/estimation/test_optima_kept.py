@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem import SearchSettings, estimate
-from evopem.automatic.chosen import described_by_search
+from evopem.automatic.chosen_model import described_by_search
 from evopem.errors import InputError
 from evopem.estimation import polynomial_estimate
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors

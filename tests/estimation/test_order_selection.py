@@ -8,8 +8,14 @@ import pytest
 from evopem.config.channels import SyntheticSource
 from evopem.config.settings import PreparationSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.candidate import Candidate, first_pass, race, select_delay, select_order
 from evopem.estimation.criteria import Criteria
+from evopem.estimation.order_candidate import (
+    Candidate,
+    first_pass,
+    race,
+    select_delay,
+    select_order,
+)
 from evopem.estimation.order_selection import (
     complete_estimate,
     continue_search,

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from evopem.figures import style
 from evopem.figures.chart import FAMILY, FAMILY_MARKERS
-from evopem.results.channels import Channel, gain_unit, with_unit
+from evopem.results.channel_labels import Channel, gain_unit, with_unit
 
 
 @given(

@@ -22,8 +22,8 @@ from evopem.config import settings
 from evopem.config.channels import ChannelSettings, SyntheticSource
 from evopem.config.settings import OrderRanges, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.candidate import Candidate, PhaseSelection
 from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.order_candidate import Candidate, PhaseSelection
 from evopem.files.json_form import from_json, load, save, to_json
 from evopem.files.unfinished import UnfinishedJob
 from evopem.models.mode_matching import OrderModels

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomials import root_covariance
+from evopem.models.polynomial_roots import root_covariance
 
 
 def test_a_matrix_and_its_factored_form_agree():

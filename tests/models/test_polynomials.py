@@ -5,7 +5,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
-from evopem.models.polynomials import max_root_radius, reflect_into_disc
+from evopem.models.polynomial_roots import max_root_radius, reflect_into_disc
 
 polynomials = st.lists(st.floats(-3, 3), min_size=1, max_size=8).map(np.array)
 

@@ -5,7 +5,7 @@ import pytest
 
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import ellipse_outline
+from evopem.models.polynomial_roots import ellipse_outline
 
 # Poles 0.95 exp(±0.6i) and 0.3, zeros 0.5 ± 0.5i, root of C 0.2.
 A = np.real(np.poly([0.95 * np.exp(0.6j), 0.95 * np.exp(-0.6j), 0.3]))

@@ -10,7 +10,7 @@ from evopem.config.structures import PHASES
 from evopem.pipeline.planning.stages import STAGES
 from evopem.pipeline.report import commit_of, write_report
 from evopem.report.page import BEFORE
-from evopem.report.sections import PHASE_NAMES
+from evopem.report.page_sections import PHASE_NAMES
 from evopem.results.layout import FIGURES, DatasetFiles
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pandas as pd
 
 from evopem.automatic.candidates import Candidate, StructureSearch
+from evopem.automatic.cross_validation.folds import HeldOutScores
 from evopem.automatic.decision import Decision
-from evopem.automatic.held_out.folds import HeldOutScores
 from evopem.automatic.structures import Choice
 
 

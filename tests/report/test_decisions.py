@@ -7,7 +7,7 @@ import pytest
 from by_scores import chosen_by_scores
 
 from evopem.automatic.decision import Alternative, Decision, DecisionRecord, OtherModel
-from evopem.report.sections import MOST_RIVALS, phase_decision, rivals
+from evopem.report.page_sections import MOST_RIVALS, phase_decision, rivals
 
 
 def decision(choice, **scores):

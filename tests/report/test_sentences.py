@@ -12,7 +12,7 @@ from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.numbers import THIN, count, percent
-from evopem.report.sections import (
+from evopem.report.page_sections import (
     CHAPTER_MODES,
     compare_with_chapter,
     mode_rows,

@@ -13,7 +13,7 @@ from evopem.models.modes import Mode
 from evopem.models.orders import armax_orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import root_covariance, root_gradient
+from evopem.models.polynomial_roots import root_covariance, root_gradient
 from evopem.signals.recording_info import ChannelInfo, RecordingInfo
 from evopem.validation.checks import Evidence, checks
 from evopem.validation.checks.roots import cancelling_pairs

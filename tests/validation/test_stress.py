@@ -11,8 +11,8 @@ from evopem.config.settings import (
     SplitSettings,
     TransformSettings,
 )
-from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.order_candidate import PhaseSelection
 from evopem.estimation.order_selection import complete_estimate, estimate_candidates
 from evopem.models.orders import armax_orders
 from evopem.signals.peaks import SpectrumSummary

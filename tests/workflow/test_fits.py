@@ -6,9 +6,9 @@ import pytest
 from identified import undrawn_page
 
 from evopem.config.settings import SearchSettings
-from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.order_candidate import PhaseSelection
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.fleet import DatasetSummary

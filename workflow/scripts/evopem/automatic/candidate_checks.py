@@ -7,8 +7,8 @@ from typing import Self
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.automatic.cross_validation.simulation import Model, prediction_errors
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, CommonSettings, log_loss
-from evopem.automatic.held_out.simulation import Model, prediction_errors
 from evopem.config.structures import OF_SIMULATION
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors

@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 
 from evopem.automatic.candidate_checks import CandidateChecks, check_model
+from evopem.automatic.cross_validation.folds import FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.cross_validation.simulation import Model, errors_simulated_on
+from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FOLD_STAGES, CommonSettings, Fit, fit, log_loss
-from evopem.automatic.held_out.folds import FoldPlan, HeldOutScores, held_out_scores
-from evopem.automatic.held_out.simulation import Model, errors_simulated_on
-from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import refit
 from evopem.config.channels import of_each

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.automatic.held_out.simulation import Model
+from evopem.automatic.cross_validation.simulation import Model
 from evopem.config.settings import Objective, OutputWeighting, SearchSettings
 from evopem.errors import NoModelError
 from evopem.estimation import criteria

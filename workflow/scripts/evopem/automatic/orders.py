@@ -15,9 +15,9 @@ from evopem.automatic.candidates import (
     Scorer,
     StructureSearch,
 )
+from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, fit, log_loss
-from evopem.automatic.held_out.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.state_space import Log, fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges

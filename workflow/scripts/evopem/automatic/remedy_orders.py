@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 from evopem.automatic.candidates import Candidate, Scorer
+from evopem.automatic.cross_validation.simulation import simulated
 from evopem.automatic.fit import fit, log_loss
-from evopem.automatic.held_out.simulation import simulated
 from evopem.automatic.orders import changed
 from evopem.automatic.state_space import fits_in_state_space
 from evopem.config.channels import of_each

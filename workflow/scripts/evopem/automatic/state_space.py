@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from evopem.automatic.cross_validation.folds import LONG, is_large
 from evopem.automatic.fit import CommonSettings, Fit
-from evopem.automatic.held_out.folds import LONG, is_large
 from evopem.config.settings import OutputWeighting
 from evopem.config.structures import OF_ABSOLUTE_ERRORS, STATE_SPACE_FORMS
 from evopem.estimation.state_space.estimate import RISES, estimates_of_orders

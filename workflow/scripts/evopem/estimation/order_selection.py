@@ -12,9 +12,15 @@ from functools import partial
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.candidate import Candidate, PhaseSelection, race, select_delay, select_order
 from evopem.estimation.delays import Fit, refine_delay
 from evopem.estimation.estimate import estimate_polynomial
+from evopem.estimation.order_candidate import (
+    Candidate,
+    PhaseSelection,
+    race,
+    select_delay,
+    select_order,
+)
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.prediction_estimate import optimum_next_to

@@ -28,7 +28,7 @@ from evopem.estimation.prediction_errors import scaled_errors
 from evopem.estimation.search.problem import SAME_OPTIMUM, SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, model_of
-from evopem.models.polynomials import max_root_radius
+from evopem.models.polynomial_roots import max_root_radius
 
 # Structures that claim nothing of the noise, or whose noise model may be chosen too small.
 WITHOUT_NOISE_MODEL = ("fir", "oe", "general")

@@ -34,7 +34,7 @@ from evopem.estimation.search.problem import SearchResult, descended, pooled
 from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, solve_linear
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import roots
+from evopem.models.polynomial_roots import roots
 
 Log = Callable[[str], None]
 

@@ -39,7 +39,7 @@ from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, so
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import roots
+from evopem.models.polynomial_roots import roots
 
 Plant = tuple[Array, tuple[Array, ...]]  # A and all F_i, their leading 1 included
 

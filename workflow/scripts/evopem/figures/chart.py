@@ -11,7 +11,7 @@ from typing import Any, Literal, Self
 import numpy as np
 import pandas as pd
 
-from evopem.results.channels import Channel
+from evopem.results.channel_labels import Channel
 from evopem.results.dataset import DatasetResults
 
 Role = Literal["ink", "muted", "model", "error", "truth", "fourth", "fifth"]

@@ -15,7 +15,7 @@ from evopem.figures.frequency_domain import gain_panels, phase_panels, thinned
 from evopem.figures.time_domain import VALIDATION_TIME, shown_samples
 from evopem.models.mode_matching import matched_modes
 from evopem.models.modes import Mode
-from evopem.results.channels import Channel, Pair
+from evopem.results.channel_labels import Channel, Pair
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, mode_values
 from evopem.validation.checks import failed_checks

@@ -27,7 +27,7 @@ from evopem.figures.style import (
     stems,
     styled,
 )
-from evopem.models.polynomials import ellipse_outline
+from evopem.models.polynomial_roots import ellipse_outline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

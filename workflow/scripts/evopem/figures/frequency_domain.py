@@ -26,7 +26,7 @@ from evopem.figures.chart import (
 )
 from evopem.figures.style import extremes
 from evopem.models.modes import Mode
-from evopem.results.channels import Pair, gain_unit, with_unit
+from evopem.results.channel_labels import Pair, gain_unit, with_unit
 from evopem.results.dataset import DatasetResults
 from evopem.signals.spectra import multitaper_spectrum
 from evopem.signals.spectrum_summary import SpectralPeak

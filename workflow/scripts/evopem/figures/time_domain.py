@@ -25,7 +25,7 @@ from evopem.figures.chart import (
     scale_of,
     small,
 )
-from evopem.results.channels import Channel, gain_unit, with_unit
+from evopem.results.channel_labels import Channel, gain_unit, with_unit
 from evopem.results.dataset import DatasetResults
 
 # So many periods of the lowest mode are shown, between the two limits in samples.

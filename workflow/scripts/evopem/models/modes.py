@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from evopem.arrays import Array, Complex
 from evopem.models.mode_shapes import mean_phase, neighbours_among, phase_collinearity
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomials import root_gradient, roots
+from evopem.models.polynomial_roots import root_gradient, roots
 
 # Product of the left and right eigenvectors of unit length below which an eigenvalue is defective.
 DEFECTIVE = 1e-13

@@ -17,7 +17,7 @@ from evopem.models.conversions import block_sizes, has_own_noise, innovations_fo
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
 from evopem.models.polynomial_form import Polynomials, impulse_response
-from evopem.models.polynomials import powers_of_z, roots
+from evopem.models.polynomial_roots import powers_of_z, roots
 from evopem.models.state_space import StateSpaceModel
 
 if TYPE_CHECKING:

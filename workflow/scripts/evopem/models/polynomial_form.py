@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from evopem.arrays import Array, Complex
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.polynomials import roots, uncertain_roots
+from evopem.models.polynomial_roots import roots, uncertain_roots
 
 
 @dataclass(frozen=True, eq=False, init=False)

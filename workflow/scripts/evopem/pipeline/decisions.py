@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from evopem.automatic.candidates import Candidate, StructureSearch
+from evopem.automatic.cross_validation.folds import FoldPlan
 from evopem.automatic.decision import Alternative, Decision, DecisionRecord, OtherModel, Trial
-from evopem.automatic.held_out.folds import FoldPlan
 from evopem.automatic.orders import DelayChoice
 from evopem.automatic.preparation.plan import PreparationPlan
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice, Comparison
 from evopem.config.structures import ORDER_NAMES
-from evopem.estimation.candidate import Candidate as PhaseCandidate
-from evopem.estimation.candidate import PhaseSelection
+from evopem.estimation.order_candidate import Candidate as PhaseCandidate
+from evopem.estimation.order_candidate import PhaseSelection
 from evopem.files.json_form import load
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData

@@ -11,7 +11,7 @@ from evopem.config.order_grid import (
     range_of,
 )
 from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
-from evopem.estimation.candidate import Candidate, PhaseSelection, first_pass
+from evopem.estimation.order_candidate import Candidate, PhaseSelection, first_pass
 from evopem.estimation.order_selection import estimate_in_parallel
 from evopem.estimation.order_selection import select_candidate as select
 from evopem.files.json_form import load, save

@@ -3,7 +3,7 @@
 By the chapter's recipe it is given, by the automatic one decided from the estimation samples alone.
 """
 
-from evopem.automatic.held_out.folds import decide_folds
+from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.orders import decide_delays
 from evopem.automatic.preparation.parts import decide_parts
 from evopem.automatic.preparation.plan import PreparedRecord, prepared_data

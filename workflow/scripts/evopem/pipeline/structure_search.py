@@ -12,8 +12,8 @@ from evopem.automatic.candidates import (
     order_models,
     without_covariances,
 )
+from evopem.automatic.cross_validation.folds import FoldPlan
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.held_out.folds import FoldPlan
 from evopem.automatic.orders import DelayChoice
 from evopem.automatic.orders import search_structure as search
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord

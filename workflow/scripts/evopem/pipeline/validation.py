@@ -10,8 +10,8 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.defaults import yaml_text
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import plant_order
-from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import ModelRecord
+from evopem.estimation.order_candidate import PhaseSelection
 from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from evopem.report.figures import drawn_figures
-from evopem.report.sections import PHASE_NAMES, SECTIONS
+from evopem.report.page_sections import PHASE_NAMES, SECTIONS
 from evopem.report.templates import environment
 from evopem.results.dataset import DatasetResults
 from evopem.results.layout import IDENTIFICATION

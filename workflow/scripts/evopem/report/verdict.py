@@ -20,7 +20,7 @@ from evopem.report.numbers import (
     percent,
     plural,
 )
-from evopem.results.channels import Channel
+from evopem.results.channel_labels import Channel
 from evopem.results.dataset import DatasetResults
 from evopem.validation.checks.inputs import RESTING, input_rests
 from evopem.validation.checks.residuals import white

@@ -17,11 +17,11 @@ from evopem.config.order_grid import phases_of_dataset
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import searched_forms, structure_name
 from evopem.errors import InputError
-from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import FORMS, ModelRecord, load_record
+from evopem.estimation.order_candidate import PhaseSelection
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
-from evopem.results.channels import Channel, Pair
+from evopem.results.channel_labels import Channel, Pair
 from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared

@@ -13,7 +13,7 @@ from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, read_channels
 from evopem.signals.missing_samples import MOST_MISSING
 from evopem.signals.output_level import regression_triangle
-from evopem.signals.readers.channels import Channel, Reference
+from evopem.signals.readers.open_file import Channel, Reference
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import has_even_steps, timing
 

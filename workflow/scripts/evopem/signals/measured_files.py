@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import Channel, Contents, Reference, refuse_unreadable
+from evopem.signals.readers.open_file import Channel, Contents, Reference, refuse_unreadable
 
 T = TypeVar("T")
 

@@ -15,7 +15,7 @@ from evopem.files.checksums import sha256_of_file
 from evopem.signals.inspection import time_from_file
 from evopem.signals.measured_files import channel_names, format_of, local_path, read_channels
 from evopem.signals.missing_samples import without_missing
-from evopem.signals.readers.channels import Channel, Reference, listing
+from evopem.signals.readers.open_file import Channel, Reference, listing
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import check_recording
 from evopem.signals.recording_info import FileOrigin

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from evopem.config.channels import Geometry
 from evopem.errors import InputError
 from evopem.signals.inspection import ChannelRoles
-from evopem.signals.readers.channels import Reference, listing
+from evopem.signals.readers.open_file import Reference, listing
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import saturated_share
 from evopem.signals.timestamps import Unevenness

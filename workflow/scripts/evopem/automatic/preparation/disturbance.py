@@ -6,9 +6,9 @@ from itertools import product
 
 import numpy as np
 
+from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import ArxFit, fit, likeliest_arx, log_loss
-from evopem.automatic.held_out.simulation import errors_simulated_on
 from evopem.errors import NoModelError
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel

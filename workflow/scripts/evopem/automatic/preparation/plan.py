@@ -7,8 +7,12 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.automatic.cross_validation.stretches import (
+    MOST_SAMPLES,
+    SHORTEST_STRETCH,
+    first_samples,
+)
 from evopem.automatic.decision import Decision, given_by_configuration
-from evopem.automatic.held_out.stretches import MOST_SAMPLES, SHORTEST_STRETCH, first_samples
 from evopem.automatic.preparation.breaks import (
     decide_clipping,
     decide_starts,

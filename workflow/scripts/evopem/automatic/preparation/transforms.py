@@ -11,10 +11,10 @@ from itertools import product
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.automatic.cross_validation.simulation import simulated_on
+from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, Fold, first_samples, folds_of
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import FOLD_STAGES, fit
-from evopem.automatic.held_out.simulation import simulated_on
-from evopem.automatic.held_out.stretches import MOST_SAMPLES, Fold, first_samples, folds_of
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord, centred
 from evopem.automatic.state_space import recording_of
 from evopem.errors import InputError, NoModelError

@@ -8,7 +8,7 @@ import numpy as np
 from evopem.arrays import Array, Complex
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.pole_region import AT_EDGE, PoleRegion
-from evopem.models.polynomials import root_gradient, roots
+from evopem.models.polynomial_roots import root_gradient, roots
 
 # Kinds of coordinates: any number, a share of 0 to 1, an excess over a bound, a kind of section.
 FREE, SHARE, EXCESS, KIND = range(4)

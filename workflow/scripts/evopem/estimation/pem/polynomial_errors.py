@@ -17,7 +17,7 @@ from evopem.estimation.pem.kernels.record import Objective
 from evopem.estimation.pem.stretch_errors import PLANT_STATE_WEIGHT, STATE_WEIGHT, StretchErrors
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import reflect_into_disc
+from evopem.models.polynomial_roots import reflect_into_disc
 from evopem.signals.recording import Segment
 
 # Roots are moved this share of the radius inside it.

@@ -10,7 +10,7 @@ from evopem.config.constraints import Constraints
 from evopem.models.constraint_checks import coefficient_index
 from evopem.models.modes import modes_of, pole_mode
 from evopem.models.orders import Orders
-from evopem.models.polynomials import roots
+from evopem.models.polynomial_roots import roots
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ from evopem.estimation.search.staged_descent import (
 )
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import reflect_into_disc
+from evopem.models.polynomial_roots import reflect_into_disc
 
 # Damping of descents from neighbours of an optimum, relative to the scaled diagonal of the
 # Gauss-Newton matrix, which is singular where a section is common to all polynomials.

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Complex, Integers
-from evopem.models.polynomials import roots
+from evopem.models.polynomial_roots import roots
 
 # Distances of random roots from the unit circle: as far as a pole that decays in a sample, and as
 # near as one that rings for hundreds.

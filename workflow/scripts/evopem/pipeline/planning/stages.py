@@ -123,7 +123,7 @@ STAGES = (
     ),
     Stage(
         "complete_model",
-        "chosen:complete_model",
+        "complete_model:complete_model",
         "model and its uncertainty",
         inputs=(*_SCORED, *_CHOSEN, "phase:{last}"),
         outputs=(

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import Contents, library, refuse_unreadable
 from evopem.signals.readers.numpy_files import RATE_NAMES, StoredArray, contents_of, in_memory
+from evopem.signals.readers.open_file import Contents, library, refuse_unreadable
 
 _COMPLEX_FIELDS = ("real", "imag")
 

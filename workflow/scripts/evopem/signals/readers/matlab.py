@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from evopem.signals.readers import hdf5
-from evopem.signals.readers.channels import Contents, refuse_unreadable
 from evopem.signals.readers.numpy_files import StoredArray, contents_of, in_memory
+from evopem.signals.readers.open_file import Contents, refuse_unreadable
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HDF5_OFFSETS = (0, 512)

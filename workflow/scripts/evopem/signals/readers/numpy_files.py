@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import Channel, Contents, refuse_unreadable
+from evopem.signals.readers.open_file import Channel, Contents, refuse_unreadable
 
 RATE_NAMES = ("sampling_rate", "sample_rate", "sampling_frequency", "fs")
 """A single number of such a name, in upper or lower case, is a sampling rate."""

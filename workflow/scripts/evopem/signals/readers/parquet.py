@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from evopem.signals.readers.channels import Channel, Contents, library, refuse_unreadable
+from evopem.signals.readers.open_file import Channel, Contents, library, refuse_unreadable
 
 
 @contextmanager

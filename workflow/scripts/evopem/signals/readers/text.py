@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import Channel, Contents, Reference, library
+from evopem.signals.readers.open_file import Channel, Contents, Reference, library
 from evopem.signals.readers.text_dialect import (
     COMMENT_MARKS,
     Table,

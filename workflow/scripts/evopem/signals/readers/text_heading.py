@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, NoReturn
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import UNIT, Reference
+from evopem.signals.readers.open_file import UNIT, Reference
 from evopem.signals.readers.text_dialect import COMMENT_MARKS, Table
 
 _NO_VALUE = {

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from evopem.errors import InputError
-from evopem.signals.readers.channels import Channel, Contents, library, refuse_unreadable
+from evopem.signals.readers.open_file import Channel, Contents, library, refuse_unreadable
 from evopem.signals.timestamps import timing
 
 _NAME_FIELDS = ("id1", "id2", "id3", "id4", "id5", "rsp_ent_name", "ordinate_axis_lab")

@@ -8,7 +8,7 @@ import numpy as np
 
 from evopem.arrays import Array, Complex
 from evopem.config.structures import STRUCTURES, plant_order
-from evopem.models.polynomials import CHI_SQUARE_95, root_gradient, roots
+from evopem.models.polynomial_roots import CHI_SQUARE_95, root_gradient, roots
 from evopem.validation.checks.check import Evidence, Found, check
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from evopem.estimation.search.certificate import MANY_OPTIMA, POLYNOMIALS, STATE
 from evopem.validation.checks.check import Evidence, Found, OrderRange, check
 
 if TYPE_CHECKING:
-    from evopem.estimation.candidate import PhaseSelection
+    from evopem.estimation.order_candidate import PhaseSelection
 
 # The configuration key of the range of each phase, and the smallest value of what it varies.
 RANGES = {

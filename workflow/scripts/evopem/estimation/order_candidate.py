@@ -17,7 +17,7 @@ from evopem.estimation.search.global_search import FIRST_PASS
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.polynomials import max_root_radius
+from evopem.models.polynomial_roots import max_root_radius
 
 if TYPE_CHECKING:
     from evopem.estimation.polynomial_estimate import PolynomialEstimate

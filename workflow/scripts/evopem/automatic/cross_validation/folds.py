@@ -6,10 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.automatic.cross_validation.repetition import Repetition, decide_repetition
+from evopem.automatic.cross_validation.simulation import (
+    Model,
+    errors_simulated_on,
+    prediction_errors,
+)
+from evopem.automatic.cross_validation.stretches import REASON, Fold, folds_of, response_parts
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.held_out.repetition import Repetition, decide_repetition
-from evopem.automatic.held_out.simulation import Model, errors_simulated_on, prediction_errors
-from evopem.automatic.held_out.stretches import REASON, Fold, folds_of, response_parts
 from evopem.errors import NoModelError
 from evopem.signals.recording import Segment, total_samples
 

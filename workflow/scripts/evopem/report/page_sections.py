@@ -17,8 +17,8 @@ from evopem.automatic.decision import Alternative, Decision, OtherModel
 from evopem.config.channels import SyntheticSource
 from evopem.config.constraints import Constraints
 from evopem.config.settings import DatasetSettings
-from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import FitRecord
+from evopem.estimation.order_candidate import PhaseSelection
 from evopem.figures.shapes import ShapeDrawing
 from evopem.models.mode_matching import deviations, matched_modes
 from evopem.models.modes import Mode

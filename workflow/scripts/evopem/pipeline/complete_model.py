@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
-from evopem.automatic.chosen import estimate_choice
+from evopem.automatic.chosen_model import estimate_choice
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import CommonSettings
 from evopem.automatic.remedies import Remedied
@@ -14,8 +14,8 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings, FitSettings, ScoringWindow, SearchSettings
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import InputError
-from evopem.estimation.candidate import PhaseSelection
 from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
+from evopem.estimation.order_candidate import PhaseSelection
 from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
