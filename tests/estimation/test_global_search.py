@@ -1,4 +1,4 @@
-"""The search of identification: certificates, and hops between optima."""
+"""The search of identification: certificates, and basin hopping."""
 
 import numpy as np
 import pytest

@@ -46,6 +46,8 @@ def checked_path(source: str, given: object) -> Path:
     try:
         path = Path(given)  # type: ignore[arg-type]
         path.exists()
+    except PermissionError:
+        return path  # what opens it says so
     except (TypeError, OSError):
         raise InputError(source, f"{repr(given)[:40]} is no path", "give that of a file") from None
     return path

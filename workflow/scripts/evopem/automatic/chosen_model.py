@@ -16,7 +16,7 @@ from evopem.automatic.structures import Choice, Kind, as_good, score_of
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
-from evopem.errors import InputError, NoModelError
+from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
@@ -123,6 +123,8 @@ def _polynomials(
         try:
             model = replace(model, structure=candidate.structure)
             estimate = refitted_estimate(model, estimation, search)
+        except LostModelError:
+            raise
         except NoModelError:
             raise InputError(
                 "search.max_root_radius",
@@ -198,7 +200,14 @@ def estimate_choice(
         estimate = described_by_search(model, found.estimate.search, search, estimation)
         return replace(found, estimate=estimate, model=estimate.model), about
     candidate = replace(choice.candidate, model=record.in_its_units(choice.candidate.model))
-    found = estimate_candidate(candidate, estimation, scorer, search, fit, log)
+    try:
+        found = estimate_candidate(candidate, estimation, scorer, search, fit, log)
+    except LostModelError:
+        if fit is not None or search.evaluations == 0:
+            raise
+        # The optimum of the compared model may be one that rounding leaves.
+        search = replace(search, evaluations=0)
+        found = estimate_candidate(candidate, estimation, scorer, search)
     if fit is not None or search.evaluations == 0:
         return found, _about_search(choice, found, found)
     compared = estimate_candidate(candidate, estimation, scorer, replace(search, evaluations=0))

@@ -321,8 +321,8 @@ def _shortest_as_likely(segments: Sequence[Segment], delay: int, low: int, crite
             totals[nk] = min(values, default=np.inf) + samples * float(criterion[nk - low])
         return totals[nk]
 
-    while delay > CERTAIN_DELAY:
-        shortest = max(low, 1)
+    shortest = max(low, 1)
+    while delay > max(CERTAIN_DELAY, shortest):
         tried = sorted({shortest + (delay - shortest) * part // 4 for part in (0, 2, 3, 4)})
         likeliest = min(tried, key=total)
         if not total(likeliest) < total(delay) - VERY_STRONG:

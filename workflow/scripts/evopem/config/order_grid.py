@@ -19,7 +19,7 @@ from evopem.config.settings import (
 from evopem.config.structures import STRUCTURES, phases_of
 from evopem.errors import InputError
 
-AUTO_JOINT_UPPER = 14
+AUTO_PLANT_UPPER = 14
 """Upper end of ``orders.plant: auto``, the chapter's own."""
 
 CandidateOrders = dict[str, int]
@@ -57,7 +57,7 @@ def plant_range(grid: OrderGrid, resonances: int | None = None) -> Range:
     if grid.ranges.plant is not None:
         return grid.ranges.plant
     lower = 2 if resonances is None else max(2, 2 * resonances)
-    return (min(lower, AUTO_JOINT_UPPER), AUTO_JOINT_UPPER)
+    return (min(lower, AUTO_PLANT_UPPER), AUTO_PLANT_UPPER)
 
 
 def orders_of_plant(k: int, grid: OrderGrid, nk: int = 0) -> CandidateOrders:
@@ -177,7 +177,7 @@ def _largest_candidates(grid: OrderGrid) -> list[CandidateOrders]:
     for phase in phases:
         if phase not in ("delay", "plant"):
             upper = range_of(grid, phase)[1]
-            # The last phase may keep the plant number of coefficients of B.
+            # The last phase may keep the number of coefficients of B of the plant order.
             last[phase] = max(last[phase], upper) if phase == "nb" else upper
     return [*candidates, last]
 

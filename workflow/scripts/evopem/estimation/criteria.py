@@ -164,6 +164,7 @@ def check_returned(
     u = delayed(inputs, model.input_delays or (0,) * model.inputs)[first:][:FIRST_SAMPLES]
     y, errors = outputs[first:][:FIRST_SAMPLES], errors[:FIRST_SAMPLES]
     searched = np.sum(errors**2, axis=0) + ROUNDING * np.sum(outputs**2, axis=0)
+    searched += np.finfo(float).tiny  # of samples at rest
     plain = replace(model, input_delays=(), noise_covariance=np.diag(searched), covariance=None)
     with np.errstate(all="ignore"):
         found = plain.residuals(u, y, plain.prediction_state(u, y))

@@ -321,7 +321,7 @@ def load_record(path: str | Path) -> ModelRecord:
     record = load(ModelRecord, path)
     try:
         _check(record)
-    except ValueError as error:
+    except (ValueError, TypeError, IndexError) as error:
         raise InputError(str(path), str(error), _REMEDY) from None
     return record
 
@@ -357,6 +357,6 @@ def load_model(path: str | Path) -> Model:
             raise InputError(error.source, error.problem, _REMEDY) from None
     try:
         _check_model(model, _FARTHEST)
-    except ValueError as error:
+    except (ValueError, TypeError, IndexError) as error:
         raise InputError(str(path), str(error), _REMEDY) from None
     return model

@@ -107,7 +107,8 @@ def dataset_name(path: Path) -> str:
     """The name of a data set after its file."""
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", path.stem).lstrip("_.-")
     name = re.sub(r"\.{2,}", ".", name)[: MAX_LENGTH - 20].rstrip(".") or "recording"
-    return next(filter(is_valid, (name, f"recording_{name[:40]}", f"recording_{name[:10]}")))
+    shorter = (f"recording_{name[:length].rstrip('.')}" for length in (40, 10, 1))
+    return next(filter(is_valid, (name, *shorter)))
 
 
 def _entry(name: str, path: Path, file: str) -> str:

@@ -150,7 +150,7 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     Later samples of a periodic input are earlier ones too, which what the model misses depends on:
     it is not tested, and its periods are alike as those of an input with noise would not be.
     """
-    first, tests, nothing = stretches[0], [], NOT_TESTED
+    first, tests, periodic = stretches[0], [], []
     pairs = first.residuals.shape[1] * first.inputs.shape[1]
     for output in range(first.residuals.shape[1]):
         for place in range(first.inputs.shape[1]):
@@ -158,9 +158,10 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
             for stretch in stretches:
                 e, u = stretch.residuals[:, output], stretch.inputs[:, place]
                 if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
+                    periodic.append(False)
                     continue
                 if lag := repetition_lag(u):
-                    nothing = REPEATS if _goes_on(u, lag) else nothing
+                    periodic.append(_goes_on(u, lag))
                     continue
                 e, u = _whitened(e), _whitened(u)
                 n = min(len(e), len(u))
@@ -172,6 +173,7 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
             if freedom:
                 p_value = min(pairs * float(chdtrc(freedom, statistic)), 1.0)
                 tests.append(ResidualTest(p_value, max(shares)))
+    nothing = REPEATS if periodic and all(periodic) else NOT_TESTED
     return min(tests, key=lambda each: each.p_value, default=nothing)
 
 

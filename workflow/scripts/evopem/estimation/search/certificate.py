@@ -67,7 +67,8 @@ def is_certified(found: SearchDiagnostics, polynomial: bool = True) -> bool:
     agreeing, restarts = found.n_confirming + 1, found.n_restarts
     undiscovered = found.undiscovered_probability
     one_optimum = agreeing > 1 and 2 * agreeing > restarts and undiscovered <= ONE_OPTIMUM
-    return one_optimum or enough_agree(agreeing, restarts, undiscovered, polynomial)
+    spent = polynomial and found.withstood
+    return one_optimum or enough_agree(agreeing, restarts, undiscovered, spent)
 
 
 # The limits of likely gains were exceeded in 3 to 9 % of the random problems of

@@ -124,6 +124,7 @@ def global_search(
         enough = found.agree(best)
         if enough or (ended and found.agree(best, spent=True)):
             if same_optimum(refuted_from, found.value):
+                found.withstood = True
                 break
             refuted_from = found.value
             limit = np.inf if enough else REFUTING * settings.evaluations

@@ -69,7 +69,8 @@ class SearchDiagnostics:
     independent restart, a batch of random points being one.  ``n_confirming``: further restarts
     that ended at the lowest.  ``n_local_optima``: distinct values of descents that converged.
     ``n_multistart``: random points descended from.  ``undiscovered_probability``: that another one
-    leads to a new optimum; 1 without any.
+    leads to a new optimum; 1 without any.  ``withstood``: whether replacements in the lowest and
+    descents from the edge, which follow an agreement, have found nothing lower.
     """
 
     evaluations: int
@@ -80,6 +81,7 @@ class SearchDiagnostics:
     n_multistart: int
     undiscovered_probability: float
     convergence: tuple[tuple[int, float], ...]
+    withstood: bool = False
 
     @classmethod
     def none(cls) -> SearchDiagnostics:
@@ -127,6 +129,7 @@ class SearchProgress:
         self.spent = self.generations = 0
         # Random points descended from, and the probability that another one leads elsewhere.
         self.random_points, self.undiscovered = 0, 1.0
+        self.withstood = False
 
     def reach(self, point: Array, value: float) -> None:
         """Keep a point where it is lower, and note how low the search is by now."""
@@ -151,6 +154,7 @@ class SearchProgress:
             n_multistart=self.random_points,
             undiscovered_probability=self.undiscovered,
             convergence=tuple(self.convergence),
+            withstood=self.withstood,
         )
         return SearchResult(self.point, self.value, diagnostics)
 
@@ -183,6 +187,10 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
         n_multistart=one.n_multistart + other.n_multistart,
         undiscovered_probability=drawn.undiscovered_probability,
         convergence=(*one.convergence, *continued),
+        withstood=any(
+            each.diagnostics.withstood and same_optimum(each.value, best.value)
+            for each in (first, second)
+        ),
     )
     return replace(best, diagnostics=diagnostics)
 

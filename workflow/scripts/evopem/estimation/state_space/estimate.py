@@ -1,6 +1,7 @@
 """Estimate state-space models of one order or of several."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from evopem.config.constraints import (
 )
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.config.structures import check_model, samples_ahead
-from evopem.errors import InputError
+from evopem.errors import InputError, LostModelError
 from evopem.estimation.criteria import log_loss
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import (
@@ -134,7 +135,10 @@ def _beside(
     if horizon is None:
         model = with_noise_model(plant.model, recording, task.settings)
         return replace(plant, model=model, focus_objective=plant.objective)
-    optima = [descend_from(start, recording, task) for start in starts]
+    optima = []
+    for start in starts:
+        with suppress(LostModelError):
+            optima.append(descend_from(start, recording, task))
     optima.append(estimate_beside(plant.model, recording, task))
     return replace(min(optima, key=lambda estimate: estimate.bic), order=order)
 
