@@ -1,5 +1,7 @@
 """The search of identification: certificates, and basin hopping."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from evopem.estimation.search.certificate import (
 from evopem.estimation.search.global_search import BATCH, BATCHES, basin_hopping, global_search
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.estimation.search.problem import descended, pooled
 from evopem.models.orders import armax_orders, orders_of
 from evopem.synthesis.armax import armax
 
@@ -68,6 +71,9 @@ def test_a_spent_search_is_certified_where_its_few_restarts_agree_and_the_edge_i
     assert diagnostics.undiscovered_probability > ONE_OPTIMUM
     assert is_certified(diagnostics)
     assert steps[-1].startswith("roots of C at the edge")
+    # Agreement that no replacement and no descent from the edge has contested is none.
+    assert not is_certified(replace(diagnostics, withstood=False))
+    assert is_certified(pooled(descended(searched, found.point), found).diagnostics)
 
 
 @pytest.mark.parametrize("orders", [(4, 4, 4, 3), (8, 8, 8, 3)])

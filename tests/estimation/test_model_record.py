@@ -164,6 +164,8 @@ def test_numbers_that_are_no_json_are_refused(path, number):
         ({"nk": [10**9]}, "reaches back 1000000000 of 10000 samples"),
         ({"A": [2.0, 1.0]}, "does not begin with 1"),
         ({"A": [1.0, None]}, "is not finite"),
+        ({"A": []}, ""),
+        ({"A": 5.0}, ""),
         ({"sampling_rate": 0.0}, r"the sampling rate is 0\.0 Hz"),
         ({"noise_variance": -1.0}, "a variance is negative"),
     ],

@@ -94,7 +94,7 @@ def test_the_channels_of_the_first_file_are_those_of_all(tmp_path):
     )
     made, channels = DatasetFiles(str(tmp_path / "x")), ChannelSettings((1,), (2,))
     validation = str(write(tmp_path / "v.csv", "time,b,a", times(), second[1], second[0]))
-    read_recording(made, files, channels, told=True, validation=(validation,))
+    read_recording(made, files, channels, channels_from_file=True, validation=(validation,))
     recording = load_recording(made.recording)
     assert (recording.input_names[0], recording.sampling_rate) == ("a", pytest.approx(50.0))
     assert load_recording(made.validation_recording).input == pytest.approx(second[0])

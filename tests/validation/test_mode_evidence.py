@@ -142,6 +142,17 @@ def test_lower_orders_that_have_a_mode_speak_for_it():
     assert not any("of the orders compared" in doubt for doubt in judged.doubts)
 
 
+def test_two_orders_that_both_have_a_mode_are_enough_at_the_end_of_a_range():
+    def model(order, *modes):
+        a = np.convolve(factor(modes[0]), factor(modes[1]))
+        found = PolynomialModel(a, np.ones(1), np.ones(1), nk=1, sampling_rate=RATE)
+        return OrderModel.of(order, 0.0, found)
+
+    slow, fast, other = pole(10.0, 0.02), pole(30.0, 0.05), pole(20.0, 0.02)
+    first, second = table_of_models([model(6, slow, fast), model(7, slow, other)], 7).modes[:2]
+    assert (first.confirmed, second.confirmed) == (True, False)
+
+
 def test_delays_are_no_poles_to_spare():
     """A model with one mode for two has them, in state space, where B is longer than A."""
 

@@ -129,6 +129,18 @@ def test_no_wrong_class_is_taken_for_feedback():
     assert np.sum(np.array(p_values) < 0.01) <= 3  # of 40; more by chance in 7 of 10,000
 
 
+def test_one_periodic_input_does_not_speak_for_the_others():
+    g = np.random.default_rng(6)
+    lines = np.tile(g.standard_normal(SAMPLES // 20), 20)
+    y = resonance(lines) + 0.1 * g.standard_normal(SAMPLES)
+    model = arx(lines, y)
+    two = PolynomialModel(model.A, [model.B[0], [0.0]], nk=[*model.nk, 1], sampling_rate=1.0)
+    # The second one stands still, so that nothing is known of it.
+    recording = Recording(np.column_stack([lines, np.zeros(SAMPLES)]), y, 1.0)
+    assert model_class(divided(two, recording, CUT)).without_feedback != REPEATS
+    assert model_class(divided(model, Recording(lines, y, 1.0), CUT)).without_feedback == REPEATS
+
+
 def test_an_input_of_narrow_band_noise_is_not_taken_for_a_periodic_one():
     """It is like itself a period later, but not many; what it follows cannot be told."""
     pole = 0.998 * np.exp(0.3j)

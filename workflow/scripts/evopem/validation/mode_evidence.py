@@ -279,7 +279,7 @@ def _judged(
     if needed and without is not None:
         needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
     compared = [
-        each.order
+        each.order in group
         for each in by_order.values()
         if each.order != found.order
         and (
@@ -287,15 +287,14 @@ def _judged(
             or np.sum(np.abs(each.model.poles()) > DELAY_RADIUS) > 2 * len(found.modes)
         )
     ]
-    having = [order in group for order in compared]
-    ending = sorted({*compared, found.order})[-PERSISTENT_ORDERS:]
-    inside = len(by_order) == 1 or chosen < max(by_order)
+    ending = sorted(by_order)[-PERSISTENT_ORDERS:]
+    inside = len(by_order) == 1 or chosen < ending[-1]
     judged = ModeEvidence(
         mode=mode,
         order=found.order,
         orders=tuple(sorted(group)),
-        recurrence=float(np.mean(having)) if having else math.nan,
-        compared=len(having),
+        recurrence=float(np.mean(compared)) if compared else math.nan,
+        compared=len(compared),
         confirmed=inside or group.keys() >= set(ending),
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
@@ -330,9 +329,8 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
     rate that decays within the longest stretch of ``samples``, the inputs drive it or the noise
     model needs it on held-out samples, with power to speak of, three quarters of the models of
-    other orders have it, all of the last three that have poles for it where the largest was chosen,
-    and its frequency is known to within 10 %.  Without an input, one of more than 3 % damping has a
-    shape that is known.
+    other orders have it, all of the last three where the largest was chosen, and its frequency is
+    known to within 10 %.  Without an input, one of more than 3 % damping has a known shape.
     """
     mode, found = evidence.mode, []
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
@@ -369,7 +367,7 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
         )
     if not evidence.confirmed:
         found.append(
-            f"is not in all of the last {PERSISTENT_ORDERS} orders, and there is no larger one"
+            f"is not in all of the last orders, up to {PERSISTENT_ORDERS}; there is no larger one"
         )
     half_width = 1.96 * mode.frequency_se_hz
     if not math.isfinite(half_width):
