@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -85,16 +86,45 @@ def test_one_command_identifies_a_recording(identified_once):
     assert len(set(stages)) == int(counts.pop()) > 5
 
 
-def test_a_second_run_that_is_stopped_leaves_no_mixture(identified_once, folder, monkeypatch):
+def test_a_second_run_that_fails_or_is_stopped_leaves_the_results_of_the_first(
+    identified_once, folder, monkeypatch, capsys
+):
     shutil.copytree(identified_once[0] / "results", folder / "results")
     results = folder / "results" / "data"
-    assert evopem.read_results(results).name == "data"
+    made = [path for path in results.rglob("*") if path.is_file() and path.parent.name != "logs"]
+    before = {path: path.read_bytes() for path in made}
+    with pytest.raises(SystemExit):
+        main([RUN[0], "--input", "nothing", *RUN[3:]])
+    assert "nothing" in capsys.readouterr().err
 
-    def stopped(*_, **__):
-        (results / "model.json").write_text("{}")
+    def stopped(files, *_, **__):
+        Path(files.folder).mkdir(parents=True)
+        Path(files.model).write_text("{}")
         raise KeyboardInterrupt
 
     monkeypatch.setattr("evopem.pipeline.identification.identify_dataset", stopped)
+    assert main(RUN) != 0
+    assert {path: path.read_bytes() for path in made} == before
+    assert evopem.read_results(results).name == "data"
+    assert not list(results.glob(".writing-*"))
+
+
+def test_an_exchange_of_results_that_is_stopped_leaves_no_mixture(
+    identified_once, folder, monkeypatch
+):
+    shutil.copytree(identified_once[0] / "results", folder / "results")
+    results = folder / "results" / "data"
+
+    def in_part(files, *_, **__):
+        Path(files.folder).mkdir(parents=True)
+        Path(files.model).write_text("{}")
+
+    def stopped(folder, _):
+        yield Path(folder) / "model.json"
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("evopem.pipeline.identification.identify_dataset", in_part)
+    monkeypatch.setattr("evopem.pipeline.identification.files_below", stopped)
     assert main(RUN) != 0
     assert not (results / "validation.json").exists()
     with pytest.raises(evopem.InputError, match="holds no results"):

@@ -4,7 +4,6 @@ Snakemake sees one job. Within it each recording is a job of its own: it has its
 and the record of an unfinished job, fails alone, and is passed over where it is finished already.
 """
 
-import shutil
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,12 +11,12 @@ from pathlib import Path
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
 from evopem.files.archive import pack
-from evopem.files.atomic import TEMPORARY, files_below
+from evopem.files.atomic import files_below
 from evopem.files.checksums import delete_results
 from evopem.files.job import job
 from evopem.files.json_form import save
 from evopem.files.unfinished import unfinished_record
-from evopem.pipeline.identification import identify_dataset
+from evopem.pipeline.identification import identify_dataset, made_aside
 from evopem.results.identity import MADE_FROM, is_finished, made_from
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 
@@ -64,16 +63,10 @@ def _identify(files: DatasetFiles, settings: DatasetSettings, code: str, cores: 
     """Take one recording through all stages, and pack what is not looked at every day."""
     with job(files.log(IDENTIFICATION), (), files.batch_results, ends_with_parent=False) as logger:
         delete_results(files.folder)  # nothing of an earlier run is left if this one fails
-        work = Path(files.folder) / f"{TEMPORARY}{IDENTIFICATION}"
-        shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
-        # Sentences name the data set by its folder.
-        own = DatasetFiles(str(work / files.name))
-        try:
+        with made_aside(files) as own:
             save(made_from(settings, code), f"{own.folder}/{MADE_FROM}")
             identify_dataset(own, settings, with_report=False, log=logger.info, cores=cores)
             _keep(own, files)
-        finally:
-            shutil.rmtree(work, ignore_errors=True)
 
 
 def _keep(made: DatasetFiles, files: DatasetFiles) -> None:

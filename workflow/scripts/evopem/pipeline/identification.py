@@ -1,15 +1,20 @@
 """Identification: every stage of one data set in one process, without Snakemake."""
 
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from evopem.config.defaults import read_settings
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
+from evopem.files.atomic import TEMPORARY, files_below
+from evopem.files.checksums import delete_results
 from evopem.pipeline.call import Log
 from evopem.pipeline.planning.stage import StageJob
 from evopem.pipeline.planning.stages import stages_of
 from evopem.pipeline.progress import Announce
-from evopem.results.layout import DatasetFiles
+from evopem.results.layout import IDENTIFICATION, DatasetFiles
 
 
 def jobs(
@@ -44,6 +49,27 @@ def identify_dataset(
             announce(job.words, number, len(listed))
         job.run(log, cores, folder)
     remove_parts(listed)
+
+
+@contextmanager
+def made_aside(files: DatasetFiles) -> Iterator[DatasetFiles]:
+    """Where results are made until all are there; what is left of them at the end is deleted."""
+    work = Path(files.folder) / f"{TEMPORARY}{IDENTIFICATION}"
+    shutil.rmtree(work, ignore_errors=True)  # of a process that was killed
+    try:
+        # Sentences name the data set by its folder.
+        yield DatasetFiles(str(work / files.name))
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def exchange(made: DatasetFiles, files: DatasetFiles) -> None:
+    """Put results that were made aside in the place of earlier ones."""
+    delete_results(files.folder)
+    for file in files_below(made.folder, ""):
+        place = Path(files.folder) / file.relative_to(made.folder)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        file.replace(place)
 
 
 def remove_parts(listed: list[StageJob]) -> None:

@@ -18,7 +18,7 @@ from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import FOR_REPORT, InputError, check_packages
-from evopem.files.checksums import delete_results, sha256_of_file
+from evopem.files.checksums import sha256_of_file
 from evopem.files.job import job
 from evopem.pipeline.progress import ProgressLine
 from evopem.results.layout import DatasetFiles, check_folders
@@ -217,7 +217,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     settings = _settings(arguments)
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
-    from evopem.pipeline.identification import identify_dataset
+    from evopem.pipeline.identification import exchange, identify_dataset, made_aside
     from evopem.pipeline.planning.stages import results_of
     from evopem.terminal.results_text import dataset_text, show
 
@@ -232,9 +232,10 @@ def _identify(arguments: argparse.Namespace) -> int:
                 logger.info(words)
                 progress.tell(words)
 
-            delete_results(files.folder)  # nothing of an earlier run is left if this one ends early
-            with _options_for_keys(settings.name):
-                identify_dataset(files, settings, True, log, cores, progress.announce)
+            with made_aside(files) as made:
+                with _options_for_keys(settings.name):
+                    identify_dataset(made, settings, True, log, cores, progress.announce)
+                exchange(made, files)
     finally:
         progress.close()
     show(dataset_text(files, files.report))
