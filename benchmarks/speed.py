@@ -217,7 +217,7 @@ def of_point(errors: PolynomialErrors, point: Array) -> float:
 def scipy_local(seed: int, orders: Orders) -> tuple[float, float]:
     """One Levenberg-Marquardt run by MINPACK from stage one, Jacobian by SciPy's filters."""
     errors = problem(seed, orders)
-    start = PolynomialProblem(errors).draw(1, np.random.default_rng(1))[0][0]
+    start = PolynomialProblem(errors).lowest_estimates(1)[0][0]
     filtered = FilteredResiduals(errors)
     began = time.process_time()
     found = least_squares(filtered.residuals, start, filtered.jacobian, method="lm", x_scale="jac")
