@@ -140,8 +140,11 @@ def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
     if candidates:
         best = min(candidates, key=lambda each: each.bic)
         at_edge, name = best is candidates[-1], best.name
+        at_start = len(candidates) > 1 and best is candidates[0]
         sentence = f"{name} has the smallest BIC of {len(candidates)} orders" + (
-            ", the largest that was tried." if at_edge else "; larger ones bring nothing."
+            ", the largest that was tried."
+            if at_edge
+            else f"{', the smallest that was tried' * at_start}; larger ones bring nothing."
         )
     alternatives = tuple(Alternative(each.name, each.bic) for each in candidates)
     return Decision(f"orders of {structure}", name, alternatives, "BIC", sentence)

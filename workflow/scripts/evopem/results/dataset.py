@@ -235,7 +235,7 @@ def _searched_range(
 ) -> tuple[OrderRange, ...]:
     """The range of the orders of a structure that were searched; none where it came of a remedy.
 
-    A range that nobody gives begins with 1 or 2.
+    A range that nobody gives begins with 1 or 2, of many states of outputs alone further up.
     """
     tried = [each for s in searches if s.structure == chosen.structure for each in s.orders]
     if not tried:

@@ -40,7 +40,8 @@ def ranges_of_phases(phases: Mapping[str, PhaseSelection]) -> tuple[OrderRange, 
 def search_ranges(evidence: Evidence) -> Found:
     """No selected order at an end of its range, unless the order cannot go beyond that end.
 
-    The automatic recipe's ranges begin at 1 and grow until nothing is gained.
+    The automatic recipe's ranges begin at 1, of many states of outputs alone eight below those of
+    their likeliest subspace estimate, and grow until nothing is gained.
     """
     model = evidence.model
     if not evidence.ranges:
