@@ -1,5 +1,7 @@
 """Origin of modes on truths with one mode of the input and one of the noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter, residuez
@@ -9,6 +11,7 @@ from evopem.models.mode_matching import OrderModel
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.validation.modal_parts import ModalParts
+from evopem.validation.mode_evidence import doubts as reasons
 from evopem.validation.mode_evidence import table_of_models
 from evopem.validation.responses import divided
 
@@ -187,6 +190,15 @@ def test_a_mode_forty_decibels_below_the_output_or_slower_than_the_record_is_not
     assert all(each.reached for each in table.modes)
     assert [key for key, doubt in doubts.items() if "0.01 % of the power" in doubt] == [30.0]
     assert [key for key, doubt in doubts.items() if "hardly decays" in doubt] == [0.2]
+    # Unless its damping is known by what the input tells.
+    outlasting = next(each for each in table.modes if each.mode.frequency_hz < 1.0)
+
+    def is_doubted(standard_error, reached=True):
+        mode = replace(outlasting.mode, damping_se=standard_error)
+        found = reasons(replace(outlasting, mode=mode, reached=reached), RATE, 800)
+        return "hardly decays within the record" in found
+
+    assert [is_doubted(0.0003), is_doubted(0.0005), is_doubted(0.0003, False)] == [0, 1, 1]
 
 
 @pytest.mark.parametrize("inputs", [0, 1])

@@ -50,6 +50,8 @@ LEAST_POWER = EXCITED
 WIDEST_INTERVAL = 0.1
 # Decay in a sample, relative to the amplitude, that no record of usual length shows.
 NO_DECAY = 1e-6
+# Standard errors of a damping ratio at which a mode that the inputs reach may outlast the record.
+KNOWN_DAMPING = 5.0
 # Radius below which a pole is a delay, as those of more coefficients of B than of A.
 DELAY_RADIUS = 1e-3
 # Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
@@ -327,10 +329,11 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
     """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
 
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
-    rate that decays within the longest stretch of ``samples``, the inputs drive it or the noise
-    model needs it on held-out samples, with power to speak of, three quarters of the models of
-    other orders have it, all of the last three where the largest was chosen, and its frequency is
-    known to within 10 %.  Without an input, one of more than 3 % damping has a known shape.
+    rate that decays within the longest stretch of ``samples``, or is reached by the inputs and has
+    a known damping; the inputs drive it or the noise model needs it on held-out samples, with power
+    to speak of; three quarters of the models of other orders have it, all of the last three where
+    the largest was chosen; and its frequency is known to within 10 %.  Without an input, one of
+    more than 3 % damping has a known shape.
     """
     mode, found = evidence.mode, []
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
@@ -345,7 +348,9 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
         )
     if decay <= NO_DECAY:
         found.append("does not decay")
-    elif decay * samples < 1.0:
+    elif decay * samples < 1.0 and not (
+        evidence.reached and mode.damping_ratio >= KNOWN_DAMPING * mode.damping_se
+    ):
         found.append("hardly decays within the record")
     if evidence.power_share < LEAST_POWER:
         found.append(f"carries less than {100 * LEAST_POWER:g} % of the power of any output")
