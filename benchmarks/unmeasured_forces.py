@@ -24,6 +24,7 @@ sys.path[:0] = [str(ROOT / "workflow" / "scripts"), str(ROOT / "tests"), str(ROO
 
 from evidence import write_section  # noqa: E402
 from modes_to_trust import paired  # noqa: E402
+from vibrating_structure import random_frequencies  # noqa: E402
 
 RATE = 32.0
 # Modes, samples, colour and whether accelerations are measured, of each mast.
@@ -62,17 +63,11 @@ def modal(force, frequency, damping, rate, accelerations):  # type: ignore[no-un
 
 
 def structure(generator, modes, band_hz, dampings, close, sensors):  # type: ignore[no-untyped-def]
-    """Frequencies at least 8 % apart, but for close neighbours; damping ratios and unit shapes."""
-    low, high = np.log(band_hz)
-    while True:
-        apart = np.sort(np.exp(generator.uniform(low, high, modes - close)))
-        if np.all(np.diff(apart) > 0.08 * apart[1:]):
-            break
-    doubled = generator.choice(len(apart), close, replace=False)
-    beside = apart[doubled] * (1.0 + generator.uniform(0.02, 0.05, close))
+    """Random frequencies, some with a close neighbour, damping ratios and unit shapes."""
+    frequencies = random_frequencies(generator, modes, close, band_hz)
     shapes = generator.standard_normal((sensors, modes))
     return {
-        "frequencies_hz": np.sort(np.concatenate([apart, beside])),
+        "frequencies_hz": frequencies,
         "damping_ratios": np.exp(generator.uniform(*np.log(dampings), modes)),
         "shapes": shapes / np.linalg.norm(shapes, axis=0),
     }

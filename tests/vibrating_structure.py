@@ -81,17 +81,10 @@ class VibratingStructure:
         return dynamics, forces
 
 
-def random_structure(
-    generator: np.random.Generator,
-    modes: int = 6,
-    sensors: int = 4,
-    close_pairs: int = 2,
-    band_hz: tuple[float, float] = (2.0, 38.0),
-) -> VibratingStructure:
-    """A structure with random shapes, of which some modes have a neighbour within 2 to 5 %.
-
-    Other frequencies differ by at least 8 %; damping ratios lie between 0.5 and 3 %.
-    """
+def random_frequencies(
+    generator: np.random.Generator, modes: int, close_pairs: int, band_hz: tuple[float, float]
+) -> Array:
+    """Frequencies at least 8 % apart, of which some have a neighbour within 2 to 5 %, in Hz."""
     while True:
         low, high = np.log(band_hz)
         apart = np.sort(np.exp(generator.uniform(low, high, modes - close_pairs)))
@@ -99,9 +92,21 @@ def random_structure(
             break
     doubled = generator.choice(len(apart), close_pairs, replace=False)
     beside = apart[doubled] * (1.0 + generator.uniform(0.02, 0.05, close_pairs))
+    return np.sort(np.concatenate([apart, beside]))
+
+
+def random_structure(
+    generator: np.random.Generator,
+    modes: int = 6,
+    sensors: int = 4,
+    close_pairs: int = 2,
+    band_hz: tuple[float, float] = (2.0, 38.0),
+) -> VibratingStructure:
+    """A structure with random shapes and frequencies, and damping ratios from 0.5 to 3 %."""
+    frequencies = random_frequencies(generator, modes, close_pairs, band_hz)
     shapes = generator.standard_normal((sensors, modes))
     return VibratingStructure(
-        frequencies_hz=np.sort(np.concatenate([apart, beside])),
+        frequencies_hz=frequencies,
         damping_ratios=generator.uniform(0.005, 0.03, modes),
         shapes=shapes / np.linalg.norm(shapes, axis=0),
     )
