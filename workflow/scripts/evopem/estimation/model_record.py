@@ -225,29 +225,30 @@ class ModelRecord:
 
 def derived_from(model: Model, plant_states: int) -> dict[str, Any]:
     """The model of a record with what follows from it."""
-    plant = model if isinstance(model, PolynomialModel) else plant_of(model, plant_states)
-    derived: dict[str, Any] = {
+    return _lists_of(model, plant_states) | {
         "model": model,
         "plant_states": plant_states,
-        "modes": tuple(plant.modes()),
-        "poles": plant.poles(),
-        "noise_zeros": model.noise_zeros(),
+        "orders": model.orders if isinstance(model, PolynomialModel) else None,
+        "modes": tuple(_plant(model, plant_states).modes()),
+        "noise_modes": tuple(model.noise_modes() if isinstance(model, PolynomialModel) else ()),
     }
+
+
+def _plant(model: Model, states: int) -> Model:
+    """The model without the noise beside its plant, in state space its first states."""
+    return model if isinstance(model, PolynomialModel) else plant_of(model, states)
+
+
+def _lists_of(model: Model, plant_states: int) -> dict[str, Any]:
+    """Roots, and the standard errors of coefficients: what costs little beside the modes."""
+    listed = {"poles": _plant(model, plant_states).poles(), "noise_zeros": model.noise_zeros()}
     if isinstance(model, PolynomialModel):
-        return derived | {
-            "orders": model.orders,
-            "noise_modes": tuple(model.noise_modes()),
+        return listed | {
             "zeros": tuple(model.zeros(place) for place in range(model.inputs)),
             "noise_poles": model.noise_poles(),
             "parameter_standard_errors": model.parameter_standard_errors(),
         }
-    return derived | {
-        "orders": None,
-        "noise_modes": (),
-        "zeros": (),
-        "noise_poles": model.poles(),
-        "parameter_standard_errors": None,
-    }
+    return listed | {"zeros": (), "noise_poles": model.poles(), "parameter_standard_errors": None}
 
 
 def _check(record: ModelRecord) -> None:
@@ -299,9 +300,8 @@ def _check_lengths(record: ModelRecord) -> None:
     model = record.model
     expected = {f"input_{each}": model.inputs for each in ("names", "units")}
     expected |= dict.fromkeys(("output_names", "output_units", "fit_percent"), model.outputs)
-    derived = derived_from(model, record.plant_states)
-    for name in ("poles", "zeros", "noise_poles", "noise_zeros", "parameter_standard_errors"):
-        expected[name] = 0 if derived[name] is None else len(derived[name])
+    for name, values in _lists_of(model, record.plant_states).items():
+        expected[name] = 0 if values is None else len(values)
     for name, count in expected.items():
         found = getattr(record, name)
         if (0 if found is None else len(found)) != count:

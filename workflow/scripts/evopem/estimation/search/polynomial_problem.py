@@ -47,7 +47,7 @@ NEIGHBOUR_DAMPING = 1e-3
 # singular in the directions of the section, where there is no slope either.
 COMMON_DAMPING = 1e-6
 # How far inside the edge descents begin, and how far above the optimum the lowest of these points
-# may be: at most 0.64 in four problems with a lower optimum there, 0.07 to 4.8 in eight without.
+# may be: at most 0.64 in four problems with a lower optimum there, 0.07 to 2.7 in eight without.
 # How many descents, how far above it they may end to go on along the edge, and how many of these.
 INSIDE, WITHIN, FROM_EDGE, NEAR, CONTINUED = 1e-3, 1.0, 8, 0.01, 2
 # Share of the generations that recombine roots; the others recombine coefficients.
