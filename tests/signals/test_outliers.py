@@ -6,6 +6,7 @@ from scipy.signal import lfilter
 
 from evopem.automatic.preparation.outliers import decide_outliers
 from evopem.config.settings import PreparationSettings, SplitSettings
+from evopem.signals import outliers
 from evopem.signals.outliers import without_outliers
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, Segment
@@ -58,6 +59,19 @@ def test_gaps_and_channels_are_independent():
     found = without_outliers([Segment(u[:800], changed[:800]), Segment(u[800:], changed[800:])])
     assert np.argwhere(np.concatenate(found.replaced)).tolist() == [[300, 0], [900, 1]]
     assert np.isnan(found.outputs[0][700:720]).all()
+
+
+@pytest.mark.parametrize("beside", [-17, -16, -9, -1, 0, 1, 15, 16])
+def test_ends_of_the_pieces_of_a_long_record_are_no_ends(beside, monkeypatch):
+    monkeypatch.setattr(outliers, "LONGEST_PIECE", 1000)
+    g = np.random.default_rng(9)
+    u, e = g.standard_normal((2, 2700))
+    y = response(u, 0.1 * e)
+    hit = [400, 1000 + beside, 2000 + beside]
+    y[hit] += [9.0, -8.0, 7.0]
+    y[[3, -1]] += 8.0  # at the ends of the record, where others are not to be taken for it
+    found = without_outliers([Segment(u, y)])
+    assert np.flatnonzero(found.replaced[0]).tolist() == hit
 
 
 def heavy_tails(g, u):

@@ -58,18 +58,22 @@ def without_outliers(segments: Sequence[Segment]) -> Cleaned:
             found = _replacements(parts)
             for (k, a, b), (y, mask) in zip(group, found, strict=True):
                 outputs[k][a:b, channel] = y
-                replaced[k][a:b, channel] = mask
+                replaced[k][a:b, channel] |= mask
     return Cleaned(outputs, replaced)
 
 
 def _pieces(segments: Sequence[Segment]) -> Iterator[list[tuple[int, int, int]]]:
-    """Stretches of finite samples as (segment, first, stop), in groups for one model each."""
+    """Stretches of finite samples as (segment, first, stop), in groups for one model each.
+
+    A stretch begins before the end of the one before it: no sample is replaced at an end.
+    """
     group: list[tuple[int, int, int]] = []
     for k, segment in enumerate(segments):
         good = np.isfinite(np.column_stack([segment.inputs, segment.outputs]).sum(axis=1))
         for begin, stop in runs_of(good):
             for first in range(begin, stop, LONGEST_PIECE):
-                group.append((k, first, min(first + LONGEST_PIECE, stop)))
+                before = max(begin, first - 2 * MOST_LAGS)
+                group.append((k, before, min(first + LONGEST_PIECE, stop)))
                 if sum(b - a for _, a, b in group) >= LONGEST_PIECE:
                     yield group
                     group = []
@@ -161,15 +165,15 @@ def _replace(part: Part, mask: Flags, model: _Arx) -> bool:
     weight = np.sqrt(sliding_window_view(predicted, lags + 1) @ a**2)
     deviations = later @ a / np.maximum(weight, np.finfo(float).tiny)
     alone = deviations**2 > AS_LIKELY * residuals**2
-    alone[:lags] = alone[len(y) - lags :] = False  # without neighbours on both sides
     off = np.flatnonzero((np.abs(deviations) > LEAST_DEVIATION) & alone)
+    inside = (off >= lags) & (off < len(y) - lags)  # with neighbours on both sides
     size = np.abs(deviations[off])
-    taken: list[int] = []
+    least = OF_LARGEST * size[inside].max(initial=0.0)
+    apart: list[int] = []
     for at in off[np.argsort(-size, kind="stable")].tolist():
-        if abs(deviations[at]) < OF_LARGEST * size.max():
-            break
-        if all(abs(at - other) > lags for other in taken):
-            taken.append(at)
+        if abs(deviations[at]) >= least and all(abs(at - other) > lags for other in apart):
+            apart.append(at)
+    taken = [at for at in apart if lags <= at < len(y) - lags]
     y[taken] -= model.scale * deviations[taken] / weight[taken]
     mask[taken] = True
     return bool(taken)
