@@ -21,6 +21,37 @@ def files(identified, tmp_path):
     return files
 
 
+def test_a_link_to_a_result_is_verified_as_the_result(files, tmp_path):
+    link = tmp_path / "link.json"
+    link.symlink_to(files.model)
+    assert evopem.load(link).sampling_rate > 0
+    Path(files.model).write_text(Path(files.model).read_text().replace("1", "2", 1))
+    with pytest.raises(evopem.InputError, match="was changed or damaged"):
+        evopem.load(link)
+
+
+@pytest.mark.parametrize(
+    ("job_name", "program"), [("identification", "snakemake"), ("evopem", "evopem")]
+)
+def test_the_remedy_names_what_made_the_results(files, job_name, program):
+    shutil.rmtree(Path(files.folder, "checksums"))
+    made = [file for file in Path(files.folder).rglob("*") if file.is_file()]
+    write_checksums(made, files.folder, job_name)
+    Path(files.validation).write_text("{}")
+    with pytest.raises(evopem.InputError, match=f"and run {program} again"):
+        evopem.read_results(files.folder)
+    Path(files.model).write_text("{}")
+    with pytest.raises(evopem.InputError, match=f"and run {program} again, which"):
+        evopem.load(files.model)
+    Path(files.model).unlink()
+    with pytest.raises(evopem.InputError, match=f"not been made; run {program} again"):
+        evopem.read_results(files.folder)
+    with pytest.raises(KeyboardInterrupt), job(files.log(job_name), (), [files.model]):
+        raise KeyboardInterrupt
+    with pytest.raises(evopem.InputError, match=f"was interrupted; run {program} again"):
+        evopem.read_results(files.folder)
+
+
 def test_whole_results_are_read(files):
     check_results(files)
     assert evopem.read_results(files.folder).name == "bench"

@@ -46,6 +46,7 @@ from evopem.config.strict_yaml import Keys
 from evopem.config.structures import phases_of
 from evopem.config.table import Origin, expand, shard_of, with_matching_files
 from evopem.errors import InputError
+from evopem.files.checksums import rewritten
 from evopem.files.json_form import to_json
 
 # Poles this close to the unit circle act as integrators in any record.
@@ -279,5 +280,4 @@ def read_settings(path: str | Path) -> DatasetSettings:
     except (OSError, yaml.YAMLError, ValueError, KeyError, TypeError, AttributeError) as error:
         problem = error
     problem = f"does not hold the complete configuration of one data set ({problem})"
-    remedy = "delete the file and run snakemake again, which writes it anew"
-    raise InputError(str(path), problem, remedy) from None
+    raise InputError(str(path), problem, rewritten(path)) from None

@@ -13,6 +13,8 @@ from evopem.errors import InputError, checked_path
 from evopem.files.atomic import files_below, write_text
 
 FOLDER = "checksums"
+COMMAND = "evopem"
+"""The job of results that the command made, or a notebook: those of rules have other names."""
 _SUFFIX = ".sha256"
 _INPUT = "# from "
 
@@ -113,6 +115,23 @@ def write_page(path: str | Path, text: str) -> None:
     write_text(path, text)
 
 
+def program_of(job: str) -> str:
+    """The program that runs a job."""
+    return COMMAND if job == COMMAND else "snakemake"
+
+
+def again(file: str | Path) -> str:
+    """The remedy for a result, or its folder: what makes it anew."""
+    made = f"{FOLDER}/{COMMAND}{_SUFFIX}"
+    of_command = any((up / made).is_file() for up in (Path(file), *Path(file).absolute().parents))
+    return f"run {program_of(COMMAND if of_command else '')} again"
+
+
+def rewritten(file: str | Path) -> str:
+    """The remedy for a result that cannot be used."""
+    return f"delete the file and {again(file)}, which writes it anew"
+
+
 def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
     """Verify files against the checksums that their jobs wrote; an `InputError` names one.
 
@@ -129,8 +148,9 @@ def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
                 known[folder] = checksummed(folder)
             checksum = known[folder].get(file)
             if checksum is not None and not _is_right(file, checksum):
-                remedy = "delete it and run snakemake again, which writes it anew"
-                raise InputError(str(file), "was changed or damaged after it was written", remedy)
+                raise InputError(
+                    str(file), "was changed or damaged after it was written", rewritten(file)
+                )
 
 
 def _regular_files(files: Iterable[str | Path]) -> Iterator[Path]:

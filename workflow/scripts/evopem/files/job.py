@@ -14,7 +14,7 @@ from typing import NoReturn
 
 from evopem.errors import InputError
 from evopem.files.atomic import not_written
-from evopem.files.checksums import verify_checksums, write_checksums
+from evopem.files.checksums import program_of, verify_checksums, write_checksums
 from evopem.files.unfinished import UnfinishedJob, start_record
 
 _SECONDS_BETWEEN_LOOKS = 1.0
@@ -114,7 +114,7 @@ def job(
             logger.exception("The job failed.")
             said = f"the job failed with {type(error).__name__}; its log says more"
             if isinstance(error, KeyboardInterrupt):
-                said = "the job was interrupted; run snakemake again"
+                said = f"the job was interrupted; run {program_of(record.job)} again"
             with suppress(InputError):
                 replace(record, message=f"{log_file}: {said}.").save(logs)
             raise

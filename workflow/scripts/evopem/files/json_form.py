@@ -19,10 +19,10 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 from evopem.errors import InputError
 from evopem.files.atomic import write_json
+from evopem.files.checksums import rewritten
 
 T = TypeVar("T")
 
-_REMEDY = "delete the file and run snakemake again, which writes it anew"
 _EXACT = {int: "a whole number", bool: "true or false", str: "a text"}
 
 
@@ -59,7 +59,7 @@ def from_json(kind: type[T], content: object, source: str = "the content") -> T:
         value: T = _read(kind, content, "")
     except _MisfitError as error:
         problem, place = error.args
-        raise InputError(source, problem, _REMEDY, place.removeprefix(".")) from None
+        raise InputError(source, problem, rewritten(source), place.removeprefix(".")) from None
     return value
 
 
@@ -78,9 +78,9 @@ def load(kind: type[T], path: str | Path) -> T:
     except InputError:
         raise
     except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})", _REMEDY) from None
+        raise InputError(str(path), f"cannot be read ({error.strerror})", rewritten(path)) from None
     except (ValueError, RecursionError):
-        raise InputError(str(path), "is not valid JSON", _REMEDY) from None
+        raise InputError(str(path), "is not valid JSON", rewritten(path)) from None
     return from_json(kind, content, str(path))
 
 

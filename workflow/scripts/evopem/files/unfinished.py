@@ -4,6 +4,7 @@ A job writes its record when it starts, adds the message of its error when it fa
 record when it succeeds. A job that is killed therefore leaves a record without a message.
 """
 
+import os
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from pathlib import Path
 
 from evopem.errors import InputError
 from evopem.files.atomic import files_below
-from evopem.files.checksums import verify_checksums
+from evopem.files.checksums import program_of, verify_checksums
 from evopem.files.json_form import load, save
 
 _ENDING = ".unfinished.json"
@@ -30,7 +31,7 @@ class UnfinishedJob:
         """What is known of why it has not succeeded."""
         return self.message or (
             f"the job {self.job} ended without a message, as a job that is killed does; run"
-            " snakemake again."
+            f" {program_of(self.job)} again."
         )
 
     def save(self, logs: str | Path) -> None:
@@ -78,13 +79,15 @@ def unfinished_jobs(logs: str | Path, summary: str = "") -> list[UnfinishedJob]:
 def check_result(path: str | Path, summary: str) -> None:
     """Refuse a result that was changed after its job wrote it, or whose job has not ended.
 
-    A file that no job wrote passes.  ``summary``: as of :func:`unfinished_jobs`.
+    A file that no job wrote passes, and a link to a result is that result.  ``summary``: as of
+    :func:`unfinished_jobs`.
     """
-    path = Path(path)
-    verify_checksums([path], path.parent)
-    for job in unfinished_jobs(path.parent / "logs", summary):
-        if path.name in job.outputs:
-            raise InputError(str(path), f"is of an unfinished run ({job.sentence})", "run it again")
+    for file in dict.fromkeys([Path(path), Path(os.path.realpath(path))]):
+        verify_checksums([file], file.parent)
+        for job in unfinished_jobs(file.parent / "logs", summary):
+            if file.name in job.outputs:
+                problem = f"is of an unfinished run ({job.sentence})"
+                raise InputError(str(file), problem, "run it again")
 
 
 def unfinished_record(job: str, logs: str | Path) -> UnfinishedJob | None:

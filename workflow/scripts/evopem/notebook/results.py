@@ -26,6 +26,7 @@ from evopem.figures.draw import draw, panels_of
 from evopem.figures.style import PARAMETERS
 from evopem.files.atomic import files_below
 from evopem.files.checksums import (
+    COMMAND,
     check_replaceable,
     checksummed,
     delete_results,
@@ -40,7 +41,7 @@ from evopem.report.results_text import results_html, results_text
 from evopem.report.verdict import verdict
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, DatasetSummary, mode_values
-from evopem.results.layout import IDENTIFICATION, DatasetFiles
+from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check
 from evopem.validation.validation import Validation
 
@@ -274,7 +275,7 @@ class Results:
         for copy, file in copies.items():
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(file, copy)
-        write_checksums(copies, target, IDENTIFICATION)
+        write_checksums(copies, target, COMMAND)
         return target
 
 

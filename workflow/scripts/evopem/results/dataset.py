@@ -19,6 +19,7 @@ from evopem.config.structures import searched_forms, structure_name
 from evopem.errors import InputError
 from evopem.estimation.model_record import FORMS, ModelRecord, load_record
 from evopem.estimation.order_candidate import PhaseSelection
+from evopem.files.checksums import rewritten
 from evopem.files.json_form import load
 from evopem.models.modes import Mode
 from evopem.results.channel_labels import Channel, Pair
@@ -294,8 +295,4 @@ def read_table(path: str) -> pd.DataFrame:
     try:
         return pd.read_csv(path)
     except (OSError, ValueError):
-        raise InputError(
-            path,
-            "is not a readable table",
-            "delete the file and run snakemake again, which writes it anew",
-        ) from None
+        raise InputError(path, "is not a readable table", rewritten(path)) from None

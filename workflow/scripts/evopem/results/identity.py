@@ -15,7 +15,7 @@ from typing import Any, Literal
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
 from evopem.files.archive import member_of
-from evopem.files.checksums import checksummed, sha256_of_file, sources
+from evopem.files.checksums import again, checksummed, sha256_of_file, sources
 from evopem.files.json_form import from_json, to_json
 from evopem.files.unfinished import unfinished_jobs
 from evopem.results.layout import BATCH_CHECKSUMS, DatasetFiles
@@ -69,7 +69,7 @@ def incompleteness(
         return IncompleteDataset("failed", jobs[0].sentence, shown)
     if pending or missing:
         what = f"{missing} has not been made" if missing else "not all of its jobs have run"
-        return IncompleteDataset("unfinished", f"{what}; run snakemake again.")
+        return IncompleteDataset("unfinished", f"{what}; {again(files.folder)}.")
     known = checksummed(files.folder)
     for file in filter(os.path.isfile, files.read_again()):
         if Path(file) not in known:
@@ -85,7 +85,7 @@ def incompleteness(
 
 
 def _changed(file: str | Path, problem: str) -> IncompleteDataset:
-    return IncompleteDataset("failed", f"{file}: {problem}; delete it and run snakemake again.")
+    return IncompleteDataset("failed", f"{file}: {problem}; delete it and {again(file)}.")
 
 
 def mark_replaced_recordings(datasets: Mapping[str, DatasetSettings]) -> list[str]:

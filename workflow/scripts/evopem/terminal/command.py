@@ -18,7 +18,7 @@ from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import FOR_REPORT, InputError, check_packages
-from evopem.files.checksums import sha256_of_file
+from evopem.files.checksums import COMMAND, sha256_of_file
 from evopem.files.job import job
 from evopem.pipeline.progress import ProgressLine
 from evopem.results.layout import DatasetFiles, check_folders
@@ -226,7 +226,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     cores = len(affinity(0)) if affinity else os.cpu_count() or 1
     outputs = results_of(settings, files, with_report=True)
     try:
-        with job(files.log("identification"), (), outputs, ends_with_parent=False) as logger:
+        with job(files.log(COMMAND), (), outputs, ends_with_parent=False) as logger:
 
             def log(words: str) -> None:
                 logger.info(words)
