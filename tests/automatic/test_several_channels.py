@@ -25,6 +25,8 @@ from evopem.automatic.structures import Choice, as_good, compare_structures
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings, OrderRanges, SearchSettings
 from evopem.errors import NoModelError
+from evopem.estimation.criteria import lost_model
+from evopem.estimation.state_space import local_estimates
 from evopem.estimation.state_space.search import is_heavy
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
@@ -154,6 +156,18 @@ def test_orders_follow_the_length_of_the_record():
     assert numbers_of_states(short) == ()
     with pytest.raises(NoModelError, match="too short for a model of any structure"):
         compare_structures(short, [search_structure(short, "ss", {})])
+
+
+def test_models_that_rounding_spoils_are_not_said_to_lack_samples(monkeypatch):
+    def lost(*_):
+        raise lost_model("model", "the search had")
+
+    monkeypatch.setattr(local_estimates, "described", lost)
+    scorer = scorer_of(noise(300), nx=(1, 1))
+    search = search_structure(scorer, "ss", {})
+    assert "rounding spoils" in search.decision.sentence
+    with pytest.raises(NoModelError, match="or rounding spoils each of them"):
+        compare_structures(scorer, [search])
 
 
 def test_orders_of_outputs_alone_begin_below_the_states_of_their_modes():

@@ -44,6 +44,7 @@ NESTED: Mapping[str, tuple[str, ...]] = AUTOMATIC_STRUCTURES
 MOST_STATES, MOST_ALONE, SINGLE_STEPS = 40, 80, 10
 # Output values of the smallest training part for each parameter of models of several channels.
 VALUES_PER_PARAMETER = 5
+TOO_SHORT = "The record is too short for this structure."
 
 
 def search_structure(
@@ -54,7 +55,10 @@ def search_structure(
         scorer.remember(each.candidates)
     search = _along_path if is_polynomial(structure) else _by_states
     candidates = search(scorer, structure, smaller, log)
-    return StructureSearch(structure, tuple(candidates), _decision(structure, candidates))
+    none = TOO_SHORT
+    if not (candidates or is_polynomial(structure)) and numbers_of_states(scorer):
+        none = "No model of this structure was found, or rounding spoils each of them."
+    return StructureSearch(structure, tuple(candidates), _decision(structure, candidates, none))
 
 
 def _along_path(
@@ -135,8 +139,8 @@ def numbers_of_states(scorer: Scorer) -> tuple[int, ...]:
     return tuple(range(low, high + 1))
 
 
-def _decision(structure: str, candidates: Sequence[Candidate]) -> Decision:
-    name, sentence = "none", "The record is too short for this structure."
+def _decision(structure: str, candidates: Sequence[Candidate], none: str) -> Decision:
+    name, sentence = "none", none
     if candidates:
         best = min(candidates, key=lambda each: each.bic)
         at_edge, name = best is candidates[-1], best.name

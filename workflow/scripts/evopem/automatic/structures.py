@@ -10,7 +10,7 @@ import numpy as np
 from evopem.automatic.candidate_checks import feedback_probability, heaviness
 from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.orders import refine_orders
+from evopem.automatic.orders import TOO_SHORT, refine_orders
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
@@ -98,7 +98,10 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     """
     candidates = [each for search in searches for each in search.candidates]
     if not candidates:
-        raise NoModelError("the record is too short for a model of any structure")
+        is_short = {each.decision.sentence for each in searches} == {TOO_SHORT}
+        if is_short:
+            raise NoModelError("the record is too short for a model of any structure")
+        raise NoModelError("no model of any structure was found, or rounding spoils each of them")
     scorer.remember(candidates)
     choices, decisions = [], []
     if scorer.has_input:
