@@ -16,7 +16,7 @@ import yaml
 from evopem.results.layout import DatasetFiles
 from evopem.signals.recording import load_recording
 
-from .forked_runs import FORKED
+from .forked_runs import FORKED, OF_ANY_CHECKOUT
 
 ROOT = Path(__file__).parents[2]
 
@@ -81,7 +81,8 @@ class Folder:
     def run(self, *arguments, **limits):
         """Run to the end; `stdout` holds what was printed."""
         if not self.environment:
-            return FORKED.run(self.command(*arguments)[3:], self.path, **limits)
+            forked = FORKED if self.snakefile.parent == ROOT else OF_ANY_CHECKOUT
+            return forked.run(self.command(*arguments)[3:], self.path, **limits)
         return subprocess.run(
             self.command(*arguments),
             cwd=self.path,

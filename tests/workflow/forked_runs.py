@@ -1,8 +1,9 @@
 """Runs of Snakemake and their jobs, forked from one process that has loaded what they import.
 
 Loading takes half of a plan and most of a small job. `python forked_runs.py` reads a run a line
-from its standard input, as JSON, and answers with the run's exit code. It loads nothing of evopem:
-a run takes the package of its own checkout.
+from its standard input, as JSON, and answers with the run's exit code. It loads nothing of evopem,
+since a run takes the package of its own checkout, unless `python forked_runs.py FOLDER` names the
+folder from which all runs take it.
 """
 
 import json
@@ -19,22 +20,40 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 from types import SimpleNamespace
 from typing import Any, NoReturn
 
 LOADED = ("snakemake.cli", "numba", "pandas", "scipy.io", "scipy.signal", "scipy.stats", "jinja2")
-LOADED += ("matplotlib.figure", "matplotlib.backends.backend_svg")
+LOADED += ("matplotlib.figure", "matplotlib.backends.backend_svg", "docutils.parsers.rst", "yte")
+LOADED += ("snakemake.report.html_reporter", "nbformat", "jsonschema", "requests", "smart_open")
 
 
 def main() -> None:
     for module in LOADED:
         import_module(module)
+    if folders := sys.argv[1:]:
+        sys.path[:0] = folders
+        load_package()
     for line in sys.stdin:
         child = os.fork()
         if child == 0:
             run(**json.loads(line))
         _, status = os.waitpid(child, 0)
         print(os.waitstatus_to_exitcode(status), flush=True)
+
+
+def load_package() -> None:
+    """Load the stages and, by a small estimate, the compiled kernels."""
+    import numpy as np
+
+    from evopem import pipeline
+    from evopem.estimation.estimate import estimate
+
+    for module in walk_packages(pipeline.__path__, f"{pipeline.__name__}."):
+        import_module(module.name)
+    u, e = np.random.default_rng(1).standard_normal((2, 100))
+    estimate(u, np.roll(u, 1) + e, (1, 1, 1, 1))
 
 
 def run(arguments: list[str], folder: str, printed: str, largest_file: int) -> NoReturn:
@@ -98,9 +117,13 @@ def end_with(call: Callable[[], object]) -> NoReturn:
 
 
 class ForkedRuns:
-    """The process that runs are forked from, started at the first of them."""
+    """The process that runs are forked from, started at the first of them.
 
-    def __init__(self) -> None:
+    With a folder, all of them take the package from there.
+    """
+
+    def __init__(self, *folder: str) -> None:
+        self.folder = folder
         self.process: subprocess.Popen[str] | None = None
 
     def run(
@@ -111,7 +134,7 @@ class ForkedRuns:
 
         if self.process is None:
             self.process = subprocess.Popen(
-                [sys.executable, __file__],
+                [sys.executable, __file__, *self.folder],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
@@ -125,7 +148,8 @@ class ForkedRuns:
             return subprocess.CompletedProcess(arguments, code, stdout=printed.read())
 
 
-FORKED = ForkedRuns()
+OF_ANY_CHECKOUT = ForkedRuns()
+FORKED = ForkedRuns(str(Path(__file__).parents[2] / "workflow" / "scripts"))
 
 if __name__ == "__main__":
     main()

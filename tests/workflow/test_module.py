@@ -13,7 +13,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 
 from .conftest import ROOT, TINY
-from .forked_runs import FORKED
+from .forked_runs import OF_ANY_CHECKOUT
 
 SNAKEFILE = """
 configfile: "project.yaml"
@@ -61,7 +61,7 @@ def project(tmp_path):
 def snakemake(folder, *arguments, environment=None):
     arguments = ("--nocolor", "--cores", "1", *arguments)
     if not environment:
-        return FORKED.run(arguments, folder)
+        return OF_ANY_CHECKOUT.run(arguments, folder)
     return subprocess.run(
         [sys.executable, "-m", "snakemake", *arguments],
         cwd=folder,

@@ -83,13 +83,19 @@ def _files(name: str, root: Path) -> tuple[Path, ...]:
 
     The ``__init__`` of a top-level package is not among them.
     """
-    first, *steps = name.split(".")
-    path = root / first
-    candidates = [root / f"{first}.py"]
+    path, *steps = name.split(".")
+    candidates = [f"{path}.py"]
     if name.endswith("."):
         steps.pop()
-        candidates += path.joinpath(*steps).glob("*.py")
+        folder = "/".join((path, *steps))
+        candidates += [each for each in _below(root) if each.rpartition("/")[0] == folder]
     for step in steps:
-        path /= step
-        candidates += (path.with_suffix(".py"), path / "__init__.py")
-    return tuple(file for file in candidates if file.is_file())
+        path = f"{path}/{step}"
+        candidates += (f"{path}.py", f"{path}/__init__.py")
+    return tuple(root / each for each in candidates if each in _below(root))
+
+
+@cache
+def _below(root: Path) -> frozenset[str]:
+    """List the modules below a folder once: looking for each took half of a plan."""
+    return frozenset(file.relative_to(root).as_posix() for file in root.rglob("*.py"))
