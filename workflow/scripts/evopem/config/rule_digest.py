@@ -97,5 +97,5 @@ def _files(name: str, root: Path) -> tuple[Path, ...]:
 
 @cache
 def _below(root: Path) -> frozenset[str]:
-    """List the modules below a folder once: looking for each took half of a plan."""
+    """List the modules below a folder, once for all names that are looked for."""
     return frozenset(file.relative_to(root).as_posix() for file in root.rglob("*.py"))
