@@ -86,7 +86,6 @@ def test_the_complete_configuration_gives_the_same_settings(keys):
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        (", structure: general", "datasets.pump.structure: the automatic recipe does not search"),
         (", structure: arma", "structure arma has no input"),
         (", level: false", "datasets.pump.level: the automatic recipe always estimates a level"),
         (", delay: {orders: 3}", "datasets.pump.delay.orders: the automatic recipe has no such"),

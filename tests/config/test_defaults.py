@@ -60,8 +60,9 @@ def test_a_source_with_the_recipe_of_the_chapter_takes_the_built_in_values():
 
 def test_the_built_in_recipe_is_the_automatic_one():
     assert dataset("datasets: {a: {file: bench.csv}}").automatic == AutomaticSettings()
-    for key in ("recipe: chapter", "structure: arma", "structure: general"):
-        assert dataset(f"datasets: {{a: {{file: bench.csv, {key}}}}}").automatic is None
+    for key in ("structure: arma", "structure: general"):
+        assert dataset(f"datasets: {{a: {{file: bench.csv, {key}}}}}").automatic is not None
+    assert dataset("datasets: {a: {file: bench.csv, recipe: chapter}}").automatic is None
 
 
 def test_the_built_in_values_are_the_documented_ones():

@@ -207,11 +207,8 @@ def test_several_recordings_are_one_data_set(found):
 def test_an_output_alone_gives_a_noise_model():
     e = np.random.default_rng(3).standard_normal(600)
     y = lfilter([1.0, 0.5], POLES, e)
-    small = {"orders": {"plant": [2, 2], "nc": [1, 1]}, "transforms": {"difference": 0}}
-    noise = evopem.identify(
-        None, y, RATE, recipe="chapter", structure="arma", split={"discard": 0},
-        search={"evaluations": 200}, show_progress=False, **small,
-    )  # fmt: skip
+    noise = evopem.identify(None, y, RATE, structure="arma", orders=(2, 1), show_progress=False)
+    assert str(noise.model.orders) == "ARMA(2,1)"
     assert noise.modes["frequency_hz"].iloc[0] == pytest.approx(0.785, abs=0.1)
     with pytest.raises(evopem.InputError, match="the model has no input"):
         noise.plot_step_response()
@@ -230,11 +227,44 @@ def test_an_output_alone_gives_a_noise_model():
         ({"name": "a/b"}, "name: the data set name 'a/b' cannot be the name of a folder"),
         ({"validation": 3.0}, "validation: it is neither a table nor a pair of signals"),
         ({"sampling_rate": None}, "sampling_rate: it is not known; give it in Hz"),
+        ({"orders": (2, 2, 1)}, "orders: they are those of one structure, and none is given"),
+        ({"structure": "oe", "orders": (2, 2)}, r"'oe' takes the orders \(nb, nf, nk\), not"),
+        ({"structure": "ss", "orders": (2, 1, 1)}, "'ss' takes the number of states"),
+        ({"orders": {"nk": 1}, "delay": {"nk": 2}}, "the key delay is given as well"),
     ],
 )
 def test_a_wrong_argument_is_said_in_a_sentence(keys, sentence):
     with pytest.raises(evopem.InputError, match=sentence):
         evopem.identify(*signals(), **{"sampling_rate": RATE, **keys})
+
+
+TWO = ["u1", "u2"]
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "keys", "name"),
+    [
+        ("u1", "y1", {"structure": "oe", "orders": (2, 2, 1)}, "OE(2,2,1)"),
+        ("u1", "y1", {"orders": evopem.Orders(nb=2, nf=2, nk=1)}, "OE(2,2,1)"),
+        ("u1", "y1", {"structure": "oe", "orders": {"nb": 2, "nf": 2, "nk": 1}}, "OE(2,2,1)"),
+        (TWO, "y1", {"structure": "arx", "orders": (2, [2, 1], [1, 2])}, "ARX(2,[2 1],[1 2])"),
+        (
+            *("u1", "y1"),
+            {"structure": "arx", "orders": (2, 1, 1), "recipe": "chapter", "split": {"discard": 0}},
+            "ARX(2,1,1)",
+        ),
+        ("u1", ["y1", "y2"], {"structure": "ss", "orders": 2}, "2 ss"),
+        ("u1", "y1", {"structure": "ss", "orders": (2, 1)}, "2 ss"),
+    ],
+)
+def test_orders_are_understood_as_by_estimate(inputs, outputs, keys, name):
+    rng = np.random.default_rng(1)
+    u, e = rng.standard_normal((2, 300, 2))
+    y = lfilter([0.0, 1.0], POLES, u[:, :1], axis=0) + 0.1 * e
+    frame = pd.DataFrame(np.hstack([u, y]), columns=[*TWO, "y1", "y2"])
+    model = evopem.identify(frame, outputs, RATE, input=inputs, show_progress=False, **keys).model
+    states = isinstance(model, evopem.StateSpaceModel)
+    assert (f"{model.order} {model.structure}" if states else str(model.orders)) == name
 
 
 def test_a_bad_signal_is_named_as_it_was_handed_over():

@@ -53,6 +53,7 @@ CONFIG = {
     },
     "datasets": {
         name: {"file": f"{name}.csv", "sampling_rate": 50, "structure": name, "orders": orders}
+        | {"recipe": "chapter"}
         | ({} if name == "arma" else GRID)
         for name, orders in ORDERS.items()
     },

@@ -173,6 +173,7 @@ def orders_of_size(structure: str, n: int, delays: Sequence[int]) -> list[Orders
         "fir": lambda: [o(n)],
         "arx": lambda: [o(n, na=n), o(2 * n, less=1, na=n)],
         "armax": lambda: [o(n, na=n, nc=n)],
+        "arma": lambda: [o(n, na=n, nc=n)],
         "ararx": lambda: [o(n, na=n, nd=max(n // 2, 1))],
         "ararmax": lambda: [o(n, na=n, nc=max(n // 2, 1), nd=1)],
         "oe": lambda: [o(n, nf=n), o(n + 1, less=1, nf=n)],

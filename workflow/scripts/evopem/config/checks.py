@@ -16,13 +16,7 @@ from evopem.config.schema import ALL_SAMPLES
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import Place
 from evopem.config.strict_yaml import Keys
-from evopem.config.structures import (
-    AUTOMATIC_STRUCTURES,
-    STRUCTURES,
-    check_model,
-    has_input,
-    phases_of,
-)
+from evopem.config.structures import STRUCTURES, check_model, has_input, phases_of
 from evopem.errors import InputError
 
 STATE_SPACE_KEYS = ("form", "weighting", "geometry")
@@ -57,8 +51,7 @@ class Kind:
             or (len(inputs) > 1 or any(map(is_pattern, inputs)) or not are_one(outputs))
             or (not inputs and (structure is None or has_input(structure)))
         )
-        built_in = "auto" if structure in (None, *AUTOMATIC_STRUCTURES) else "chapter"
-        by_chapter = not several and keys.get("recipe", built_in) == "chapter"
+        by_chapter = not several and keys.get("recipe") == "chapter"
         return cls(structure, inputs, outputs, several, by_chapter, keys.get("synthesis"))
 
     @property
@@ -151,11 +144,6 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     if kind.by_chapter and not inputs and keys.get("transforms", {}).get("difference_input"):
         problem = f"{polynomial} has no input to difference"
         at.refuse("transforms.difference_input", problem, "set it to 0")
-    searched = kind.several or kind.by_chapter or form in (*AUTOMATIC_STRUCTURES, STATE_SPACE)
-    if not searched:
-        problem = f"the automatic recipe does not search {polynomial} of one channel"
-        remedy = f"write recipe: chapter, or one of {', '.join(AUTOMATIC_STRUCTURES)}"
-        at.refuse("structure", problem, remedy)
     absolute = keys.get("search", {}).get("objective") == "absolute"
     if keys.get("weighting") == "determinant" and absolute:
         problem = "absolute errors have no covariance whose determinant could be taken"

@@ -257,7 +257,6 @@ def _automatic_of(keys: Keys, kind: Kind, orders: OrderRanges) -> AutomaticSetti
             differences=0 if known or differences else None,
             objective=keys["search"].get("objective"),
             box_cox=known or "box_cox" in transforms,
-            rate_alone=kind.several,
         ),
         evaluations=keys["search"].get("evaluations") if kind.several else None,
     )

@@ -217,7 +217,7 @@ class _Orders:
 
 
 class _Analysis:
-    recipe: Annotated[Recipe, built_in("`auto`; of `arma` and `general` `chapter`")]
+    recipe: Annotated[Recipe, built_in("`auto`")]
     """how a model is found. `chapter`: a structure that is given, and the chapter's phases of its
     orders; `auto`: the [automatic recipe](automatic.md)"""
     purpose: Annotated[Purpose, built_in("`auto`")]

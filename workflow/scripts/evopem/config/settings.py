@@ -206,7 +206,6 @@ class GivenPreparation:
     differences: int | None = None  # further ones of all channels
     objective: Objective | None = None
     box_cox: bool = False  # whether the configuration says what is done
-    rate_alone: bool = False  # whether only start and rate are decided, as for state-space models
 
 
 @dataclass(frozen=True)

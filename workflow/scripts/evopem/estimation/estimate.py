@@ -1,10 +1,9 @@
 """Estimate a model of any structure: ``evopem.estimate``, and the search behind its polynomials."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from numbers import Integral
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,52 +27,14 @@ from evopem.estimation.simulation_estimate import simulation_estimate
 from evopem.estimation.state_space.estimate import estimate_state_space
 from evopem.estimation.state_space.local_estimates import STRUCTURES, StateSpaceEstimate
 from evopem.models.constraint_checks import Focus, check_fit
-from evopem.models.orders import Orders, orders_of
+from evopem.models.orders import Orders, orders_in_state_space, orders_of
 from evopem.models.polynomial import of_signals
-from evopem.models.state_space import StateSpaceStructure
 from evopem.signals.recording import Recording, recording_of
 
 # Mean of the output, in standard deviations, from which on it biases the poles noticeably.
 LEVEL_WARNING = 0.3
 # Share of an input that the inputs before it do not tell, below which it has nothing of its own.
 DEPENDENT = 1e-9
-
-
-@overload
-def estimate(  # type: ignore[overload-overlap]
-    input: ArrayLike | Recording | None,
-    output: ArrayLike | None = None,
-    orders: int | Mapping[str, Any] | None = None,
-    sampling_rate: float = 1.0,
-    *,
-    structure: StateSpaceStructure,
-    settings: SearchSettings | None = None,
-    level: bool = False,
-    focus: str | int = "prediction",
-    weighting: OutputWeighting = "determinant",
-    constraints: Constraints | None = None,
-    log: Callable[[str], None] | None = None,
-) -> StateSpaceEstimate: ...
-
-
-@overload
-def estimate(
-    input: ArrayLike | Recording | None,
-    output: ArrayLike | None = None,
-    orders: Orders | Mapping[str, Any] | Sequence[Any] | None = None,
-    sampling_rate: float = 1.0,
-    *,
-    structure: str = "armax",
-    settings: SearchSettings | None = None,
-    window: ScoringWindow | None = None,
-    level: bool = False,
-    focus: str | int = "prediction",
-    weighting: OutputWeighting = "determinant",
-    constraints: Constraints | None = None,
-    earlier: SearchResult | None = None,
-    log: Callable[[str], None] | None = None,
-    target: Target | None = None,
-) -> PolynomialEstimate: ...
 
 
 def estimate(
@@ -177,7 +138,7 @@ def estimate(
                 f"{' and '.join(expert)} cannot be given: all samples of a state-space model count,"
                 " with its initial states"
             )
-        of_model = _orders_in_state_space(structure, orders)
+        of_model = orders_in_state_space(structure, orders)
         return estimate_state_space(
             recording,
             of_model["n"],
@@ -205,21 +166,6 @@ def estimate(
         log=log,
         target=target,
     )
-
-
-def _orders_in_state_space(structure: str, orders: Any) -> dict[str, Any]:
-    """The states n, and delays nk where they are given, from a number, a tuple or a mapping."""
-    if isinstance(orders, Integral):
-        orders = {"n": orders}
-    elif isinstance(orders, Sequence) and 0 < len(orders) < 3:
-        orders = dict(zip(("n", "nk"), orders, strict=False))
-    known = isinstance(orders, Mapping) and not set(orders) - {"n", "nk"}
-    if not (known and isinstance(orders.get("n"), Integral)):
-        raise ValueError(
-            f"structure {structure!r} takes the number of states, or (n, nk) with delays nk of its"
-            f" inputs, and not {orders!r}"
-        )
-    return dict(orders)
 
 
 def _warn_of_level(outputs: Array) -> None:

@@ -240,3 +240,18 @@ def named_orders(structure: str, orders: Mapping[str, Any] | Sequence[Any]) -> d
             f"structure {structure!r} has the orders {', '.join(names)}, not {', '.join(unknown)}"
         )
     return dict(orders)
+
+
+def orders_in_state_space(structure: str, orders: Any) -> dict[str, Any]:
+    """The states n, and delays nk where they are given, from a number, a tuple or a mapping."""
+    if isinstance(orders, Integral):
+        orders = {"n": orders}
+    elif isinstance(orders, Sequence) and 0 < len(orders) < 3:
+        orders = dict(zip(("n", "nk"), orders, strict=False))
+    known = isinstance(orders, Mapping) and not set(orders) - {"n", "nk"}
+    if not (known and isinstance(orders.get("n"), Integral)):
+        raise ValueError(
+            f"structure {structure!r} takes the number of states, or (n, nk) with delays nk of its"
+            f" inputs, and not {orders!r}"
+        )
+    return dict(orders)

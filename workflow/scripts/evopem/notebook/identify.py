@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 from evopem.config.channels import NONE
 from evopem.config.configuration import check_environment
 from evopem.config.defaults import complete
-from evopem.config.keys import one_or_list
+from evopem.config.keys import STATE_SPACE, one_or_list
 from evopem.config.source_checks import RESULTS_FOLDER
+from evopem.config.structures import STATE_SPACE_FORMS, STRUCTURES, is_polynomial, plant_order
 from evopem.errors import FOR_RESULTS, InputError, check_packages, checked_path
+from evopem.models.orders import orders_in_state_space, orders_of
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings
 from evopem.results.layout import DatasetFiles
 
@@ -69,9 +71,11 @@ def identify(
     show_progress : bool
         A line on standard error, written over by the next stage.
     **keys
-        Keys of a data set's configuration, such as ``structure="oe"``, ``purpose="modes"``,
-        ``resample=500`` or ``search={"seed": 2}``. ``recipe="chapter"`` takes the order search of
-        the chapter in place of the automatic recipe.
+        Keys of a data set's configuration, such as ``purpose="modes"``, ``resample=500`` or
+        ``search={"seed": 2}``. ``recipe="chapter"`` takes the order search of the chapter in place
+        of the automatic recipe. `structure` and `orders` are understood as by
+        :func:`evopem.estimate` as well: ``structure="oe", orders=(2, 2, 1)`` is one model; a
+        mapping such as ``orders={"nf": [1, 4], "nk": 1}`` holds numbers or ranges.
 
     Returns
     -------
@@ -168,7 +172,7 @@ def _settings(
     name: str,
     recorded: Sequence[GivenSignals],
     held_out: Sequence[GivenSignals],
-    keys: Mapping[str, Any],
+    keys: dict[str, Any],
 ) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
     signals = recorded[0]
@@ -184,16 +188,53 @@ def _settings(
         "sampling_rate": float(signals.sampling_rate),
     }
     own["input"] = one_or_list(inputs) if inputs else NONE
-    if len(inputs) <= 1 and len(outputs) == 1:
-        own["recipe"] = "auto"
+    keys = _as_lists(_with_ranges(keys, len(inputs)))
     if held_out:
         own["validation_file"] = one_or_list(_files(VALIDATION, held_out))
     try:
-        return complete({"datasets": {name: own | _as_lists(keys)}}, "identify").datasets[name]
+        return complete({"datasets": {name: own | keys}}, "identify").datasets[name]
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}").lstrip(".")
         place = "name" if key == "datasets" else key or "identify"
         raise InputError(place, error.problem, error.remedy) from None
+
+
+def _with_ranges(keys: Mapping[str, Any], inputs: int) -> dict[str, Any]:
+    """Keys with ranges in place of a structure and orders as :func:`evopem.estimate` takes them."""
+    found, orders = dict(keys), keys.get("orders")
+    structure: Any = found.get("structure") or getattr(orders, "structure", None)
+    if structure in tuple(STATE_SPACE_FORMS) and "form" not in keys:
+        found |= {"structure": STATE_SPACE, "form": structure}
+    if orders is None or structure not in (None, STATE_SPACE, *STRUCTURES, *STATE_SPACE_FORMS):
+        return found
+    is_one = not isinstance(orders, Mapping)
+    try:
+        if is_one and structure is None and not isinstance(orders, int):
+            raise ValueError("they are those of one structure, and none is given")
+        if is_one and is_polynomial(structure or STATE_SPACE):
+            model = orders_of(structure, orders, max(inputs, 1))
+            orders = {name: _alone(getattr(model, name)) for name in STRUCTURES[structure]}
+            if keys.get("recipe") == "chapter" and structure != "fir":
+                orders["plant"] = orders.pop(plant_order(structure))
+            found["structure"] = structure
+        elif is_one:
+            orders = orders_in_state_space(structure or STATE_SPACE, orders)
+        if "nk" in orders and "delay" in keys:
+            raise ValueError("they hold nk, and the key delay is given as well")
+    except ValueError as error:
+        remedy = 'write structure="oe", orders=(2, 2, 1), or ranges by name'
+        raise InputError("orders", str(error), remedy) from None
+    found["orders"] = {"nx" if name == "n" else name: each for name, each in orders.items()}
+    if "nk" in orders:
+        found["delay"] = {"nk": found["orders"].pop("nk")}
+    return found
+
+
+def _alone(orders: Any) -> Any:
+    """An order, or that of each input as a range; of one input as a number."""
+    if not isinstance(orders, tuple):
+        return orders
+    return [(n, n) for n in orders] if len(orders) > 1 else orders[0]
 
 
 def _as_lists(value: Any) -> Any:

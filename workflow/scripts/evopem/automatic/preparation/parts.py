@@ -26,7 +26,7 @@ def decide_parts(
     if outliers.choice != "none":
         divided = prepare(recording, settings, validation)
     transforms = TransformPlan()
-    if not given.rate_alone:
+    if recording.inputs.shape[1] == recording.outputs.shape[1] == 1:
         transforms = _decide_transforms(divided, given)
     if transforms.box_cox is not None:
         bent = replace(settings.transforms, box_cox=transforms.box_cox)

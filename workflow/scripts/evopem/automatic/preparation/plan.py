@@ -147,7 +147,7 @@ def decide_preparation(
     settle("start", "starts", lambda: decide_starts(records), given.start)
     if given.start is not None:
         plan = replace(plan, starts=(given.start,) * len(records))
-    of_one = recording.inputs.shape[1] == recording.outputs.shape[1] == 1 and not given.rate_alone
+    of_one = recording.inputs.shape[1] == recording.outputs.shape[1] == 1
     if of_one:
         settle("clipping", "clipped", lambda: decide_clipping(records, plan.starts))
         settle("stuck samples", "stuck", lambda: decide_stuck(records, plan.starts))
