@@ -160,11 +160,15 @@ def test_the_jacobian_is_exact_from_the_first_residual_on(orders, level, loss_st
 def test_the_gauss_newton_matrix_is_that_of_the_jacobian(orders, level, loss_start):
     errors, _, _ = problem(orders, level, samples=400, loss_start=loss_start)
     points, none = population(errors, 3), np.zeros(3)
-    for point, found in zip(points, errors.curvatures(points, none, none), strict=True):
+    entries = errors.linear("b", "level", "noise")
+    of_linear = errors.curvatures_of(points, none, entries)
+    matrices = errors.curvatures(points, none, none)
+    for point, found, linear in zip(points, matrices, of_linear, strict=True):
         jacobian = errors.jacobian(point)
         expected = 2.0 * errors.loss_factor * jacobian.T @ jacobian
         expected += 2.0 * np.diag(errors.state_weights())
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11 * np.abs(expected).max())
+        np.testing.assert_allclose(linear, found[entries][:, entries], rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize("last", range(1, 6))

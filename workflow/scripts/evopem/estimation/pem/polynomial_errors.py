@@ -202,6 +202,9 @@ class PolynomialErrors:
     def values(self, points: Array) -> Array:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.  The
         weak squares of the states are part of it."""
+        (first, _), *others = self.places
+        if not others:
+            return first.values(points)
         total = np.zeros(len(points))
         for errors, at in self.places:
             total += errors.values(points[:, at])
@@ -213,6 +216,9 @@ class PolynomialErrors:
         """Smoothed objective of each row and its gradient; infeasible rows are inf and 0.
         Magnitudes are ``sqrt(e**2 + smoothing**2)``; ``barriers``, percent, weigh the edge of the
         stability region."""
+        (first, _), *others = self.places
+        if not others:
+            return first.values_and_gradients(points, smoothing, barriers)
         total, gradients = np.zeros(len(points)), np.zeros(points.shape)
         # Each stretch counts its share of the barriers.
         for (errors, at), scale in zip(self.places, self._scales, strict=True):
@@ -230,21 +236,38 @@ class PolynomialErrors:
 
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""
+        matrices = self._curvatures(points, smoothing, False)
+        for (_, part), each in zip(self.polynomials(), self._barriers(points), strict=True):
+            matrices[:, part, part] += barriers[:, None, None] * each[2]
+        return matrices
+
+    def curvatures_of(self, points: Array, smoothing: Array, entries: Flags) -> Array:
+        """The same of some entries of a point alone, (M, k, k), without barriers."""
+        nonlinear = entries & ~self.linear("b", "level", "plant", "noise")
+        matrices = self._curvatures(points, smoothing, not nonlinear.any())
+        return matrices[:, entries][:, :, entries]
+
+    def _curvatures(self, points: Array, smoothing: Array, linear: bool) -> Array:
+        if len(self.places) == 1:
+            return self.places[0][0].curvatures(points, smoothing, linear)
         matrices = np.zeros((*points.shape, points.shape[1]))
         for errors, at in self.places:
-            matrices[:, at[:, None], at] += errors.curvatures(points[:, at], smoothing)
-        return matrices + barriers[:, None, None] * self.barriers(points)[2]
+            matrices[:, at[:, None], at] += errors.curvatures(points[:, at], smoothing, linear)
+        return matrices
 
     def barriers(self, points: Array) -> tuple[Array, Array, Array]:
         """Barriers at the edge of the stability region, (M,), their gradients and curvatures."""
         values, gradients = np.zeros(len(points)), np.zeros(points.shape)
         curvatures = np.zeros((*points.shape, points.shape[1]))
-        for name, part in self.polynomials():
-            coefficients = np.ascontiguousarray(points[:, part])
-            value, gradient, curvature = stability_barriers(coefficients, self.radius_of(name))
-            values += value
-            gradients[:, part], curvatures[:, part, part] = gradient, curvature
+        for (_, part), found in zip(self.polynomials(), self._barriers(points), strict=True):
+            values += found[0]
+            gradients[:, part], curvatures[:, part, part] = found[1:]
         return values, gradients, curvatures
+
+    def _barriers(self, points: Array) -> Iterator[tuple[Array, Array, Array]]:
+        """The same of each polynomial alone, by its own coefficients."""
+        for name, part in self.polynomials():
+            yield stability_barriers(np.ascontiguousarray(points[:, part]), self.radius_of(name))
 
     def mean_absolute_residuals(self, values: Array) -> Array:
         """Mean (absolute objective) or root mean square (quadratic) residual, from values."""
@@ -296,7 +319,10 @@ class PolynomialErrors:
 
     def feasible(self, points: Array) -> Flags:
         """Whether all roots of A, C, D and F_i of each row lie within their radii."""
-        return np.asarray(np.isfinite(points).all(axis=1) & np.isfinite(self.barriers(points)[0]))
+        feasible = np.isfinite(points).all(axis=1)
+        for value, _, _ in self._barriers(points):
+            feasible &= np.isfinite(value)
+        return np.asarray(feasible)
 
     def repair(self, points: Array) -> Array:
         """Move the roots of infeasible rows inside by reflection at the unit circle, which leaves

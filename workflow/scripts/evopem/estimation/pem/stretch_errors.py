@@ -66,7 +66,11 @@ class StretchErrors:
 
     @cached_property
     def _lag_sums(self) -> LagSums:
-        return lag_sums_for(self._record)
+        return lag_sums_for(self._record, linear=False)
+
+    @cached_property
+    def _linear_lag_sums(self) -> LagSums:
+        return lag_sums_for(self._record, linear=True)
 
     def _passed(
         self, task: int, points: Array, smoothing: Array, barriers: Array
@@ -110,11 +114,13 @@ class StretchErrors:
         made, evaluations, _, _ = passes(*given, smoothing, barriers, *limits)
         return made, evaluations
 
-    def curvatures(self, points: Array, smoothing: Array) -> Array:
-        """Gauss-Newton matrices, (M, n, n).  Those of the absolute loss are scaled by its mean
-        second derivative: twice the density of the residuals at zero."""
+    def curvatures(self, points: Array, smoothing: Array, linear: bool) -> Array:
+        """Gauss-Newton matrices, (M, n, n), complete or only where B, level and states meet.  Those
+        of the absolute loss are scaled by its mean second derivative: twice the density of the
+        residuals at zero."""
+        sums = self._linear_lag_sums if linear else self._lag_sums
         matrices: Array = gauss_newton_matrices(
-            *(self._record, self.objective, self._workspace, self._lag_sums, DENSITY_BANDWIDTH),
+            *(self._record, self.objective, self._workspace, sums, DENSITY_BANDWIDTH),
             *(np.ascontiguousarray(points), smoothing),
         )
         return matrices

@@ -127,7 +127,8 @@ def arx(u: Array, y: Array, na: int, nb: Sequence[int], nk: Sequence[int]) -> Ar
         columns = [-y[first - i : stop - i] for i in range(1, na + 1)]
         for signal, count, delay in zip(u.T, nb, nk, strict=True):
             columns += [signal[first - delay - j : stop - delay - j] for j in range(count)]
-        return np.column_stack([*columns, y[first:stop]])
+        # Column by column, as the decomposition reads it.
+        return np.stack([*columns, y[first:stop]]).T
 
     triangle = triangle_of(rows(*chunk) for chunk in chunks(start, len(y)))
     regressors, target = triangle[:, :-1], triangle[:, -1]

@@ -181,12 +181,16 @@ def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
 def solve_linear(errors: PredictionErrors, points: Array, linear: Flags, steps: int) -> Array:
     """Points, (M, n), changed in place, whose linear coordinates minimise the objective.  By
     :data:`LINEAR_STEPS` Newton steps from where they are, given the other coordinates."""
-    none = np.zeros(len(points))
+    none = size = np.zeros(len(points))
     for _ in range(steps):
-        size = errors.mean_absolute_residuals(errors.values(points))
-        size = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
+        if errors.objective == "absolute":
+            size = errors.mean_absolute_residuals(errors.values(points))
+            size = np.where(np.isfinite(size) & (size > 0.0), size, 1.0)
         _, gradients = errors.values_and_gradients(points, size, none)
-        matrices = errors.curvatures(points, size, none)[:, linear][:, :, linear]
+        if isinstance(errors, PolynomialErrors):
+            matrices = errors.curvatures_of(points, size, linear)
+        else:
+            matrices = errors.curvatures(points, size, none)[:, linear][:, :, linear]
         inverses = damped_inverses(matrices)
         points[:, linear] -= np.einsum("ijk,ik->ij", inverses, gradients[:, linear])
     return points

@@ -7,7 +7,6 @@ import numpy as np
 
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
 from evopem.estimation.pem.kernels.record import (
-    BLOCK,
     CHUNK,
     LEVEL,
     NOISE_STATE,
@@ -16,6 +15,7 @@ from evopem.estimation.pem.kernels.record import (
     OF_C,
     OF_D,
     OF_F,
+    PAIR,
     PLANT_STATE,
     fill,
     load_points,
@@ -23,13 +23,12 @@ from evopem.estimation.pem.kernels.record import (
     state_weight,
 )
 from evopem.estimation.pem.kernels.residuals import (
-    add_products,
+    add_lags,
     compute_residuals,
-    filter_block,
-    load_block,
-    store_block,
+    filter_eight,
+    load_eight,
+    store_eight,
     sum_of_losses,
-    times_d,
 )
 from evopem.estimation.pem.kernels.simd import (
     LANES,
@@ -44,7 +43,7 @@ from evopem.estimation.pem.kernels.simd import (
 )
 
 # Magnitude below which an impulse response has died out.
-DECAYED = 1e-100
+DECAYED = 1e-40
 
 
 @njit
@@ -108,23 +107,21 @@ def _through_f(record, part):
 def _filter_source(record, parameters, buffers, part, row, size):
     """Filter a stretch to row ``row`` of the tables; the rows before are known."""
     source, by_c, by_d, by_f = buffers.source, buffers.by_c, buffers.by_d, buffers.by_f
-    for k in range(0, size, BLOCK):
-        s0, s1, s2, s3 = load_block(source, k)
+    through_f = _through_f(record, part)
+    for k in range(0, size, PAIR):
+        s, now = load_eight(source, k, 1), row + k
         if record.nc > 0:
-            filter_block(parameters, record.at_c, record.rows_c, s0, s1, s2, s3, by_c, row + k, 1)
+            s = filter_eight(parameters, record.at_c, record.rows_c, s, by_c, now, 1)
         else:
-            store_block(by_c, row + k, s0, s1, s2, s3)
-    if _through_c_alone(part[0]):
-        return
-    by_noise = by_c
-    if record.nd > 0:
-        times_d(parameters, record.at_d, record.nd, by_c, by_d, row, size, 1)
-        by_noise = by_d
-    if _through_f(record, part):
-        at, rows = record.at_f[part[1]], record.rows_f[part[1]]
-        for k in range(row, row + size, BLOCK):
-            s0, s1, s2, s3 = load_block(by_noise, k)
-            filter_block(parameters, at, rows, s0, s1, s2, s3, by_f, k, 1)
+            store_eight(by_c, now, 1, s)
+        if _through_c_alone(part[0]):
+            continue
+        if record.nd > 0:
+            s = add_lags(parameters, record.at_d, record.nd, by_c, now - 1, 1, s)
+            store_eight(by_d, now, 1, s)
+        if through_f:
+            at, rows = record.at_f[part[1]], record.rows_f[part[1]]
+            filter_eight(parameters, at, rows, s, by_f, now, 1)
 
 
 @njit
@@ -185,6 +182,36 @@ def _keep_last(buffers, segment, history, size, alive):
 
 
 @njit
+def _add_products(one, x, size, other, z, count, sums, row, stride):
+    """``sums[row + j stride] += sum_i one[x + i] other[z + i - j]`` for ``0 <= j < count``, of a
+    signal or a table.  Four lags share what they load; up to four rows before are read."""
+    zero = constant(0.0)
+    for j in range(0, count, 4):
+        p0, p1, p2, p3 = zero, zero, zero, zero
+        q0, q1, q2, q3 = zero, zero, zero, zero
+        k = z - j
+        z1, z2, z3 = load_either(other, k - 1), load_either(other, k - 2), load_either(other, k - 3)
+        for i in range(0, size - 1, 2):
+            v, w = load(one, x + i), load(one, x + i + 1)
+            y0, y1 = load_either(other, k + i), load_either(other, k + i + 1)
+            p0, p1, p2, p3 = fma(v, y0, p0), fma(v, z1, p1), fma(v, z2, p2), fma(v, z3, p3)
+            q0, q1, q2, q3 = fma(w, y1, q0), fma(w, y0, q1), fma(w, z1, q2), fma(w, z2, q3)
+            z1, z2, z3 = y1, y0, z1
+        if size % 2:
+            v = load(one, x + size - 1)
+            p0, p1 = fma(v, load_either(other, k + size - 1), p0), fma(v, z1, p1)
+            p2, p3 = fma(v, z2, p2), fma(v, z3, p3)
+        first = row + j * stride
+        store(sums, first, add(load(sums, first), add(p0, q0)))
+        if j + 1 < count:
+            store(sums, first + stride, add(load(sums, first + stride), add(p1, q1)))
+        if j + 2 < count:
+            store(sums, first + 2 * stride, add(load(sums, first + 2 * stride), add(p2, q2)))
+        if j + 3 < count:
+            store(sums, first + 3 * stride, add(load(sums, first + 3 * stride), add(p3, q3)))
+
+
+@njit
 def _add_products_of_parts(record, buffers, segment, now, size, alive):
     """Add the products of ``size`` samples: the first row and column of each pair of parts."""
     parts, sums = buffers.parts, buffers.sums
@@ -198,9 +225,9 @@ def _add_products_of_parts(record, buffers, segment, now, size, alive):
                 continue
             other, z = _table_of(record, buffers, parts[q]), q * segment + now
             row = parts[p, 3] * width + parts[q, 3]
-            add_products(one, x, size, other, z, parts[q, 2], sums, row, next_row)
+            _add_products(one, x, size, other, z, parts[q, 2], sums, row, next_row)
             if q > p:
-                add_products(other, z, size, one, x - 1, copies - 1, sums, row + width, width)
+                _add_products(other, z, size, one, x - 1, copies - 1, sums, row + width, width)
 
 
 @njit

@@ -8,8 +8,8 @@ from evopem.estimation.pem.kernels.bfgs import advance, trial_points
 from evopem.estimation.pem.kernels.cache import cached_njit, njit
 from evopem.estimation.pem.kernels.polynomials import barrier
 from evopem.estimation.pem.kernels.record import (
-    BLOCK,
     CHUNK,
+    PAIR,
     all_finite,
     fill,
     load_points,
@@ -19,11 +19,12 @@ from evopem.estimation.pem.kernels.record import (
     state_weight,
 )
 from evopem.estimation.pem.kernels.residuals import (
-    add_products,
+    add_lags,
     compute_residuals,
-    filter_block,
+    filter_eight,
+    load_eight,
+    store_eight,
     sum_of_losses,
-    times_d,
 )
 from evopem.estimation.pem.kernels.simd import (
     LANES,
@@ -32,6 +33,7 @@ from evopem.estimation.pem.kernels.simd import (
     divide,
     fma,
     load,
+    load_either,
     square_root,
     store,
 )
@@ -41,44 +43,54 @@ RESIDUALS, VALUES, GRADIENTS = 0, 1, 2
 
 
 @njit
-def _slopes(record, workspace, absolute, slope, begin, end, s):
-    """Derivative of the loss with respect to each residual, from row 0 on; ``s`` plus the losses.
-    The absolute value is smoothed: ``sqrt(e**2 + smoothing**2)``."""
+def _slope(record, workspace, absolute, t, loss):
+    """Derivative of the loss by the residual of sample t, and ``loss`` plus the loss.  The absolute
+    value is smoothed: ``sqrt(e**2 + smoothing**2)``."""
     zero = constant(0.0)
-    e, before = workspace.e, record.residual_start - record.history
-    smoothing_squared = fma(load(workspace.smoothing, 0), load(workspace.smoothing, 0), zero)
-    # Within the stretch: the rows behind it are known.
-    low = min(max(begin, record.loss_start), end)
-    high = max(low, min(end, record.loss_stop))
-    fill(slope, 0, low - begin, 0.0)
-    fill(slope, high - begin, end - begin, 0.0)
-    for t in range(low, high):
-        value = load(e, t - before)
-        if absolute:
-            r = square_root(fma(value, value, smoothing_squared))
-            s = add(s, r)
-            store(slope, t - begin, divide(value, r))
-        else:
-            s = fma(value, value, s)
-            store(slope, t - begin, add(value, value))
-    return s
+    if t < record.loss_start or t >= record.loss_stop:
+        return zero, loss
+    value = load(workspace.e, t - record.residual_start + record.history)
+    if absolute:
+        smoothing = load(workspace.smoothing, 0)
+        r = square_root(fma(value, value, fma(smoothing, smoothing, zero)))
+        return divide(value, r), add(loss, r)
+    return add(value, value), fma(value, value, loss)
 
 
 @njit
-def _filter_back(parameters, at, rows, slope, first, size):
-    """Filter ``size`` rows from ``first`` on backwards through an inverse polynomial in place."""
-    for row in range(first + size - 1, first - 1, -BLOCK):
-        s0, s1 = load(slope, row), load(slope, row - 1)
-        s2, s3 = load(slope, row - 2), load(slope, row - 3)
-        filter_block(parameters, at, rows, s0, s1, s2, s3, slope, row, -1)
+def _slopes(record, workspace, absolute, t, loss):
+    """The same of eight samples, from t on backwards."""
+    s0, loss = _slope(record, workspace, absolute, t, loss)
+    s1, loss = _slope(record, workspace, absolute, t - 1, loss)
+    s2, loss = _slope(record, workspace, absolute, t - 2, loss)
+    s3, loss = _slope(record, workspace, absolute, t - 3, loss)
+    s4, loss = _slope(record, workspace, absolute, t - 4, loss)
+    s5, loss = _slope(record, workspace, absolute, t - 5, loss)
+    s6, loss = _slope(record, workspace, absolute, t - 6, loss)
+    s7, loss = _slope(record, workspace, absolute, t - 7, loss)
+    return (s0, s1, s2, s3, s4, s5, s6, s7), loss
 
 
 @njit
-def _add_sum(slope, size, gradient, at):
-    s = load(gradient, at)
-    for i in range(size):
-        s = add(s, load(slope, i))
-    store(gradient, at, s)
+def _correlate(s, signal, q, count, gradient, at):
+    """``gradient[at + j] += sum_i s[i] signal[q - i - j]``: of a signal or a table.  The products
+    keep the processor busy while a recursion waits for itself."""
+    w0, w1, w2, w3, w4, w5, w6, _ = load_eight(signal, q, -1)
+    for j in range(count):
+        w7 = load_either(signal, q - j - 7)
+        even = fma(s[0], w0, load(gradient, at + j))
+        even = fma(s[6], w6, fma(s[4], w4, fma(s[2], w2, even)))
+        odd = fma(s[5], w5, fma(s[3], w3, fma(s[1], w1, constant(0.0))))
+        store(gradient, at + j, add(even, fma(s[7], w7, odd)))
+        w0, w1, w2, w3, w4, w5, w6 = w1, w2, w3, w4, w5, w6, w7
+
+
+@njit
+def _add_sum(s, gradient, at):
+    total = load(gradient, at)
+    for value in s:
+        total = add(total, value)
+    store(gradient, at, total)
 
 
 @njit
@@ -92,46 +104,41 @@ def _move(table, first, following, history):
 def _loss_and_gradient(record, workspace, absolute):
     """Loss of the models whose residuals stand in the table, and its gradient by a pass back."""
     parameters, gradient = workspace.parameters, workspace.gradient
+    y, u, start, history = record.y, record.u, record.residual_start, record.history
+    lam, xi = workspace.windows
     fill(gradient, 0, gradient.shape[0], 0.0)
-    lam, mu, xi = workspace.windows
-    if record.nd == 0:
-        mu = lam
-    start, history = record.residual_start, record.history
+    fill(lam, 0, lam.shape[0], 0.0)
+    fill(xi, 0, xi.shape[0], 0.0)
     stretch = CHUNK + history
-    for table in workspace.windows:
-        fill(table, 0, table.shape[0], 0.0)
-    s = constant(0.0)
-    end = record.y.size
+    loss = constant(0.0)
+    end = y.size
     while True:
         begin = max(end - CHUNK, start)
-        size, row = end - begin, begin - start + history
-        s = _slopes(record, workspace, absolute, lam, begin, end, s)
-        if record.nc > 0:
-            _filter_back(parameters, record.at_c, record.rows_c, lam, 0, size)
-            add_products(lam, 0, size, workspace.e, row - 1, record.nc, gradient, record.at_c, 1)
-        if record.nd > 0:
-            add_products(lam, 0, size, workspace.v, row - 1, record.nd, gradient, record.at_d, 1)
-            times_d(parameters, record.at_d, record.nd, lam, mu, 0, size, -1)
-        add_products(mu, 0, size, record.y, begin - 1, record.na, gradient, 0, 1)
-        if record.level:
-            _add_sum(mu, size, gradient, record.at_level)
-        for i in range(record.inputs):
-            own, first, nf = mu, 0, record.nf[i]
-            if nf > 0:
-                own, first, at = xi, i * stretch, record.at_f[i]
-                for k in range(size):
-                    store(xi, first + k, load(mu, k))
-                _filter_back(parameters, at, record.rows_f[i], xi, first, size)
-                x = i * record.rows + row - 1
-                add_products(xi, first, size, workspace.x, x, nf, gradient, at, 1)
-            u = i * record.y.size + begin - record.nk[i]
-            add_products(own, first, size, record.u, u, record.nb[i], gradient, record.at_b[i], 1)
+        for t in range(end - 1, begin, -PAIR):
+            now, row = t - begin, t - start + history
+            s, loss = _slopes(record, workspace, absolute, t, loss)
+            if record.nc > 0:
+                s = filter_eight(parameters, record.at_c, record.rows_c, s, lam, now, -1)
+                _correlate(s, workspace.e, row - 1, record.nc, gradient, record.at_c)
+            if record.nd > 0:
+                store_eight(lam, now, -1, s)
+                _correlate(s, workspace.v, row - 1, record.nd, gradient, record.at_d)
+                s = add_lags(parameters, record.at_d, record.nd, lam, now + 1, -1, s)
+            _correlate(s, y, t - 1, record.na, gradient, 0)
+            if record.level:
+                _add_sum(s, gradient, record.at_level)
+            for i in range(record.inputs):
+                nf, at, w = record.nf[i], record.at_f[i], s
+                if nf > 0:
+                    own = i * stretch + now
+                    w = filter_eight(parameters, at, record.rows_f[i], s, xi, own, -1)
+                    _correlate(w, workspace.x, i * record.rows + row - 1, nf, gradient, at)
+                q = i * y.size + t - record.nk[i]
+                _correlate(w, u, q, record.nb[i], gradient, record.at_b[i])
         if begin == start:
             break
         following = min(CHUNK, begin - start)
         _move(lam, 0, following, history)
-        if record.nd > 0:
-            _move(mu, 0, following, history)
         for i in range(record.inputs):
             if record.nf[i] > 0:
                 _move(xi, i * stretch, following, history)
@@ -141,7 +148,7 @@ def _loss_and_gradient(record, workspace, absolute):
             store(gradient, record.at_g[i] + k, load(xi, i * stretch + k))
     for k in range(record.states):
         store(gradient, record.at_s + k, load(lam, k))
-    return s
+    return loss
 
 
 @njit

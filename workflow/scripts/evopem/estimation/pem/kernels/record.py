@@ -19,6 +19,7 @@ NOISE_RESPONSE = NOISE_STATE + 1
 
 # Samples that a recursion works through at a time.
 BLOCK = 4
+PAIR = 2 * BLOCK
 MIN_NC = BLOCK - 1
 # Samples of a stretch, a multiple of two blocks: its buffers fit the first-level cache.
 CHUNK = 128
@@ -76,16 +77,15 @@ class Objective(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Buffers of a pass, each a table with one column for each of eight models.  ``totals`` are a
-    stretch of the sum of all x_i, ``windows`` of the adjoints of e, v and all x_i."""
+    """Buffers of a pass, each a table with one column for each of eight models.  ``windows`` are
+    stretches of the adjoints of e and of all x_i."""
 
     parameters: Array
     gradient: Array
     x: Array
     v: Array
     e: Array
-    totals: Array
-    windows: tuple[Array, Array, Array]
+    windows: tuple[Array, Array]
     smoothing: Array
     total: Array
 
@@ -127,7 +127,7 @@ def record_of(
         if count
     ]
     # A whole number of pairs of blocks from the first residual on.
-    length = len(output) + -(len(output) - residual_start) % (2 * BLOCK) + FRONT
+    length = len(output) + -(len(output) - residual_start) % PAIR + FRONT
     history = max([rows_c, nd, *rows_f]) + FRONT
     return Record(
         y=_framed(output, length),
@@ -177,9 +177,7 @@ def workspace_for(record: Record) -> Workspace:
         x=lanes_table(record.inputs * record.rows if record.nf.any() else 1),
         v=lanes_table(record.rows if record.nd else 1),
         e=lanes_table(record.rows),
-        totals=lanes_table(CHUNK),
         windows=(
-            lanes_table(stretch),
             lanes_table(stretch),
             lanes_table(max(record.inputs, 1) * stretch),
         ),
@@ -203,9 +201,9 @@ class LagSums(NamedTuple):
     sums: Array
 
 
-def lag_sums_for(record: Record) -> LagSums:
-    """Buffers for the products of lags."""
-    parts = _parts_of_sums(record)
+def lag_sums_for(record: Record, linear: bool) -> LagSums:
+    """Buffers for the products of lags, of all parts of a point or of B, level and states alone."""
+    parts = _parts_of_sums(record, linear)
     rows = int(parts[:, 2].sum())
     history = max(int(parts[:, 2].max(initial=0)), record.history) + BLOCK
     filtered = len(parts) * (history + CHUNK)
@@ -221,9 +219,10 @@ def lag_sums_for(record: Record) -> LagSums:
     )
 
 
-def _parts_of_sums(record: Record) -> Indices:
+def _parts_of_sums(record: Record, linear: bool) -> Indices:
     """See :class:`LagSums`."""
-    own = [tuple(part) for part in record.parts.tolist()]
+    kinds = (OF_B, LEVEL, PLANT_STATE, NOISE_STATE) if linear else range(NOISE_RESPONSE)
+    own = [tuple(part) for part in record.parts.tolist() if part[0] in kinds]
     responses: dict[tuple[int, int], tuple[int, int]] = {}
     needed = {(kind, i): count for kind, i, count, _ in own}
     for kind, i, count, _ in own:
