@@ -348,6 +348,24 @@ def test_constraints_have_one_json_form():
         (Constraints(priors=(Prior("f1", 1.0, 0.0),)), "oe", (2, 2, 1), "not positive"),
         (Constraints(priors=(Prior("damping", 0.1, 0.1),)), "oe", (2, 2, 1), "which mode"),
         (
+            Constraints(priors=(Prior("frequency", 5.0, 0.1), Prior("frequency", 9.0, 0.1, 5.0))),
+            "oe",
+            (2, 2, 1),
+            "two priors of its frequency",
+        ),
+        (
+            Constraints(priors=(Prior("damping", 0.02, 0.01, 5.0),), min_damping_ratio=0.5),
+            "oe",
+            (2, 2, 1),
+            "below min_damping_ratio",
+        ),
+        (
+            Constraints(priors=(Prior("static_gain", 5.0, 0.1),), static_gain_bounds=(None, 1.0)),
+            "oe",
+            (2, 2, 1),
+            "outside static_gain_bounds",
+        ),
+        (
             Constraints(max_pole_radius=0.9, fixed_coefficients={"f1": -1.0}),
             "oe",
             (2, 2, 1),

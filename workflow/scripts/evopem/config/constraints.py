@@ -45,6 +45,12 @@ class Prior:
     """Which mode is meant: the one nearest to this frequency in Hz.  Needed for ``damping``; for
     ``frequency`` it is the mean by default."""
 
+    @property
+    def subject(self) -> tuple[str, float | None]:
+        """The quantity, and the frequency of its mode."""
+        of_mean = self.quantity == "frequency" and self.mode_hz is None
+        return self.quantity, self.mean if of_mean else self.mode_hz
+
 
 @dataclass(frozen=True)
 class Constraints:

@@ -165,7 +165,7 @@ def _explained(error: Mapping[str, Any], path: list[str | int], schema: Keys) ->
         case _:
             problem = "there is no value" if given is None else f"{value} cannot be used"
             if isinstance(given, str) and re.fullmatch(r"[+-]?[\d.]+([eE][+-]?\d+)?", given):
-                remedy += f" (YAML reads {given} as text)"
+                remedy += f" (YAML reads {value} as text)"
     return problem, remedy
 
 

@@ -281,13 +281,15 @@ def _check_prior(
         _refuse(key, "its standard deviation is not positive", "give one above 0")
     if not math.isfinite(mean):
         _refuse(key, "its mean is not a finite number", NUMBER)
-    same = [(each.quantity, each.mode_hz) for each in constraints.priors]
-    if same.count((quantity, prior.mode_hz)) > 1:
+    if [each.subject for each in constraints.priors].count(prior.subject) > 1:
         _refuse(key, f"there are two priors of its {quantity}", LEAVE_ONE)
     if quantity == "static_gain":
         _check_has_gain(key, constraints, orders)
         if constraints.static_gain is not None:
             _refuse(key, "the static gain is given already", LEAVE_ONE)
+        lower, upper = constraints.gain_bounds_of() or (None, None)
+        if (lower is not None and mean < lower) or (upper is not None and mean > upper):
+            _refuse(key, f"{mean} lies outside static_gain_bounds", CHANGE)
     elif quantity in ("frequency", "damping"):
         if max(orders.na, orders.single.nf) < 2 or orders.single.nb == 0:
             _refuse(key, f"a model of orders {orders} has no mode", LEAVE_OUT)
