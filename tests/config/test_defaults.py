@@ -238,6 +238,7 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         (ARM % "search: {lambda: 12}", "datasets.arm.search.lambda", "mu is 15 and lambda is 12"),
         (ARM % "search: {seed: -1}", "datasets.arm.search.seed", "-1 is below 0"),
         (ARM % f"delay: {{nk: '{'9' * 500}'}}", "arm.delay.nk", "99... as text"),
+        (f"{{datasets: {{a: {{file: x}}}}, shard: 1/{'9' * 5000}}}", "shard", "is not known"),
         (ARM % "search: {evaluations: 1e5}", "arm.search.evaluations", "YAML reads 1e5 as text"),
         (ARM % "search: {max_root_radius: 1}", "search.max_root_radius", "1 is not below 1"),
         ("{datasets: {a: {file: x}}, defaults: {file: x}}", "defaults.file", "no such key"),

@@ -81,7 +81,7 @@ EVEN = np.arange(SAMPLES) * 20.0
         ),
         (
             np.concatenate([EVEN[:50], EVEN[30:]]),
-            "sample 51: .* it is 380 before that of sample 50",
+            "sample 51: .* it is 380 ms before that of sample 50",
         ),
         (np.delete(EVEN, 900), "sample 901: the step"),
         (np.delete(EVEN, slice(5, None, 20)), "sample 6: the step"),

@@ -79,7 +79,9 @@ def test_what_is_too_uneven_is_refused(stamps, expected):
 def test_a_change_of_rate_is_no_jitter(first):
     """Samples 10 ms apart, then 20 ms: no rate is right for both."""
     stamps = np.concatenate([0.01 * np.arange(first), 0.01 * first + 0.02 * np.arange(300)])
-    with pytest.raises(InputError, match=r"the rate changes: the mean step is 0\.01 from .* 0\.02"):
+    with pytest.raises(
+        InputError, match=r"the rate changes: the mean step is 0\.01 s from .* 0\.02 s"
+    ):
         grid_of(stamps)
 
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -190,3 +192,19 @@ def test_durations_and_large_counters():
     assert rate((steps * 10).astype(np.uint64), time_unit="ms") == 100.0
     with pytest.raises(InputError, match="sample 100: the time stamp is 1844"):
         rate((steps[::-1] * -10).astype(np.int64).astype(np.uint64) - 1, time_unit="ms")
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"time_unit": "ns"}, "3e+06 ns where the usual one is 1e+06 ns"),
+        ({"name": "time_us"}, "3e+06 us where the usual one is 1e+06 us"),
+        ({}, "3e+06 where the usual one is 1e+06"),
+    ],
+)
+def test_uneven_steps_are_told_in_their_unit(settings, said):
+    stamps = 10**6 * np.r_[np.arange(100), 102 + np.arange(100)]
+    with pytest.raises(InputError, match=re.escape(f"{said};")):
+        rate(stamps, **settings)
+    with pytest.raises(InputError, match=re.escape("0.003 s where the usual one is 0.001 s;")):
+        rate(stamps.astype("datetime64[ns]"))

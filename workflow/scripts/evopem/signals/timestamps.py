@@ -125,7 +125,8 @@ def timing(
     dates = stamps.dtype.kind in "Mm"
     positions = unevenness = None
     tolerance = RATE_TOLERANCE
-    named = _Stamps(source, place, " s" if dates else "")
+    known = "s" if dates else time_unit or stated_unit(name, unit, source, place)
+    named = _Stamps(source, place, f" {known}" if known else "")
     ticks = _ticks(stamps, named)
     # From the first stamp on, so that dates in nanoseconds keep all their digits as floats.
     times = (ticks - ticks[0]).astype(np.float64) * (TIME_UNITS["ns"] if dates else 1.0)
@@ -139,14 +140,8 @@ def timing(
         positions = times / step
     else:
         step = _uniform_step(times, named)
-    if dates:
-        scale = TIME_UNITS["s"]
-    elif time_unit is not None:
-        scale = TIME_UNITS[time_unit]
-    else:
-        stated = stated_unit(name, unit, source, place)
-        unstated = ticks, step, stated_rate, tolerance
-        scale = TIME_UNITS[stated] if stated else _scale(*unstated, source, place)
+    unstated = ticks, step, stated_rate, tolerance
+    scale = TIME_UNITS[known] if known else _scale(*unstated, source, place)
     rate = float(f"{1.0 / (step * scale):.9g}")
     if stated_rate is not None:
         if abs(rate / stated_rate - 1.0) > tolerance:
