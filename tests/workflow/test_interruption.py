@@ -37,7 +37,7 @@ def test_a_truncated_or_deleted_result_is_refused_or_made_again(copy, finished):
     assert "Traceback" not in run.stdout
     assert (
         f"{truncated.relative_to(copy.path)}: was changed or damaged after it was written;"
-        " delete the file and run snakemake again" in run.stdout
+        " delete it and run snakemake again" in run.stdout
     )
     assert not Path(files.model).exists()
     assert not Path(files.candidates).exists()

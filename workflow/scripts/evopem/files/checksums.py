@@ -148,9 +148,8 @@ def verify_checksums(files: Iterable[str | Path], root: str | Path) -> None:
                 known[folder] = checksummed(folder)
             checksum = known[folder].get(file)
             if checksum is not None and not _is_right(file, checksum):
-                raise InputError(
-                    str(file), "was changed or damaged after it was written", rewritten(file)
-                )
+                remedy = f"delete it and {again(file)}, which writes it anew"
+                raise InputError(str(file), "was changed or damaged after it was written", remedy)
 
 
 def _regular_files(files: Iterable[str | Path]) -> Iterator[Path]:
