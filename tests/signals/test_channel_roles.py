@@ -74,8 +74,9 @@ def test_what_cannot_be_told_is_refused_in_a_sentence(tmp_path):
     with pytest.raises(InputError) as caught:
         roles_of(path)
     assert str(caught.value) == (
-        f"{path}: 'a' and 'b' cannot be told apart as input and output: their names do not say it,"
-        " and the past of each improves predictions of the other at 0.1 %; name input and output."
+        f"{path}: 'a' and 'b' cannot be distinguished as input and output: their names do not say"
+        " it, and the past of each improves predictions of the other at 0.1 %; name input and"
+        " output."
     )
     path = write(tmp_path / "b.csv", "time,a,b,c", times(), u, y, y + u)
     with pytest.raises(InputError, match="beside the time there are 3 channels"):

@@ -8,10 +8,9 @@ from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Trial
 from evopem.automatic.remedy_orders import (
     DELAY,
-    IN_STATE_SPACE,
     LENGTH,
     MOST_TRIALS,
-    OF_POLYNOMIALS,
+    REMEDIES,
     TOLERATED,
     earlier_delays,
     with_noise_models,
@@ -47,13 +46,14 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
     """
     first = current = choice.candidate
     scorer.remember([current])
-    groups, left = IN_STATE_SPACE if current.polynomials is None else OF_POLYNOMIALS, MOST_TRIALS
+    left = MOST_TRIALS
     trials: list[Trial] = []
     tried: list[tuple[str, Candidate]] = []
-    for checks, remedies in groups:
+    for checks, *of_forms in REMEDIES:
+        remedies = of_forms[first.polynomials is None]
         failed = tuple(check for check in checks if check in _failures(scorer, current))
         best = current
-        listed = remedies(scorer, current, searched) if failed else iter(())
+        listed = remedies(scorer, current, searched) if failed and remedies else iter(())
         for name, candidate_of in islice(listed, left):
             left -= 1
             candidate = candidate_of(best)
@@ -187,7 +187,7 @@ CAUSES = {
     WHITE: "the noise of this record is none of a linear filter of these orders",
     INDEPENDENT_OF_INPUT: "the response is not linear, the input depends on the output, or another"
     " input acts",
-    INSIDE_BOUND: "the record is too short to tell a drift from an integrator",
+    INSIDE_BOUND: "the record is too short to distinguish a drift from an integrator",
     EXCITATION_ADEQUATE: "the input excites fewer directions than any model needs that is as good",
 }
 REPEATED = (

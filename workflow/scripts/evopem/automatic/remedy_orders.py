@@ -157,18 +157,15 @@ def _scored(scorer: Scorer, candidate: Candidate, _: Candidate) -> Candidate:
     return candidate if candidate.is_scored else scorer.scored(candidate)
 
 
-# Checks, and what is tried while some of them fail, in this order.
-OF_POLYNOMIALS = (
-    ((DISTINCT, INSIDE_BOUND, EXCITATION_ADEQUATE), _fewer_roots),
-    ((DELAY,), _later),
-    ((LENGTH,), _shorter),
-    ((WHITE,), _further_noise),
-    ((INDEPENDENT_OF_INPUT,), _longer_b),
-)
-IN_STATE_SPACE = (
-    ((DELAY,), _earlier),
-    ((INSIDE_BOUND,), _smaller_order),
-    ((WHITE, INDEPENDENT_OF_INPUT), _other_models),
+# Checks, and what is tried while some of them fail, in this order: of polynomials, whose orders are
+# changed one by one, and in state space, which has one order and the candidates of the search.
+REMEDIES = (
+    ((DISTINCT, INSIDE_BOUND, EXCITATION_ADEQUATE), _fewer_roots, _smaller_order),
+    ((DELAY,), _later, _earlier),
+    ((LENGTH,), _shorter, None),
+    ((WHITE,), _further_noise, None),
+    ((INDEPENDENT_OF_INPUT,), _longer_b, None),
+    ((WHITE, INDEPENDENT_OF_INPUT), None, _other_models),
 )
 
 

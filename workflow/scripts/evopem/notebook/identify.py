@@ -62,7 +62,7 @@ def identify(
     input, time : column label, or list of them for several inputs, optional
         Of a table alone.
     time_unit : str, optional
-        Unit of the times, where it is not told: s, ms, us, ns, min, h or d.
+        Unit of the times, where it is not stated: s, ms, us, ns, min, h or d.
     validation : pandas.DataFrame, or pair of arrays (input, output), optional
         An independent recording of the same channels for validation, or a list of tables or a
         pair of lists for several. All samples of `data` then serve estimation.

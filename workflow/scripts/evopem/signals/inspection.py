@@ -237,7 +237,7 @@ class ChannelRoles:
 
     @property
     def sentence(self) -> str:
-        """How input and output were told apart."""
+        """How input and output were distinguished."""
         pair = f"“{self.input}” is the input and “{self.output}” the output"
         if self.test is None:
             return f"{pair} by their names."
@@ -261,7 +261,7 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
         names = ", ".join(repr(each.reference) for each in contents.signals) or "none"
         problem = (
             f"beside the time there are {len(contents.signals)} channels that may be input or"
-            f" output ({names}), where two can be told apart"
+            f" output ({names}), where two can be distinguished"
         )
         raise InputError(source, problem, "name input and output")
     first, second = contents.signals
@@ -276,7 +276,7 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
     if test.direction == 0:
         both = test.forward < SIGNIFICANCE
         problem = (
-            f"{first.reference!r} and {second.reference!r} cannot be told apart as input and"
+            f"{first.reference!r} and {second.reference!r} cannot be distinguished as input and"
             " output: their names do not say it, and the past of"
             f" {'each' if both else 'neither'} improves predictions of the other at"
             f" {100 * SIGNIFICANCE:g} %"

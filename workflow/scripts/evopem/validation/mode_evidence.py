@@ -387,7 +387,7 @@ def shape_doubt(mode: Mode) -> str:
     if len(mode.shape) < 2 or not math.isfinite(mode.shape_assurance):
         return ""
     if mode.equal_poles_p > POLES_APART:
-        return "the data do not tell its pole from a neighbour’s, so that the shapes may be mixed"
+        return "the data do not separate its pole from a neighbour’s, so that shapes may be mixed"
     if mode.shape_assurance < KNOWN_SHAPE:
         return f"a MAC of only {mode.shape_assurance:.2f} is expected with the true shape"
     return ""

@@ -114,7 +114,7 @@ def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
     about = Decision(
         *("folds", " and ".join(map(_name, kept))),
         tuple(Alternative(_name(d), 1.0 - overlaps[d]) for d in overlaps),
-        "share of a held-out part's input spectrum that the training part lacks",
+        "share of a held-out part's input spectrum outside that of the training part",
         sentence,
     )
     return FoldPlan(tuple(kept), about, decide_repetition(stretches), bool(of_response))

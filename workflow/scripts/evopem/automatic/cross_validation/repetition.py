@@ -56,7 +56,7 @@ def decide_repetition(stretches: Sequence[Segment]) -> Repetition:
         *(lag, correlation, independent),
         f"The input repeats after {lag} samples, and so do the residuals (correlation"
         f" {correlation:.2f}): they are caused by the input, in a way that no linear model"
-        f" describes. Repetitions tell little that is new, so that {n} samples count as"
+        f" describes. Repetitions add little information, so that {n} samples count as"
         f" {round(independent * n)} in the BIC.",
     )
 

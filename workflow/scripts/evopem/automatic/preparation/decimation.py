@@ -56,7 +56,10 @@ def decide_decimation(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     if not factors:
         sentence = f"{below} of the sampling rate: the record is not oversampled."
     elif not stretches[0].has_input:
-        kept, sentence = [], "Without an input the rate is kept: nothing tells modes from noise."
+        kept, sentence = (
+            [],
+            "Without an input the rate is kept: modes are not distinguished from noise.",
+        )
     elif not kept:
         sentence = (
             f"Inputs and outputs are coherent up to {coherent:.3g} of the sampling rate, though"

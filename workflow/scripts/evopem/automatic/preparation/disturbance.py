@@ -40,7 +40,7 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     found = [_likeliest(stretches, d) for d in range(MOST_DIFFERENCES + 1)]
     times, left, level = 0, 0.0, found[0]
     if level is None:
-        sentence = "The record is too short to tell whether the output drifts."
+        sentence = "The record is too short to decide whether the output drifts."
     else:
         known = [each for each in found if each is not None]
         best = min(known, key=lambda each: each.bic)

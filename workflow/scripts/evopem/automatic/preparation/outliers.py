@@ -31,8 +31,8 @@ def decide_outliers(
         named = [f"{each:.6g} s" for each in (*fitted, *held_out)]
         sentence = (
             f"Output samples at {count} times are wrong alone, {len(held_out)} of them among those"
-            f" for validation: off by more than {LEAST_DEVIATION:g} standard errors from what the"
-            f" samples on both sides tell ({', '.join(named[:MOST_NAMED])}"
+            f" for validation: off by more than {LEAST_DEVIATION:g} standard errors from the"
+            f" prediction by the samples on both sides ({', '.join(named[:MOST_NAMED])}"
             f"{', …' * (count > MOST_NAMED)}). They are replaced by that."
         )
     alternatives = (Alternative("none", 0.0), Alternative("replaced", float(count)))
