@@ -9,8 +9,9 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.automatic.candidates import (
+    CRITERIA,
+    GAIN,
     LARGEST_ORDER,
-    REACH,
     Candidate,
     Scorer,
     StructureSearch,
@@ -32,8 +33,8 @@ from evopem.signals.recording import Segment
 PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, LARGEST_ORDER)
 LONG_PATH = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 PATIENCE = 3
-# A criterion must fall by this share (simulation) or by this much (BIC) to count as a gain.
-GAIN, BIC_GAIN = 0.005, 0.002
+# The BIC of one-step and of simulation errors must fall by this much to count as a gain.
+LEAST_GAINS = 0.002, 0.01
 # Samples times parameters of all candidates of a structure, and of a refinement: the cost of a fit
 # with its folds is about proportional to it.  Long records stop at lower orders.
 MOST_WORK = 1_100_000
@@ -64,15 +65,15 @@ def search_structure(
 def _along_path(
     scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None
 ) -> list[Candidate]:
-    """Candidates of polynomials, as long as their scores or their BIC fall."""
+    """Candidates of polynomials, as long as one of their criteria falls."""
     candidates: list[Candidate] = []
-    without_gain, work, best, best_bic = 0, 0, np.inf, np.inf
+    without_gain, work, lowest = 0, 0, [np.inf, np.inf]
     previous: list[PolynomialModel] = []
     for orders_of_step in scorer.limits.within(structure, _path(structure, scorer.delays)):
         tried: list[Candidate] = []
         for orders in orders_of_step:
             starts = [*previous, *_same_plant(orders, structure, smaller)]
-            candidate = scorer.candidate(structure, orders, starts)
+            candidate = scorer.candidate(structure, orders, starts, scored=False)
             if candidate is not None:
                 tried.append(candidate)
                 if log is not None:
@@ -83,9 +84,11 @@ def _along_path(
         work += scorer.samples * sum(each.parameters for each in tried)
         likeliest = min(tried, key=lambda each: each.bic)
         previous = [_polynomials(likeliest)]
-        score = min(min(each.scores.simulation, each.scores.fitted_level) for each in tried)
-        gained = score < (1.0 - GAIN) * best or likeliest.bic < best_bic - BIC_GAIN
-        best, best_bic = min(best, score), min(best_bic, likeliest.bic)
+        reached = [min(map(criterion, tried)) for criterion in CRITERIA]
+        gained = any(
+            new < old - least for new, old, least in zip(reached, lowest, LEAST_GAINS, strict=True)
+        )
+        lowest = list(map(min, reached, lowest))
         without_gain = 0 if gained else without_gain + 1
         if without_gain >= PATIENCE or work >= MOST_WORK:
             break
@@ -95,29 +98,15 @@ def _along_path(
 def _by_states(
     scorer: Scorer, structure: str, _: Mapping[str, StructureSearch], log: Log | None
 ) -> list[Candidate]:
-    """Candidates in state space until their BIC rises, with scores up to the lowest one's order.
-
-    Errors that are not white raise the order of BIC, but never lower it.
-    """
+    """Candidates in state space until their BIC rises."""
     states = numbers_of_states(scorer)
     if not states:
         return []
     given = scorer.stretches, structure, states, scorer.delays, scorer.settings
-    candidates = [
+    return [
         scorer.described(structure, found, order)
         for order, found in fits_in_state_space(*given, log)
     ]
-    likeliest = min(candidates, key=lambda each: each.bic, default=None)
-    scored = []
-    for each in candidates:
-        assert likeliest is not None
-        near = scorer.has_input or each.bic <= likeliest.bic + REACH
-        if near and each.order <= likeliest.order:
-            if log is not None:
-                log(f"{each.name}: errors on held-out samples")
-            each = scorer.scored(each)
-        scored.append(each)
-    return scored
 
 
 def numbers_of_states(scorer: Scorer) -> tuple[int, ...]:
@@ -206,8 +195,11 @@ def refine_orders(
                 continue
             work += scorer.samples * orders.parameters
             models = [_polynomials(best)]
-            candidate = scorer.candidate(best.structure, orders, models, own_starts=False)
+            candidate = scorer.candidate(
+                best.structure, orders, models, own_starts=False, scored=False
+            )
             tried += [candidate] if candidate is not None else []
+        tried = scorer.with_scores(tried)
         lowest = min(tried, key=score)
         if not score(lowest) < (1.0 - GAIN) * score(best):
             break

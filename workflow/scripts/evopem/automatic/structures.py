@@ -96,7 +96,9 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
 
     Raises NoModelError when no structure has a candidate.
     """
-    candidates = [each for search in searches for each in search.candidates]
+    eligible = [each for search in searches for each in _eligible(search)]
+    others = [each for search in searches for each in search.candidates if each not in eligible]
+    candidates = [*scorer.with_scores(eligible), *others]
     if not candidates:
         is_short = {each.decision.sentence for each in searches} == {TOO_SHORT}
         if is_short:
@@ -121,9 +123,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     best = min(candidates, key=score_of("prediction"))
     prediction, sentence = _smallest_as_good(scorer, candidates, best, "prediction")
     choices.append(Choice("prediction", scorer.on_all_samples(prediction), "constant"))
-    modes = min(
-        [each for each in candidates if each.has_poles] or candidates, key=lambda each: each.bic
-    )
+    modes = min([each for each in candidates if each.has_poles] or candidates, key=BIC)
     choices.append(Choice("modes", scorer.on_all_samples(modes), "constant"))
     decisions += [
         _named(
@@ -133,6 +133,18 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
         _named("structure for modes", modes, candidates, BIC, "BIC"),
     ]
     return Comparison(tuple(choices), tuple(candidates), tuple(decisions))
+
+
+def _eligible(search: StructureSearch) -> Sequence[Candidate]:
+    """The candidates of a structure that may be chosen.
+
+    Errors that are not white raise the number of states of the lowest BIC, but never lower it.
+    """
+    known = search.candidates
+    if not known or known[0].polynomials is not None:
+        return known
+    likeliest = min(known, key=BIC)
+    return [each for each in known if each.order <= likeliest.order]
 
 
 def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:

@@ -72,9 +72,8 @@ def _searched(
     searches: Sequence[StructureSearch], comparison: Comparison, choice: Choice
 ) -> Iterator[Row]:
     """The orders of all structures, and those that were refined; not all of them are scored."""
-    searched = {each.name: each for search in searches for each in search.candidates}
-    refined = [each for each in comparison.candidates if each.name not in searched]
-    for each in (*(each for search in searches for each in search.candidates), *refined):
+    searched = {each.name for search in searches for each in search.candidates}
+    for each in sorted(comparison.candidates, key=lambda each: each.name not in searched):
         row: Row = {
             "step": "order" if each.name in searched else "orders of each input",
             "structure": each.structure,
@@ -94,7 +93,7 @@ def _reason(candidate: Candidate, choice: Choice) -> str:
     if candidate.name == choice.candidate.name:
         return f"for {choice.purpose}: most likely of the best on held-out samples"
     if not candidate.is_scored:
-        return "above the order of the lowest BIC"
+        return "far less likely than others, or above the order of the lowest BIC"
     if candidate.bic > choice.candidate.bic:
         return "less likely than the selected one"
     return "worse on held-out samples"
