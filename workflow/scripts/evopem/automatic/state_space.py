@@ -16,7 +16,7 @@ from evopem.estimation.state_space.local_estimates import (
     refitted,
 )
 from evopem.estimation.state_space.problem import STEPS
-from evopem.estimation.state_space.search import FINAL_WIDTH, likeliest_order
+from evopem.estimation.state_space.search import FINAL_WIDTH, WIDTH, likeliest_order
 from evopem.estimation.state_space.starting_models import USUAL_ORDER
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
@@ -73,6 +73,8 @@ def fits_in_state_space(
     driven = estimation.has_input
     many = orders[0] >= MANY_ALONE - BELOW and orders[-1] >= MANY_ALONE
     quick = large or (many and not driven)
+    # Polynomials of equal orders are searched beside the states of one input and one output.
+    usual = WIDTH if stretches[0].inputs.shape[1] == 1 == stretches[0].outputs.shape[1] else None
     estimates = estimates_of_orders(
         estimation,
         orders,
@@ -81,7 +83,7 @@ def fits_in_state_space(
         weighting=weighting_of(structure, settings),
         settings=settings,
         forgets=True,
-        width=LARGE_WIDTH if quick else FINAL_WIDTH,
+        width=LARGE_WIDTH if quick else usual or FINAL_WIDTH,
         steps=LARGE_STEPS if quick else STEPS,
         log=log,
     )

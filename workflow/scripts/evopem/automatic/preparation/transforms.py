@@ -43,6 +43,8 @@ SPREAD_ORDER = 4
 # Lags of the ARX model with which a drift is estimated, and the sum of its output coefficients that
 # leaves a level.
 DRIFT_ORDER, LEAST_DECAY = 4, 1e-3
+# A trend of fewer standard errors is not tried.
+LEAST_RATIO = 2.0
 CRITERION = "simulation error on held-out samples in recorded units, % of the output"
 # Box-Cox parameters this near to 1 change nothing.
 LEAST_CURVATURE = 0.1
@@ -96,6 +98,11 @@ def decide_transforms(
         sentences.append("The configuration says of trends what is done.")
     elif not continued:
         sentences.append("The validation samples are of other recordings: no trend is tried.")
+    elif abs(ratio := _slope_and_ratio(kept)[1]) < LEAST_RATIO:
+        sentences.append(
+            f"The output has no trend beside its response to the input ({abs(ratio):.1f} standard"
+            " errors)."
+        )
     else:
         tried += [("line of each channel", _lines), ("drift of the output", _drift)]
     if folds and not box_cox:
@@ -151,21 +158,31 @@ def _lines(stretches: Sequence[Segment]) -> TransformPlan:
 
 def _drift(stretches: Sequence[Segment]) -> TransformPlan:
     """Slope of the output's drift, estimated along with an ARX model."""
+    return TransformPlan(output_trend=_slope_and_ratio(stretches)[0])
+
+
+def _slope_and_ratio(stretches: Sequence[Segment]) -> tuple[float, float]:
+    """Slope of the output beside its response to the input, and its ratio to its standard error."""
     n, rows, target = DRIFT_ORDER, [], []
     for each in (long for long in stretches if long.samples > 2 * DRIFT_ORDER):
         u, t = (each.inputs - each.inputs.mean(axis=0)).T
         y = each.output - each.output.mean()
         lagged = [y[n - k : each.samples - k] for k in range(1, n + 1)]
         lagged += [u[n - k : each.samples - k] for k in range(n + 1)]
-        rows.append(np.column_stack([*lagged, t[n:], np.ones(len(y) - n)]))
+        rows.append(np.column_stack([t[n:], *lagged, np.ones(len(y) - n)]))
         target.append(y[n:])
     if not rows:
-        return TransformPlan()
-    solution = np.linalg.lstsq(np.vstack(rows), np.concatenate(target), rcond=1e-10)[0]
-    gain = 1.0 - float(np.sum(solution[:n]))
-    return TransformPlan(
-        output_trend=float(solution[-2]) / gain if abs(gain) > LEAST_DECAY else 0.0
-    )
+        return 0.0, 0.0
+    goal, columns = np.concatenate(target), np.vstack(rows)
+    solution = np.linalg.lstsq(columns, goal, rcond=1e-10)[0]
+    gain = 1.0 - float(np.sum(solution[1 : n + 1]))
+    # The trend alone after all other columns (Frisch & Waugh 1933).
+    own = columns[:, 0] - columns[:, 1:] @ np.linalg.lstsq(columns[:, 1:], columns[:, 0], 1e-10)[0]
+    left = goal - columns @ solution
+    freedom = max(len(goal) - columns.shape[1], 1)
+    spread = float(np.sqrt(left @ left / freedom / max(own @ own, np.finfo(float).tiny)))
+    ratio = float(solution[0]) / max(spread, np.finfo(float).tiny)
+    return float(solution[0]) / gain if abs(gain) > LEAST_DECAY else 0.0, ratio
 
 
 def spread_test(stretches: Sequence[Segment]) -> float:
