@@ -75,6 +75,21 @@ def test_feedback_does_not_lead_to_an_output_error_model():
     assert error_percent(x, simulated(chosen.model, Segment(u, x), fitted_level=True)[:, 0]) < 25.0
 
 
+def test_candidates_far_behind_are_not_scored_on_held_out_samples():
+    u, y, _ = output_error_record(400)
+    stretches = [Segment(u, y)]
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), delays=(1,))
+    searches = [search_structure(scorer, each, {}) for each in ("fir", "arx", "oe")]
+    assert not any(each.is_scored for search in searches for each in search.candidates)
+    candidates = [each for search in searches for each in search.candidates]
+    known = scorer.with_scores(candidates)
+    scored = [each for each in known if each.is_scored]
+    assert len(scored) < len(known) / 2
+    everything = map(scorer.scored, candidates)
+    lowest = min(each.scores.simulation for each in everything)
+    assert min(each.scores.simulation for each in scored) < 1.02 * lowest
+
+
 def test_state_space_competes_with_polynomials_by_the_same_scores():
     u, y, _ = output_error_record(400)
     stretches = [Segment(u, y)]
@@ -86,7 +101,7 @@ def test_state_space_competes_with_polynomials_by_the_same_scores():
     assert ss.parameters == armax.parameters
     assert ss.bic == pytest.approx(armax.bic, abs=0.01)
     # Both leave the noise, 20 % of the noise-free output, on samples that neither has seen.
-    for each in (armax, ss):
+    for each in scorer.with_scores([armax, ss]):
         assert each.scores.simulation == pytest.approx(20.0, rel=0.1)
         assert each.scores.prediction == pytest.approx(20.0, rel=0.1)
     comparison = compare_structures(scorer, searches)

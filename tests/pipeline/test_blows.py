@@ -92,7 +92,7 @@ def test_the_held_out_blow_is_simulated_down_to_the_noise(results):
     assert data.validation.samples == 240
     least = 100.0 * np.mean(NOISE / data.validation.outputs.std(axis=0))
     assert validation.simulation_error_percent == pytest.approx(least, rel=0.1)
-    (candidate,) = json.loads(Path(results.search("ss_oe")).read_text())["candidates"]
+    (candidate,) = json.loads(Path(results.decision("comparison")).read_text())["candidates"]
     expected = 100.0 * np.mean(NOISE / data.estimation.outputs.std(axis=0))
     # Every part of the recordings is held out, and a third of them hold one of the three blows.
     assert 0.9 * expected < candidate["scores"]["simulation"] < 1.2 * expected
