@@ -5,10 +5,12 @@ import pytest
 from identified import undrawn_page
 from scipy.signal import lfilter
 
-from evopem.automatic.decision import DecisionRecord
+from evopem.automatic.decision import Decision, DecisionRecord
 from evopem.config.defaults import complete
+from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
+from evopem.pipeline import complete_model
 from evopem.pipeline.identification import identify_dataset, jobs
 from evopem.results.layout import DatasetFiles
 
@@ -57,6 +59,26 @@ def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipp
     assert len(stretches) > 5
     assert model.transforms.estimation_samples == sum(each.samples for each in stretches)
     assert model.model.poles()[:2] == pytest.approx(np.roots(POLES), abs=0.08)
+
+
+@pytest.mark.parametrize("key", ["constraints.max_pole_radius", "search.max_root_radius"])
+def test_a_model_for_another_purpose_gives_up_constraints_alone(clipped, monkeypatch, key):
+    fits, known = [], load(ModelRecord, clipped.model)
+
+    def record(files, choice, scored, search, evaluations, fit, *_):
+        fits.append(fit)
+        if evaluations == 0 and len(fits) == 2:
+            raise InputError(f"datasets.pump.{key}", "it cannot be met", "change it")
+        return known, load(Decision, files.decision("search"))
+
+    monkeypatch.setattr(complete_model, "_record_of", record)
+    job = next(each for each in jobs(settings_of("pump.csv"), clipped) if "model" in each.name)
+    if key.startswith("constraints"):
+        job.run()
+        assert len(fits) == 3
+    else:
+        with pytest.raises(InputError, match=key):
+            job.run()
 
 
 def test_the_report_shows_the_decisions(clipped):

@@ -84,8 +84,26 @@ def _figure(name: str, kind: str = "") -> Callable[..., Any]:
     return _plot(CHARTS[name], kind)
 
 
+class _Reported:
+    """What is written as a page."""
+
+    _page: Callable[[], str]
+
+    def report(self, file: str | Path) -> Path:
+        """Write one HTML page that loads no other file, as the workflow makes it.
+
+        Raises
+        ------
+        InputError
+            When matplotlib or jinja2 is missing, or the file cannot be written.
+        """
+        check_packages(FOR_REPORT, "report", "the figures and the page")
+        write_page(file, self._page())
+        return Path(file)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class Results:
+class Results(_Reported):
     """What an identification found; in a notebook it shows verdict, modes and errors.
 
     Every ``plot_…`` takes the axes to draw on, by default new ones, and returns them: one, or a
@@ -231,21 +249,11 @@ class Results:
                 raise InputError("compare", f"{shown} is no result", "give what identify returns")
         return ModelComparison.of([each.results for each in (self, *others)], labels)
 
-    def report(self, file: str | Path) -> Path:
-        """Write the report: one HTML page that loads no other file, as the workflow makes it.
-
-        Raises
-        ------
-        InputError
-            When matplotlib or jinja2 is missing, or the file cannot be written.
-        """
-        check_packages(FOR_REPORT, "report", "the figures and the page")
+    def _page(self) -> str:
         from evopem.figures import svg_texts
         from evopem.pipeline.report import report_page
 
-        page = report_page(self.files, self.results, svg_texts(self.results))
-        write_page(file, page)
-        return Path(file)
+        return report_page(self.files, self.results, svg_texts(self.results))
 
     def save(self, folder: str | Path) -> Path:
         """Keep the files of the results in a folder, with the signals they were made from.
@@ -280,7 +288,7 @@ class Results:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModelComparison(Comparison):
+class ModelComparison(_Reported, Comparison):
     """Two to six models side by side; in a notebook it shows errors and modes.
 
     Its ``table`` has a row for each model, its ``modes`` one for each mode of each model.
@@ -300,19 +308,10 @@ class ModelComparison(Comparison):
     plot_modes = _plot(compared_modes)
     """Damping over frequency with 95 % intervals; open where a mode is not to be trusted."""
 
-    def report(self, file: str | Path) -> Path:
-        """Write the comparison as one HTML page that loads no other file.
-
-        Raises
-        ------
-        InputError
-            When matplotlib or jinja2 is missing, or the file cannot be written.
-        """
-        check_packages(FOR_REPORT, "report", "the figures and the page")
+    def _page(self) -> str:
         from evopem.report.templates import template_folder
 
-        write_page(file, build_comparison(self, template_folder()))
-        return Path(file)
+        return build_comparison(self, template_folder())
 
 
 for _class in (Results, ModelComparison):

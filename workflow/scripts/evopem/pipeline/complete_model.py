@@ -108,8 +108,10 @@ def complete_model(
             given = files, choice, scored, search, 0
             try:
                 other, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
-            except InputError:
+            except InputError as error:
                 # What a structure meets depends on the orders that it has come to.
+                if not error.source.startswith(f"datasets.{files.name}.constraints"):
+                    raise
                 other, _ = _record_of(*given, FitSettings())
             save(other, files.other_model(purpose))
     model, names = record.model, (record.input_names, record.output_names)
