@@ -1,19 +1,22 @@
 """Several recordings of several channels, from the files to the report."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-from identified import undrawn_page
+from identified import finish, undrawn_page
 
 from evopem.config.defaults import complete
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
+from evopem.figures.comparison import compared_simulations
 from evopem.files.json_form import load
 from evopem.pipeline.identification import identify_dataset
+from evopem.pipeline.report import compare_datasets
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording_info import RecordingInfo
@@ -96,6 +99,21 @@ def test_the_held_out_blow_is_simulated_down_to_the_noise(results):
     expected = 100.0 * np.mean(NOISE / data.estimation.outputs.std(axis=0))
     # Every part of the recordings is held out, and a third of them hold one of the three blows.
     assert 0.9 * expected < candidate["scores"]["simulation"] < 1.2 * expected
+
+
+def test_models_of_several_outputs_are_compared_output_by_output(results, tmp_path):
+    for name in ("a", "b"):
+        shutil.copytree(results.folder, tmp_path / name)
+        finish(DatasetFiles(str(tmp_path / name)))
+    both = [str(tmp_path / name) for name in ("a", "b")]
+    compared = compare_datasets(both, str(tmp_path / "page.html"))
+    assert [[each.name for each in outputs] for outputs in compared.outputs] == [
+        ["acc_1", "acc_1"],
+        ["acc_2", "acc_2"],
+    ]
+    assert compared.has_same_validation
+    assert [panel.y_label for panel in compared_simulations(compared).panels] == ["acc_1", "acc_2"]
+    assert "acc_2" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_the_report_lists_every_recording(results):
