@@ -141,6 +141,20 @@ def test_a_slow_disturbance_that_does_not_hide_the_response_is_no_reason_to_diff
     assert "nothing is differenced" in decision.sentence
 
 
+def test_a_stationary_response_to_a_multisine_of_low_frequencies_is_not_differenced():
+    """The smooth output of three modes is predicted best from its differences."""
+    t, y = np.arange(2600), 0.0
+    phases = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, 42)
+    u = np.cos(2.0 * np.pi * np.outer(t, np.arange(1, 43)) / 600 + phases).sum(axis=1)
+    for frequency in (0.06, 0.15, 0.25):
+        pole = np.exp((-0.01 + 1j) * 2.0 * np.pi * frequency)
+        part = lfilter([0.0, 1.0, 0.4], [1.0, -2.0 * pole.real, abs(pole) ** 2], u)
+        y = y + part / part.std()
+    times, about = decide_differences([Segment(u[2000:], y[2000:] - y[2000:].mean())])
+    assert times == 0
+    assert min(about.alternatives, key=lambda each: each.score).name != "0"
+
+
 def test_an_integrating_plant_is_not_differenced():
     u, e = np.random.default_rng(6).standard_normal((2, 800))
     y = np.cumsum(u) + e
