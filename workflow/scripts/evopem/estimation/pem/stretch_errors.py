@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -76,9 +76,7 @@ class StretchErrors:
         self, task: int, points: Array, smoothing: Array, barriers: Array
     ) -> tuple[Array, Array]:
         """One pass over the points, for residuals in the workspace, values, or gradients."""
-        line, none = np.zeros(len(points), LINE), np.empty((0, 0))
-        line["active"] = True
-        state = State(np.ascontiguousarray(points), none, np.empty((0, 0, 0)), none, line)
+        state = _rest(len(points))._replace(x=np.ascontiguousarray(points))
         given = self._record, self.objective, self._workspace, task, state
         _, _, values, gradients = passes(*given, smoothing, barriers, 0.0, 0, 0, 0)
         return values, gradients
@@ -177,6 +175,14 @@ class StretchErrors:
             _Regressors(*_from_rest(impulse, o.noise_states), 0, o.noise_states, none, (c,)),
         ]
         return [each for each in found if each.copies]
+
+
+@lru_cache(maxsize=64)
+def _rest(count: int) -> State:
+    """The state of a pass that makes no trials, which is only read."""
+    line, none = np.zeros(count, LINE), np.empty((0, 0))
+    line["active"] = True
+    return State(none, none, np.empty((0, 0, 0)), none, line)
 
 
 class _Regressors:

@@ -168,14 +168,17 @@ def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
     # Coordinates without any effect, such as a noise state that has decayed, are not changed.
     sensitive = diagonal > SENSITIVE * diagonal.max(axis=1, keepdims=True)
     scale = np.where(sensitive, 1.0 / np.sqrt(np.where(sensitive, diagonal, 1.0)), 0.0)
-    scaled = matrices * scale[:, :, None] * scale[:, None, :]
+    scaled = matrices * scale[:, :, None]
+    scaled *= scale[:, None, :]
     finite = np.isfinite(scaled).all(axis=(1, 2))
     scaled[~finite] = np.eye(count)
     scale[~finite] = 1.0
     np.einsum("ijj->ij", scaled)[:] = 1.0 + damping * count
     inverses = np.linalg.inv(scaled)
-    damped: Array = np.asarray(inverses + np.swapaxes(inverses, 1, 2), dtype=float)
-    return 0.5 * damped * scale[:, :, None] * scale[:, None, :]
+    damped = 0.5 * (inverses + np.swapaxes(inverses, 1, 2))
+    damped *= scale[:, :, None]
+    damped *= scale[:, None, :]
+    return np.asarray(damped)
 
 
 def solve_linear(errors: PredictionErrors, points: Array, linear: Flags, steps: int) -> Array:

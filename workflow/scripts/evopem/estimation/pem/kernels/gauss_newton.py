@@ -215,7 +215,7 @@ def _add_products(one, x, size, other, z, count, sums, row, stride):
 def _add_products_of_parts(record, buffers, segment, now, size, alive):
     """Add the products of ``size`` samples: the first row and column of each pair of parts."""
     parts, sums = buffers.parts, buffers.sums
-    width = parts[:, 2].sum()
+    width = buffers.width
     # A bare 1 would be a type of its own, which the products would be compiled for once more.
     next_row = np.intp(1)
     for p in range(parts.shape[0]):
@@ -235,7 +235,7 @@ def _complete_sums(buffers):
     """The products of all other copies, from those of their first ones.  Each follows from its
     upper-left neighbour by exchanging the samples at the record's ends."""
     parts, sums, heads, tails = buffers.parts, buffers.sums, buffers.heads, buffers.tails
-    width, history = parts[:, 2].sum(), heads.shape[0] // parts.shape[0]
+    width, history = buffers.width, buffers.history
     minus = constant(-1.0)
     for p in range(parts.shape[0]):
         for q in range(p, parts.shape[0]):
@@ -255,7 +255,7 @@ def _complete_sums(buffers):
 def _add_responses(record, buffers, column):
     """Add what enters the copies of y and u_i from the past, to the columns or to the rows."""
     parts, sums = buffers.parts, buffers.sums
-    width = parts[:, 2].sum()
+    width = buffers.width
     step, across = (width, 1) if column else (1, width)
     for p in range(parts.shape[0]):
         if parts[p, 6] < 0:
@@ -278,8 +278,7 @@ def _add_responses(record, buffers, column):
 def _gauss_newton(record, workspace, buffers):
     """``sum_t J_t J_t'`` over the samples that count, for the loaded models, to ``buffers.sums``.
     By the copies of :class:`.record.LagSums`."""
-    parts, sums, heads = buffers.parts, buffers.sums, buffers.heads
-    history = heads.shape[0] // parts.shape[0]
+    parts, sums, heads, history = buffers.parts, buffers.sums, buffers.heads, buffers.history
     segment = history + CHUNK
     for table in (buffers.by_c, buffers.by_d, buffers.by_f, sums):
         fill(table, 0, table.shape[0], 0.0)
@@ -308,7 +307,7 @@ def _gauss_newton(record, workspace, buffers):
 @njit
 def _unload_sums(record, objective, weights, buffers, rows, matrices):
     """Write the loaded models' sums, by the entries of a point and weighted, to their matrices."""
-    parts, width = buffers.parts, buffers.parts[:, 2].sum()
+    parts, width = buffers.parts, buffers.width
     for p in range(parts.shape[0]):
         for q in range(parts.shape[0]):
             for one in range(parts[p, 4]):

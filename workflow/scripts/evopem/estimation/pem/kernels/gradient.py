@@ -15,7 +15,6 @@ from evopem.estimation.pem.kernels.record import (
     load_points,
     load_smoothing,
     marked_rows,
-    monic_parts,
     state_weight,
 )
 from evopem.estimation.pem.kernels.residuals import (
@@ -158,7 +157,9 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
     count, n = points.shape
     found, gradients = np.full(count, np.inf), np.zeros((count, n))
     of_roots = _barriers(record, objective, points, gradients)
-    allowed = np.arange(count) if task == RESIDUALS else marked_rows(of_roots < np.inf)
+    if task == RESIDUALS:
+        of_roots[:] = 0.0
+    allowed = marked_rows(of_roots < np.inf)
     first = record.loss_start - record.residual_start + record.history
     last = record.loss_stop - record.residual_start + record.history
     for i in range(0, allowed.size, LANES):
@@ -199,14 +200,14 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
 def _barriers(record, objective, points, gradients):
     """Barriers of all monic polynomials of each row, inf where a root lies outside, and gradients.
     The gradients go to their rows, which are zero."""
-    parts, radii = monic_parts(record, objective)
-    order = np.max(parts[:, 1] - parts[:, 0])
+    order = record.largest_order
     work = np.empty((order + 1, order))
     found = np.zeros(points.shape[0])
-    for r in range(found.size):
-        for k in range(radii.size):
-            low, high = parts[k]
-            found[r] += barrier(points[r, low:high], radii[k], work, gradients[r, low:high])
+    for k in range(record.monic.shape[0]):
+        low, high, of_plant = record.monic[k, 0], record.monic[k, 1], record.monic[k, 2]
+        radius = objective.plant_radius if of_plant else objective.noise_radius
+        for r in range(found.size):
+            found[r] += barrier(points[r, low:high], radius, work, gradients[r, low:high])
     return found
 
 

@@ -31,7 +31,8 @@ class Record(NamedTuple):
     """A record, the orders of the models that share a pass over it, and the samples that count.
     ``y`` and, one after the other, the inputs in ``u`` begin with :data:`FRONT` zeros, which sample
     numbers include.  ``at_...``: first signed rows; ``entry``, ``sign``: the entry of a point that
-    each holds, or -1, and its sign.  ``parts``: kind, input, coefficients, first row.  ``history``:
+    each holds, or -1, and its sign.  ``parts``: kind, input, coefficients, first row.  ``monic``:
+    of each monic polynomial the first and last entry, and whether it is A or F_i.  ``history``:
     rows looked back on."""
 
     y: Array
@@ -57,6 +58,9 @@ class Record(NamedTuple):
     entry: Indices
     sign: Array
     parts: Indices
+    monic: Indices
+    largest_order: int
+    plant_states: int
     history: int
     rows: int
     residual_start: int
@@ -112,12 +116,15 @@ def record_of(
     ]
     at: list[list[int]] = [[] for _ in range(8)]
     entry: list[int] = []
+    monic: list[tuple[int, int, bool]] = []
     sign: list[float] = []
     found = 0
     for kind, _, rows, count, own in parts:
         at[kind].append(len(entry))
         entry += [*range(found, found + count), *([-1] * (rows - count))]
         sign += [own] * rows
+        if count and kind in (OF_A, OF_C, OF_D, OF_F):
+            monic.append((found, found + count, kind in (OF_A, OF_F)))
         found += count
     first = [kind[0] if kind else 0 for kind in at]
     starts = np.cumsum([0, *(rows for _, _, rows, _, _ in parts)])
@@ -153,6 +160,9 @@ def record_of(
         entry=np.array(entry, dtype=np.intp),
         sign=np.array(sign),
         parts=np.array(kept, dtype=np.intp).reshape(-1, 4),
+        monic=np.array(monic, dtype=np.intp).reshape(-1, 3),
+        largest_order=max(na, nc, nd, *nf, 0),
+        plant_states=sum(nf),
         history=history,
         rows=length - FRONT - residual_start + history,
         residual_start=FRONT + residual_start,
@@ -199,6 +209,8 @@ class LagSums(NamedTuple):
     heads: Array
     tails: Array
     sums: Array
+    width: int
+    history: int
 
 
 def lag_sums_for(record: Record, linear: bool) -> LagSums:
@@ -216,6 +228,8 @@ def lag_sums_for(record: Record, linear: bool) -> LagSums:
         heads=lanes_table(len(parts) * history),
         tails=lanes_table(len(parts) * history),
         sums=lanes_table(rows * rows),
+        width=rows,
+        history=history,
     )
 
 
@@ -293,32 +307,9 @@ def load_smoothing(smoothing, rows, workspace):
 
 
 @njit
-def monic_parts(record, objective):
-    """First and last entry in a point of each monic polynomial, (m + 3, 2), and its radius."""
-    parts = np.empty((record.inputs + 3, 2), dtype=np.intp)
-    radii = np.empty(record.inputs + 3)
-    parts[0] = 0, record.na
-    c = record.na + record.nb.sum()
-    d = c + record.nc
-    f = d + record.nd
-    parts[1] = c, d
-    parts[2] = d, f
-    radii[0], radii[1], radii[2] = (
-        objective.plant_radius,
-        objective.noise_radius,
-        objective.noise_radius,
-    )
-    for i in range(record.inputs):
-        parts[3 + i] = f, f + record.nf[i]
-        radii[3 + i] = objective.plant_radius
-        f += record.nf[i]
-    return parts, radii
-
-
-@njit
 def state_weight(record, objective, size, k):
     """Weight of the square of an entry of a point of some size: 0 but of states."""
     at_s = size - record.states
     if k >= at_s:
         return objective.noise_state_weight
-    return objective.plant_state_weight if k >= at_s - record.nf.sum() else 0.0
+    return objective.plant_state_weight if k >= at_s - record.plant_states else 0.0
