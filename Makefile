@@ -5,6 +5,7 @@ BIN := $(VENV)/bin
 CORES ?= all
 FUZZ_SECONDS ?= 600
 TESTS ?= tests/models tests/files
+FIRST := tests/signals tests/config tests/files
 LONGEST := tests/workflow tests/packaging tests/fletcher_powell tests/estimation tests/pipeline
 EXTRAS := --extra workflow --extra slurm --extra control
 UPGRADE ?=
@@ -19,12 +20,11 @@ report: $(VENV)/installed  ## run config.yaml from data to report
 	@echo "Reports:"; ls -1 "$(CURDIR)"/results/*/report.html
 
 test: $(VENV)/installed-dev  ## run every test, and the examples of the docstrings
-	# First what compiles the kernels, once for the processes that share the tests.
-	$(BIN)/pytest --quiet --doctest-modules workflow/scripts/evopem
-	# Then the longest files first, so that no process is left alone with one at the end.  A folder
-	# that holds another one would bring both into the order of their names.
-	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder \
-		$(LONGEST) $(filter-out $(LONGEST) tests/__pycache__,$(patsubst %/,%,$(wildcard tests/*/))) tests/test_smoke.py
+	# First what compiles the kernels, and beside it what needs none.  Then the longest files, so that
+	# no process is left alone with one at the end.  A folder that holds another one would bring both
+	# into the order of their names.
+	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder tests/test_examples.py $(FIRST) \
+		$(LONGEST) $(filter-out $(FIRST) $(LONGEST) tests/__pycache__,$(patsubst %/,%,$(wildcard tests/*/))) tests/test_smoke.py
 
 matrix: $(VENV)/installed-dev  ## estimate every structure with every focus, objective and constraint
 	EVOPEM_FULL_MATRIX=1 $(BIN)/pytest --quiet --numprocesses auto tests/estimation/test_matrix.py

@@ -13,6 +13,7 @@ import yaml
 from identified import finished_copy
 
 from evopem.config.defaults import complete
+from evopem.results.layout import FIGURES
 
 ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "workflow" / "scripts"
@@ -41,8 +42,20 @@ acceleration = lfilter([0.0, 1.0], [1.0, -1.5, 0.7], force, axis=0) @ [[1.0, 0.3
 acceleration += 0.1 * errors
 """,
 }
+# The command and the report without drawings, which are those of tests/terminal and tests/notebook.
+UNDRAWN = """
+import sys
+from evopem.pipeline import report
+from evopem.results.layout import FIGURES
+from evopem.terminal.command import main
+report.svg_texts = lambda _: dict.fromkeys(FIGURES, "<svg/>")
+sys.exit(main())
+"""
 # Fewer orders and samples than a page shows.
 SHORTER = {
+    "orders=(8, (1, 3))": "orders=(2, (1, 3))",
+    'structure="oe")': 'structure="oe", orders={"plant": [2, 2]})',
+    'structure="arx", name': 'structure="arx", orders={"plant": [2, 2]}, name',
     "range(1, 13)": "range(1, 4)",
     "range(2, 17, 2)": "range(2, 7, 2)",
     "(2, 600)": "(2, 200)",
@@ -124,9 +137,7 @@ def folder(tmp_path, monkeypatch):
     """A working folder with what the pages take for granted, and `evopem` among the commands."""
     commands = tmp_path / "bin"
     commands.mkdir()
-    (commands / "evopem").write_text(
-        f'#!/bin/sh\nexec "{sys.executable}" -m evopem.terminal.command "$@"\n'
-    )
+    (commands / "evopem").write_text(f'#!/bin/sh\nexec "{sys.executable}" -c \'{UNDRAWN}\' "$@"\n')
     (commands / "evopem").chmod(0o755)
     work = tmp_path / "work"
     work.mkdir()
@@ -134,6 +145,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", os.pathsep.join([str(commands), os.environ["PATH"]]))
     monkeypatch.setenv("PYTHONPATH", str(SCRIPTS))
     monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.setattr("evopem.figures.svg_texts", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     monkeypatch.chdir(work)
     return work
 
