@@ -43,9 +43,9 @@ def test_no_error_and_no_request_beyond_the_file(browser, request, name):
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("name", ["report", "hostile", "index", "several", "comparison"])
+@pytest.mark.parametrize("name", ["hostile", "index", "several", "comparison"])
 def test_nothing_is_cut_without_a_cue(browser, request, name, width):
-    """What is wider than its place scrolls there, and says so."""
+    """What is wider than its place scrolls there, and says so; the hostile page is a report."""
     visit(browser, request.getfixturevalue(name), width)
     open_everything(browser)
     assert browser.execute_script("return document.documentElement.scrollWidth") <= width
@@ -161,15 +161,18 @@ def without_script(browser):
     browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
 
 
-def test_every_figure_is_drawn(without_script, report):
+def test_complete_without_javascript(without_script, report):
     visit(without_script, report)
-    sizes = without_script.execute_script(
-        """return Array.from(document.querySelectorAll('figure svg')).map(svg => {
+    sizes, buttons, words = without_script.execute_script(
+        """const sizes = Array.from(document.querySelectorAll('figure svg')).map(svg => {
             const shapes = Array.from(svg.querySelectorAll('path, use'));
             const seen = shapes.filter(s => s.getBoundingClientRect().width > 0);
             const box = svg.getBoundingClientRect();
             return [box.width, box.height, seen.length, svg.getAttribute('aria-label')];
-        })"""
+        });
+        const buttons = [...document.querySelectorAll('button')].filter(
+            each => each.checkVisibility({visibilityProperty: true}));
+        return [sizes, buttons.length, document.body.innerText];"""
     )
     assert len(sizes) == len(FIGURES)
     for width, height, shapes, label in sizes:
@@ -177,6 +180,8 @@ def test_every_figure_is_drawn(without_script, report):
         assert height > 150
         assert shapes > 10
         assert label
+    assert buttons == 0
+    assert "Copy the model" not in words
 
 
 def contrast(first, second):
@@ -268,9 +273,18 @@ AXE = importlib.util.find_spec("axe_playwright_python")
 
 
 @pytest.mark.skipif(AXE is None, reason="axe-core is not installed (axe-playwright-python)")
-# Every page in both schemes and both widths.
-@pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (1440, "dark")])
-@pytest.mark.parametrize("name", ["report", "hostile", "index", "several", "comparison"])
+# Every kind of page in both schemes and both widths: two are reports, two are lists.
+@pytest.mark.parametrize(
+    ("name", "width", "scheme"),
+    [
+        ("report", 360, "light"),
+        ("hostile", 1440, "dark"),
+        ("several", 360, "light"),
+        ("index", 1440, "dark"),
+        ("comparison", 360, "light"),
+        ("comparison", 1440, "dark"),
+    ],
+)
 def test_no_accessibility_violation(browser, request, name, width, scheme):
     visit(browser, request.getfixturevalue(name), width, scheme)
     open_everything(browser)
@@ -287,16 +301,6 @@ def test_no_accessibility_violation(browser, request, name, width, scheme):
     )
     assert found["violations"] == []
     assert found["passes"] > 15
-
-
-def test_complete_without_javascript(without_script, report):
-    browser = without_script
-    visit(browser, report)
-    drawings = browser.find_elements("css selector", "figure svg")
-    assert len(drawings) == len(FIGURES)
-    assert all(drawing.is_displayed() for drawing in drawings)
-    assert [b for b in browser.find_elements("tag name", "button") if b.is_displayed()] == []
-    assert "Copy the model" not in browser.find_element("tag name", "body").text
 
 
 class Drawings(HTMLParser):
