@@ -89,6 +89,7 @@ def test_the_complete_configuration_gives_the_same_settings(keys):
         (", structure: arma", "structure arma has no input"),
         (", level: false", "datasets.pump.level: the automatic recipe always estimates a level"),
         (", delay: {orders: 3}", "datasets.pump.delay.orders: the automatic recipe has no such"),
+        (", search: {prune: true}", "datasets.pump.search.prune: the automatic recipe has no such"),
         (", structure: oe, orders: {nc: 2}", "datasets.pump.orders.nc: structure oe has no such"),
         (", purpose: control", "give what the model is for, auto, simulation, prediction or modes"),
         (", split: {estimation: 1.0}", "takes all samples, so none are left to validate on"),

@@ -108,6 +108,16 @@ def test_a_list_or_a_mapping_of_one_is_the_channel_itself():
     assert alone.is_single_channel
 
 
+def test_several_channels_take_the_settings_that_one_takes():
+    keys = "search: {mu: 3, lambda: 9, nu: 2}\n    spectrum: {nfft: 512}\n"
+    keys += "    transforms: {difference: 1, difference_input: 1}"
+    one, several = dataset(keys), dataset(f"output: [2, 3]\n    {keys}")
+    for name in ("preparation", "spectrum"):
+        assert getattr(one, name) == getattr(several, name)
+    assert (several.search.mu, several.spectrum.nfft) == (3, 512)
+    assert one.automatic.preparation == several.automatic.preparation
+
+
 def test_an_output_alone():
     found = dataset("output: [1, 2]\n    input: none")
     assert found.source.channels.inputs == ()
@@ -254,10 +264,9 @@ def test_complete_keys_come_back(tmp_path):
             "datasets.a.output_unit",
             "1 values and 2 outputs",
         ),
-        ("output: [2, 3]\n    transforms: {difference: 1}", "datasets.a.transforms", "no such key"),
         ("output: [2, 3]\n    orders: {plant: 3}", "datasets.a.orders.plant", "give one of nx"),
         ("output: [2, 3]\n    orders: {nx: [4, 2]}", "datasets.a.orders.nx", "above the upper one"),
-        ("output: [2, 3]\n    search: {mu: 3}", "datasets.a.search.mu", "no such key"),
+        ("output: [2, 3]\n    search: {prune: true}", "datasets.a.search.prune", "no such key"),
         (
             "output: [2, 3]\n    weighting: determinant\n    search: {objective: absolute}",
             "datasets.a.weighting",

@@ -22,8 +22,8 @@ from evopem.errors import InputError
 STATE_SPACE_KEYS = ("form", "weighting", "geometry")
 GROUPS = ("transforms", "split", "spectrum", "delay", "orders", "search", "constraints")
 """Mappings whose keys are laid over those of ``defaults:`` one by one."""
-CHANNEL_SEARCH = ("seed", "evaluations", "max_root_radius", "objective")
-"""Keys of the search for models of several channels."""
+OF_CHAPTER = ("level", "delay.orders", "search.n_initial_discard", "search.prune")
+"""Keys that the chapter's recipe alone has."""
 
 
 @dataclass(frozen=True)
@@ -89,14 +89,8 @@ class Kind:
             (not self.synthesis, SYNTHESIS.keys() - SOURCE.keys(), belongs.format("a synthetic")),
             (self.synthesis == "flexible_arm", ("noise",), belongs.format("an armax")),
             (self.by_chapter, ("purpose",), "the chapter's recipe knows no purpose"),
+            (not self.by_chapter, OF_CHAPTER, "the automatic recipe has no such key"),
             (not self.by_chapter, ("level",), "the automatic recipe always estimates a level"),
-            (not self.by_chapter, ("delay.orders",), "the automatic recipe has no such range"),
-            (self.several, ("transforms", "spectrum"), f"{self} has no such key"),
-            (
-                self.several,
-                {f"search.{key}" for key in _fields("search") if key not in CHANNEL_SEARCH},
-                f"{self} has no such key",
-            ),
             (self.is_polynomial, ("form", "weighting"), f"{self} has no such key"),
             (not self.inputs, ("delay", "input_unit"), "there is no input"),
         )

@@ -167,8 +167,7 @@ def _built_in(kind: Kind, keys: Keys) -> dict[str, Any]:
         split["estimation"] = ALL_SAMPLES
     built_in: dict[str, Any] = {"noise": 0.1} if kind.synthesis == "armax" else {}
     built_in |= {"recipe": "chapter" if kind.by_chapter else "auto", "split": split}
-    if not kind.several:
-        built_in["spectrum"] = to_json(SpectrumSettings())
+    built_in["spectrum"] = to_json(SpectrumSettings())
     if kind.by_chapter:
         built_in |= {"structure": "armax", "level": False, "resample": NONE}
         built_in["transforms"] = to_json(TransformSettings())
@@ -177,12 +176,11 @@ def _built_in(kind: Kind, keys: Keys) -> dict[str, Any]:
             built_in["delay"] = {"orders": CHAPTER_RANGES.delay, "nk": CHAPTER_RANGES.nk}
     else:
         built_in["purpose"] = "auto"
-        del split["discard"], search["objective"]
-    if kind.several:
-        absent = {"search.evaluations", *kind.absent()}
-        search = {key: each for key, each in search.items() if f"search.{key}" not in absent}
-    elif not kind.by_chapter:
-        search["max_root_radius"] = MAX_ROOT_RADIUS
+        for key in ("objective", "evaluations", "n_initial_discard", "prune"):
+            del search[key]
+        del split["discard"]
+        if not kind.several:
+            search["max_root_radius"] = MAX_ROOT_RADIUS
     return built_in | {"search": search}
 
 
@@ -204,7 +202,6 @@ def settings_of(name: str, written: Keys) -> DatasetSettings:
         automatic = _automatic_of(keys, kind, OrderRanges(**ranges))
         split = {"discard": 0} | split
         transforms = {"box_cox": NONE, "difference": 0, "difference_input": 0} | transforms
-        search = ({"objective": "quadratic"} if kind.several else {}) | search
     resample = keys.get("resample", NONE)
     constraints = Constraints(**keys["constraints"]) if "constraints" in keys else None
     # However they were written: results that depend on them are those of their values.
@@ -246,7 +243,7 @@ def _automatic_of(keys: Keys, kind: Kind, orders: OrderRanges) -> AutomaticSetti
     # Differences are taken back sample by sample, so that differenced signals are not decimated.
     differences = [each for key, each in transforms.items() if key.startswith("difference")]
     # Constraints are those of the model after the transforms, which must then be known.
-    known = "constraints" in keys and not kind.several
+    known = "constraints" in keys
     given = ("purpose", "structure", "form", "weighting", *(["focus"] if kind.several else []))
     return AutomaticSettings(
         **{name: keys[name] for name in given if name in keys},
@@ -258,7 +255,7 @@ def _automatic_of(keys: Keys, kind: Kind, orders: OrderRanges) -> AutomaticSetti
             objective=keys["search"].get("objective"),
             box_cox=known or "box_cox" in transforms,
         ),
-        evaluations=keys["search"].get("evaluations") if kind.several else None,
+        evaluations=keys["search"].get("evaluations"),
     )
 
 
