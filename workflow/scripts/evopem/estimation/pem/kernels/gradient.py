@@ -157,9 +157,7 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
     count, n = points.shape
     found, gradients = np.full(count, np.inf), np.zeros((count, n))
     of_roots = _barriers(record, objective, points, gradients)
-    if task == RESIDUALS:
-        of_roots[:] = 0.0
-    allowed = marked_rows(of_roots < np.inf)
+    allowed = marked_rows((of_roots < np.inf) | (task == RESIDUALS))
     first = record.loss_start - record.residual_start + record.history
     last = record.loss_stop - record.residual_start + record.history
     for i in range(0, allowed.size, LANES):

@@ -142,8 +142,8 @@ def products_of_sections(reflections, radius):
 @njit
 def _product(factors, left_out, product):
     """Product of all sections but one, with the leading 1, into ``product``."""
-    product[:] = 0.0
-    product[0] = 1.0
+    for i in range(product.size):
+        product[i] = 0.0 if i else 1.0
     for k in range(factors.shape[0]):
         if k == left_out:
             continue
