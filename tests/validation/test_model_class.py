@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.validation.model_class import REPEATS, model_class
@@ -112,6 +113,24 @@ def test_the_input_of_a_controller_is_found():
         tests = model_class(divided(model, Recording(u, y, 1.0), CUT))
         found.append(tests.without_feedback)
     assert np.mean([each.p_value < 0.01 and each.share >= 0.01 for each in found]) >= 0.9
+
+
+def test_feedback_of_an_unstable_plant_is_found_with_two_outputs():
+    """No stable model is right; there is one nevertheless, and it is told what it is."""
+    for seed in range(2):
+        generator = np.random.default_rng(seed)
+        reference = 0.05 * np.repeat(generator.choice([-1.0, 1.0], SAMPLES // 20), 20)
+        u, y, x = np.zeros(SAMPLES), np.zeros((SAMPLES, 2)), np.zeros(2)
+        for t in range(SAMPLES):
+            y[t] = x @ [[1.0, 0.5], [0.0, 0.2]] + 2e-3 * generator.standard_normal(2)
+            u[t] = reference[t] - 6.0 * x.sum() - 0.012 * generator.standard_normal()
+            x = [[1.0, 0.05], [0.1, 1.0]] @ x + [0.0, 0.05 * u[t]]
+            x = x + 5e-4 * generator.standard_normal(2)
+        record = Recording(u, y, 1.0)
+        found = next(estimates_of_orders(record.between(0, CUT), [2]))
+        test = model_class(divided(found.model, record, CUT)).without_feedback
+        assert test.p_value < 0.01
+        assert test.share >= 0.01
 
 
 def test_no_wrong_class_is_taken_for_feedback():
