@@ -11,6 +11,8 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 import pytest
 from identified import Identified, identify_once
 
+from evopem.results.layout import FIGURES
+
 
 @pytest.fixture(scope="session")
 def identified(tmp_path_factory) -> Identified:
@@ -18,3 +20,10 @@ def identified(tmp_path_factory) -> Identified:
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     return identify_once(shared / "identified")
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Reports without their figures, which take longer than all else."""
+    for module in ("evopem.pipeline.report", "evopem.figures"):
+        monkeypatch.setattr(f"{module}.svg_texts", lambda _: dict.fromkeys(FIGURES, "<svg/>"))

@@ -105,7 +105,10 @@ def test_a_configuration_and_python_accept_the_same(model):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_the_command_accepts_the_same(model, tmp_path, monkeypatch, capsys):
-    """Channels and files are its options; it takes the demands from a file of defaults."""
+    """Channels and files are its options; it takes the demands from a file of defaults.
+
+    It completes the same keys as a configuration: a few numbers of channels and files tell.
+    """
     monkeypatch.chdir(tmp_path)
     given = []
 
@@ -114,7 +117,8 @@ def test_the_command_accepts_the_same(model, tmp_path, monkeypatch, capsys):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("evopem.pipeline.identification.identify_dataset", stopped)
-    for cell in product((1, 2), (1, 2), (1, 2), DEMANDS):
+    for numbers, demand in product(((1, 1, 1), (2, 1, 2), (1, 2, 1)), DEMANDS):
+        cell = (*numbers, demand)
         keys = keys_of(model, *cell)
         options = keys.pop("file")
         for option in ("input", "output"):

@@ -13,7 +13,6 @@ import yaml
 from identified import finished_copy
 
 from evopem.config.defaults import complete
-from evopem.results.layout import FIGURES
 
 ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "workflow" / "scripts"
@@ -133,7 +132,7 @@ def left(page):
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, undrawn, monkeypatch):
     """A working folder with what the pages take for granted, and `evopem` among the commands."""
     commands = tmp_path / "bin"
     commands.mkdir()
@@ -145,7 +144,6 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", os.pathsep.join([str(commands), os.environ["PATH"]]))
     monkeypatch.setenv("PYTHONPATH", str(SCRIPTS))
     monkeypatch.setenv("MPLBACKEND", "agg")
-    monkeypatch.setattr("evopem.figures.svg_texts", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
     monkeypatch.chdir(work)
     return work
 

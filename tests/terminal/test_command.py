@@ -133,7 +133,7 @@ def test_an_exchange_of_results_that_is_stopped_leaves_no_mixture(
         evopem.load(results / "model.json")
 
 
-def test_several_channels_and_recordings_have_modes_and_a_report(folder, capsys):
+def test_several_channels_and_recordings_have_modes_and_a_report(folder, undrawn, capsys):
     written = {"orders": {"nx": [3, 3]}, "form": "ss", "search": {"evaluations": 1}}
     (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))
     table = np.loadtxt("data.csv", delimiter=",", skiprows=1)

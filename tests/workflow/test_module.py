@@ -121,7 +121,7 @@ def test_a_tagged_repository_is_used_with_the_installed_package(
 ):
     """As from a hosting service: nothing of the workflow is a file beside the Snakefile."""
     address = f'gitfile({str(repository)!r}, path="workflow/Snakefile", tag="v1")'
-    folder = project(snakefile=address, one_job_per="recording")
+    folder = project(snakefile=address, one_job_per="recording", report="none")
     np.savetxt(folder / "measured" / "bench.csv", recorded, delimiter=",", fmt="%.17g")
     missing = snakemake(folder, "--dry-run")
     assert missing.returncode != 0
@@ -135,4 +135,4 @@ def test_a_tagged_repository_is_used_with_the_installed_package(
     triggers = ("--rerun-triggers", "mtime", "params", "input", "software-env")
     run = snakemake(folder, *triggers, environment={"PYTHONPATH": str(installed)})
     assert run.returncode == 0, run.stdout
-    assert "<svg" in (folder / "results" / "bench" / "report.html").read_text()
+    assert (folder / "results" / "bench" / "summary.json").exists()
