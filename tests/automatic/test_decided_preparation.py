@@ -64,6 +64,26 @@ def test_clipped_samples_are_breaks():
     assert plan.clipped == (-np.inf, limit)
 
 
+@pytest.mark.parametrize("inputs", [0, 2])
+def test_breaks_of_one_output_do_not_depend_on_the_inputs(inputs):
+    u, y, e = output_error_record(600)
+    slow = lfilter([0.2], [1.0, -0.9], lfilter([0.1], [1.0, -0.9], u))
+    limit = float(np.quantile(slow, 0.9))
+    channels = np.column_stack([u, e])[:, :inputs]
+    clipped = decide_preparation(Recording(channels, np.minimum(slow, limit), 10.0))
+    y[100:140] = y[100]
+    stuck = decide_preparation(Recording(channels, y, 10.0))
+    assert clipped.clipped == (-np.inf, limit)
+    assert (clipped.stuck, stuck.stuck) == (False, True)
+
+
+def test_breaks_that_would_leave_no_stretch_are_none():
+    u, _, e = output_error_record(600)
+    wave = np.sin(np.arange(600) * 2.0 * np.pi / 22.0) + 1e-3 * e
+    plan = decide_preparation(Recording(u, np.minimum(wave, 0.7), 10.0))
+    assert plan.clipped == (-np.inf, np.inf)
+
+
 def test_a_stuck_sensor_makes_breaks():
     u, y, _ = output_error_record(400)
     y[100:140] = y[100]

@@ -122,8 +122,8 @@ def decide_preparation(
 ) -> PreparationPlan:
     """Decide how recordings of one system, the segments of one, are prepared.
 
-    Breaks, differences and the objective are decided for polynomial models of one output that
-    responds to one input: a break of one channel would be one of all.
+    Breaks are decided for one output, as one of several would break all; differences and the
+    objective for one output that responds to one input.
 
     `recording`: Samples that are not finite are breaks. `given`: What is not decided here.
     """
@@ -144,13 +144,23 @@ def decide_preparation(
         changes = {field: found, "decisions": (*plan.decisions, about)}
         plan = replace(plan, **changes)  # type: ignore[arg-type]
 
+    def usable(field: str, decide: Callable[..., Decided]) -> Decided:
+        """Breaks, or none where they leave no stretch of a recording."""
+        found, about = decide(records, plan.starts)
+        broken = replace(plan, **{field: found})  # type: ignore[arg-type]
+        if _recordings(recording, broken) == _recordings(recording, plan):
+            return found, about
+        sentence = f"Breaks would leave no stretch of {SHORTEST_STRETCH} samples: there are none."
+        kept = replace(about, choice=about.alternatives[0].name, sentence=sentence)
+        return getattr(plan, field), kept
+
     settle("start", "starts", lambda: decide_starts(records), given.start)
     if given.start is not None:
         plan = replace(plan, starts=(given.start,) * len(records))
     of_one = recording.inputs.shape[1] == recording.outputs.shape[1] == 1
-    if of_one:
-        settle("clipping", "clipped", lambda: decide_clipping(records, plan.starts))
-        settle("stuck samples", "stuck", lambda: decide_stuck(records, plan.starts))
+    if recording.outputs.shape[1] == 1:
+        settle("clipping", "clipped", lambda: usable("clipped", decide_clipping))
+        settle("stuck samples", "stuck", lambda: usable("stuck", decide_stuck))
     _check_stretches(recording, plan, names)
     settle("decimation", "factor", lambda: decide_decimation(first_prepared()), given.factor)
     if of_one:
@@ -165,6 +175,11 @@ def decide_preparation(
     elif given.objective is not None:
         plan = replace(plan, objective=given.objective)
     return plan
+
+
+def _recordings(recording: Recording, plan: PreparationPlan) -> set[int]:
+    """The recordings that have a stretch."""
+    return {each.segment.recording for each in stretches_of(recording, plan)}
 
 
 def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequence[str]) -> None:
