@@ -36,8 +36,7 @@ def code_version(
     files = starts | reached_files(starts, roots) | {Path(other).resolve() for other in others}
     digest = hashlib.sha256()
     for name, file in sorted((os.path.relpath(file, script.parent), file) for file in files):
-        digest.update(Path(name).as_posix().encode())
-        digest.update(_content(file))
+        digest.update(Path(name).as_posix().encode() + _content(file))
     return digest.hexdigest()[:16]
 
 
@@ -71,23 +70,17 @@ def _names(text: str, file: Path) -> Iterator[str]:
     for dots, module, listed, plain in _IMPORT.findall(text):
         above = file.parts[: -len(dots)] if dots else ()
         package = ".".join((*above, *filter(None, [module])))
-        names = [
-            each.split()[0] for each in (listed or plain).strip("()").split(",") if each.strip()
-        ]
+        names = [n.split()[0] for n in (listed or plain).strip("()").split(",") if n.strip()]
         yield from (names if plain else (package, *(f"{package}.{name}" for name in names)))
 
 
 @cache
 def _files(name: str, root: Path) -> tuple[Path, ...]:
-    """Find the files below a folder that an import of a dotted name runs.
-
-    The ``__init__`` of a top-level package is not among them.
-    """
+    """Find the files below a folder that an import of a dotted name runs; no top ``__init__``."""
     path, *steps = name.split(".")
     candidates = [f"{path}.py"]
     if name.endswith("."):
-        steps.pop()
-        folder = "/".join((path, *steps))
+        folder = name[:-1].replace(".", "/")
         candidates += [each for each in _below(root) if each.rpartition("/")[0] == folder]
     for step in steps:
         path = f"{path}/{step}"
