@@ -9,9 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import pytest
-from identified import Identified, identify_once
-
-from evopem.results.layout import FIGURES
+from identified import Identified, identify_once, without_figures
 
 
 @pytest.fixture(scope="session")
@@ -23,7 +21,7 @@ def identified(tmp_path_factory) -> Identified:
 
 
 @pytest.fixture
-def undrawn(monkeypatch):
-    """Reports without their figures, which take longer than all else."""
-    for module in ("evopem.pipeline.report", "evopem.figures"):
-        monkeypatch.setattr(f"{module}.svg_texts", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+def undrawn():
+    """Reports without their figures."""
+    with without_figures():
+        yield

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from shutil import copytree
 from typing import Any
+
+import pytest
 
 from evopem.config.defaults import complete
 from evopem.config.settings import DatasetSettings
@@ -72,6 +74,15 @@ def finished_copy(folder: Path, identified: Identified) -> DatasetFiles:
     files = DatasetFiles(str(folder))
     finish(files)
     return files
+
+
+@contextmanager
+def without_figures() -> Iterator[None]:
+    """Write reports without their figures, which take longer to draw than all else."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("evopem.pipeline.report", "evopem.figures"):
+            patch.setattr(f"{module}.svg_texts", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+        yield
 
 
 def undrawn_page(files: DatasetFiles) -> str:

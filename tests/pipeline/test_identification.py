@@ -5,6 +5,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from identified import without_figures
 
 from evopem.config.defaults import complete
 from evopem.config.structures import phases_of
@@ -34,6 +35,13 @@ SEARCHES = tuple(
     for phase in PHASES
     for name in (f"estimate_candidates/{phase}/1", f"select_candidate/{phase}")
 )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def undrawn():
+    """That equal results give equal drawings is tested in tests/workflow/test_runs.py."""
+    with without_figures():
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -65,7 +65,7 @@ def test_the_times_shown_are_those_of_the_stages():
     assert set(PHASE_NAMES) <= {*PHASES}
 
 
-def test_figures_and_times_are_read_from_the_folder_of_the_data_set(identified, tmp_path):
+def test_figures_and_times_stand_on_the_page(identified, undrawn, tmp_path):
     files = DatasetFiles(str(shutil.copytree(identified.files.folder, tmp_path / "bench")))
     benchmark = Path(files.benchmark("estimate_spectrum"))
     benchmark.parent.mkdir()
