@@ -5,7 +5,7 @@ u_i differs by the sample that enters it from the past, times the response to an
 
 import numpy as np
 
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
 from evopem.estimation.pem.kernels.record import (
     CHUNK,
     LEVEL,
@@ -274,7 +274,7 @@ def _add_responses(record, buffers, column):
                     store(sums, into + k * step, s)
 
 
-@njit
+@inlined
 def _gauss_newton(record, workspace, buffers):
     """``sum_t J_t J_t'`` over the samples that count, for the loaded models, to ``buffers.sums``.
     By the copies of :class:`.record.LagSums`."""

@@ -5,7 +5,7 @@ residual.  The gradient correlates one of these with the signal that a parameter
 import numpy as np
 
 from evopem.estimation.pem.kernels.bfgs import advance, trial_points
-from evopem.estimation.pem.kernels.cache import cached_njit, njit
+from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
 from evopem.estimation.pem.kernels.polynomials import barrier
 from evopem.estimation.pem.kernels.record import (
     CHUNK,
@@ -150,7 +150,7 @@ def _loss_and_gradient(record, workspace, absolute):
     return loss
 
 
-@njit
+@inlined
 def pass_over(record, objective, workspace, task, points, smoothing, barriers):
     """Residuals, values, or values and gradients of each row, (M,) and (M, n).  Residuals, of
     up to eight rows whether feasible or not, are left in ``workspace.e``."""
