@@ -118,6 +118,15 @@ def test_several_channels_take_the_settings_that_one_takes():
     assert one.automatic.preparation == several.automatic.preparation
 
 
+def test_a_transform_of_one_output_is_left_out_of_defaults_for_several():
+    defaults = "{transforms: {box_cox: auto, difference: 1}}"
+    assert dataset("", defaults).preparation.transforms.box_cox == "auto"
+    several = dataset("output: [2, 3]", defaults).preparation.transforms
+    assert (several.box_cox, several.difference) == ("none", 1)
+    refused = refusal("output: [2, 3]\n    transforms: {box_cox: auto}")
+    assert "datasets.a.transforms.box_cox: there are several outputs" in refused
+
+
 def test_an_output_alone():
     found = dataset("output: [1, 2]\n    input: none")
     assert found.source.channels.inputs == ()

@@ -91,6 +91,7 @@ class Kind:
             (self.by_chapter, ("purpose",), "the chapter's recipe knows no purpose"),
             (not self.by_chapter, OF_CHAPTER, "the automatic recipe has no such key"),
             (not self.by_chapter, ("level",), "the automatic recipe always estimates a level"),
+            (not are_one(self.outputs), ("transforms.box_cox",), "there are several outputs"),
             (self.is_polynomial, ("form", "weighting"), f"{self} has no such key"),
             (not self.inputs, ("delay", "input_unit"), "there is no input"),
         )
