@@ -1,5 +1,6 @@
 """Fixtures that several folders of tests share."""
 
+import gc
 import os
 
 # Before numpy is loaded: on several cores, threads of BLAS wait for each other for most of the time
@@ -10,6 +11,11 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 import pytest
 from identified import Identified, identify_once, without_figures
+
+
+def pytest_collection_finish():
+    """Leave four thousand tests out of every search for garbage: they stay to the end."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")
