@@ -38,6 +38,8 @@ Log = Callable[[str], None]
 PAIRS, DESCENDED = 32, 3
 # Random starts of an order that nothing else leads to.
 RANDOM_STARTS = 20
+# Steps that all starts of an order take, and those of them that go on to their optima.
+RACED_STEPS, FINISHING = 10, 3
 # Gain of twice the log likelihood that no choice depends on.
 NEGLIGIBLE = 0.1
 
@@ -68,10 +70,19 @@ def lowest(errors: StateSpaceErrors, starts: list[Array], count: int) -> list[Ar
 def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Optimum]:
     """Optima from starts, the lowest first, which alone is descended to the last digits.
 
-    The others end where no choice depends on what is left.
+    All take some steps, the lowest go on, and end where no choice depends on what is left.
     """
-    optima = descended(errors, starts, len(starts), steps, rough_tolerance(errors))
-    return [continued(errors, optima[0], steps, TOLERANCE), *optima[1:]] if optima else []
+    rough = rough_tolerance(errors)
+    first = min(RACED_STEPS, steps)
+    optima = descended(errors, starts, len(starts), first, rough)
+    others = optima[FINISHING:]
+    if steps > first:
+        optima = [
+            each if each.converged else continued(errors, each, steps - first, rough)
+            for each in optima[:FINISHING]
+        ]
+        optima = sorted(optima, key=lambda each: each.value)
+    return [continued(errors, optima[0], steps, TOLERANCE), *optima[1:], *others] if optima else []
 
 
 def rough_tolerance(errors: StateSpaceErrors) -> float:
