@@ -27,6 +27,7 @@ from evopem.errors import NoModelError
 from evopem.estimation.delays import ORDERS, delays_by_criterion, longest_delay
 from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel
+from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Segment
 
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something.
@@ -96,16 +97,18 @@ def _along_path(
 
 
 def _by_states(
-    scorer: Scorer, structure: str, _: Mapping[str, StructureSearch], log: Log | None
+    scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None
 ) -> list[Candidate]:
     """Candidates in state space until their BIC rises."""
     states = numbers_of_states(scorer)
     if not states:
         return []
     given = scorer.stretches, structure, states, scorer.delays, scorer.settings
+    known = chain(*(search.candidates for search in smaller.values()))
+    starts = {c.order: c.model for c in known if isinstance(c.model, StateSpaceModel)}
     return [
         scorer.described(structure, found, order)
-        for order, found in fits_in_state_space(*given, log)
+        for order, found in fits_in_state_space(*given, starts, log)
     ]
 
 

@@ -1,6 +1,6 @@
 """Models in state space, estimated order by order."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from evopem.estimation.state_space.local_estimates import (
     refitted,
 )
 from evopem.estimation.state_space.problem import STEPS
-from evopem.estimation.state_space.search import FINAL_WIDTH, WIDTH, likeliest_order
+from evopem.estimation.state_space.search import FINAL_WIDTH, NO_MODELS, WIDTH, likeliest_order
 from evopem.estimation.state_space.starting_models import USUAL_ORDER
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
@@ -61,10 +61,12 @@ def fits_in_state_space(
     orders: Sequence[int],
     delays: tuple[int, ...],
     settings: CommonSettings,
+    starts: Mapping[int, StateSpaceModel] = NO_MODELS,
     log: Log | None = None,
 ) -> Iterator[tuple[int, Fit]]:
     """Fits of ascending numbers of states until their BIC rises.
 
+    ``starts``: models of another form by their order, which are descended from as well.
     None of ``ss_bj`` of large records, where a descent takes too long.
     """
     large, estimation = is_large(stretches), recording_of(stretches)
@@ -85,6 +87,7 @@ def fits_in_state_space(
         forgets=True,
         width=LARGE_WIDTH if quick else usual or FINAL_WIDTH,
         steps=LARGE_STEPS if quick else STEPS,
+        starts=starts,
         log=log,
     )
     first = max(delays, default=0)

@@ -41,6 +41,11 @@ AUTOMATIC_STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 
+# The same of forms in state space, which differ in the noise and the drift.
+NESTED_FORMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"ss_oe": ("ss",), "ss_oe_drift": ("ss_oe",), "ss_bj": ("ss_oe",)}
+)
+
 
 def searched_structures(wanted: str) -> tuple[str, ...]:
     """The structures of polynomials that are searched for one of them, itself last."""

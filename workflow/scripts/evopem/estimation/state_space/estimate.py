@@ -1,6 +1,6 @@
 """Estimate state-space models of one order or of several."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ from evopem.estimation.state_space.local_estimates import (
 from evopem.estimation.state_space.point_model import Matrices, PointModel
 from evopem.estimation.state_space.pole_coordinates import poles_of
 from evopem.estimation.state_space.problem import STEPS
-from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, searched
+from evopem.estimation.state_space.search import FINAL_WIDTH, NO_MODELS, problem_for, searched
 from evopem.estimation.state_space.starting_points import from_poles, point_of_model
 from evopem.models.constraint_checks import check_constraints, refuse
 from evopem.models.conversions import side_by_side
@@ -164,6 +164,7 @@ def estimates_of_orders(
     forgets: bool = False,
     width: int = FINAL_WIDTH,
     steps: int = STEPS,
+    starts: Mapping[int, StateSpaceModel] = NO_MODELS,
     log: Log | None = None,
 ) -> Iterator[StateSpaceEstimate]:
     """Cheap estimates of several orders, each from estimates and from its neighbours.
@@ -179,14 +180,17 @@ def estimates_of_orders(
     steps : int
         Of each descent at most: too small orders, which do not describe the recording, converge
         slowly, and nothing depends on their last digits.
+    starts : mapping
+        Models of any form by their order, from which fewer estimates are descended from.
     """
     options = {"level": level, "weighting": weighting, "settings": settings or QUADRATIC}
     task = StateSpaceTask.of(recording, structure, delays, forgets=forgets, **options)
     if structure != "ss_bj":
-        yield from plain_estimates(recording, orders, task, width, steps, log)
+        yield from plain_estimates(recording, orders, task, width, steps, starts, log)
         return
     plants = replace(task, structure="ss_oe", weighting=PLANT_WEIGHTING)
-    for plant in plain_estimates(recording, orders, plants, min(width, WIDTH), steps, log):
+    given = recording, orders, plants, min(width, WIDTH), steps, starts, log
+    for plant in plain_estimates(*given):
         try:
             estimate = estimate_beside(plant.model, recording, task)
         except ValueError:

@@ -1,6 +1,6 @@
 """Estimates of one state-space problem: next to a model, of ascending orders, in full."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -32,7 +32,13 @@ from evopem.estimation.state_space.problem import (
     TOLERANCE,
     StateSpaceProblem,
 )
-from evopem.estimation.state_space.search import FINAL_WIDTH, problem_for, result_of, swept
+from evopem.estimation.state_space.search import (
+    FINAL_WIDTH,
+    NO_MODELS,
+    problem_for,
+    result_of,
+    swept,
+)
 from evopem.estimation.state_space.starting_points import point_of_model
 from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
@@ -177,13 +183,14 @@ def plain_estimates(
     task: StateSpaceTask,
     width: int = FINAL_WIDTH,
     steps: int = STEPS,
+    starts: Mapping[int, StateSpaceModel] = NO_MODELS,
     log: Log | None = None,
 ) -> Iterator[StateSpaceEstimate]:
     """Estimates of several orders with K or without; see :func:`.estimates_of_orders`."""
     with one_blas_thread():
         orders = sorted(orders)
         errors = task.errors(recording, orders[-1])
-        for problem, result in swept(errors, orders, task.settings, width, log, steps):
+        for problem, result in swept(errors, orders, task.settings, width, log, steps, starts):
             with suppress(LostModelError):
                 yield described(problem, result)
 

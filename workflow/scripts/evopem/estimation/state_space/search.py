@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -31,8 +32,12 @@ from evopem.estimation.state_space.starting_points import (
     point_of_model,
     random_poles,
 )
+from evopem.models.state_space import StateSpaceModel
 
 Log = Callable[[str], None]
+
+NO_MODELS: Mapping[int, StateSpaceModel] = MappingProxyType({})
+"""No models of other forms to start from."""
 
 # Pairs of poles tried at a step from smaller orders to larger ones, and those descended from.
 PAIRS, DESCENDED = 32, 3
@@ -99,9 +104,8 @@ def continued(errors: StateSpaceErrors, optimum: Optimum, steps: int, tolerance:
 
 
 def converted(errors: StateSpaceErrors, other: StateSpaceErrors, point: Array) -> Array:
-    """A point of the other form: innovations lose their K, an output-error model gets K = 0."""
-    model = PointModel(other, other.projection(point)).model()
-    return point_of_model(replace(model, K=np.zeros_like(model.K)), errors)
+    """A point of the other form."""
+    return point_of_model(PointModel(other, other.projection(point)).model(), errors)
 
 
 def extensions(
@@ -152,14 +156,16 @@ def rungs(
     errors: StateSpaceErrors,
     models: StartingModels,
     generator: np.random.Generator,
-    width: int,
+    widest: int,
     orders: Sequence[int],
     steps: int = STEPS,
     log: Log | None = None,
+    others: Mapping[int, StateSpaceModel] = NO_MODELS,
 ) -> Iterator[Rung]:
     """Optima of ascending orders from estimates and their neighbours.
 
-    At most ``width`` estimates of each are descended from, and the optimum of two states more.
+    At most ``widest`` estimates of each are descended from, and the optimum of two states more;
+    fewer beside a model of another form.
     """
     reached: list[Rung] = []
     yielded = 0
@@ -167,7 +173,9 @@ def rungs(
         if log is not None:
             log(f"{errors.structure}: order {order} of at most {orders[-1]}")
         problem = replace(errors, order=order)
-        starts = lowest(problem, list(models.points(problem)), width)
+        beside = [point_of_model(others[order], problem)] if order in others else []
+        width = min(widest, WIDTH_BESIDE) if beside else widest
+        starts = beside + lowest(problem, list(models.points(problem)), width)
         for below in [rung for rung in reached if rung.optima][-2:]:
             starts += extensions(
                 *(problem, below.problem, below.optima[0].point, generator),
@@ -195,6 +203,8 @@ LEAST_EVALUATIONS, MOST_EVALUATIONS = 500, 8000
 # Estimates of each order that are descended from on the way to a larger order, and for the order
 # itself.
 WIDTH, FINAL_WIDTH = 3, 8
+# The same beside a model of another form.
+WIDTH_BESIDE = 1
 # Optima of the other form that are descended from.
 CROSSED = 2
 # Restarts that must agree before the multistart check, which is one more: no certificate asks for
@@ -335,13 +345,14 @@ def swept(
     width: int,
     log: Log | None,
     steps: int = STEPS,
+    starts: Mapping[int, StateSpaceModel] = NO_MODELS,
 ) -> Iterator[tuple[StateSpaceProblem, SearchResult]]:
     """The best optimum of each order that the rungs of a ladder reach."""
     plain = without_outliers(problem_for(errors, settings))
     usual = min(orders[-1], USUAL_ORDER)
     models = StartingModels(plain, orders[-1], replace(errors, order=usual).cost <= HEAVY)
     generator = generator_of(settings, errors, usual, 1)
-    for rung in rungs(plain, models, generator, width, orders, steps, log):
+    for rung in rungs(plain, models, generator, width, orders, steps, log, starts):
         if not rung.optima:
             continue
         order = rung.problem.order

@@ -156,7 +156,9 @@ def from_matrices(errors: StateSpaceErrors, A: Array, B: Array) -> Array:
 
 
 def point_of_model(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
-    """The point of a problem that a model of its order, structure and delays is."""
+    """The point of a problem that a model of its order and delays is, without K or with one."""
+    if not errors.innovations:
+        model = replace(model, K=np.zeros_like(model.K))
     drives = (model.B - model.K @ model.D) * errors.data.input_scales
     if errors.innovations:
         drives = np.column_stack([drives, model.K * errors.data.output_scales])

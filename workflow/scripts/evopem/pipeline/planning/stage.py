@@ -15,7 +15,12 @@ from typing import Any, Literal
 from evopem.config import order_grid
 from evopem.config.configuration import RunSettings
 from evopem.config.settings import AutomaticSettings, DatasetSettings, OrderGrid, OrderRanges
-from evopem.config.structures import AUTOMATIC_STRUCTURES, is_polynomial, searched_forms
+from evopem.config.structures import (
+    AUTOMATIC_STRUCTURES,
+    NESTED_FORMS,
+    is_polynomial,
+    searched_forms,
+)
 from evopem.files.json_form import to_json
 from evopem.pipeline.call import Log, call
 from evopem.pipeline.planning.constraint_plan import known_rate
@@ -101,7 +106,7 @@ def wanted(job: StageJob) -> tuple[str, ...]:
 
 def _nested(job: StageJob) -> tuple[str, ...]:
     """The structures whose models are starts of a search."""
-    nested = AUTOMATIC_STRUCTURES.get(job.values["structure"], ())
+    nested = {**AUTOMATIC_STRUCTURES, **NESTED_FORMS}.get(job.values["structure"], ())
     return tuple(each for each in nested if each in searched_forms(job.settings))
 
 
