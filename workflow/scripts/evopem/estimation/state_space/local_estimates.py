@@ -29,7 +29,6 @@ from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
     STEPS,
-    TOLERANCE,
     StateSpaceProblem,
 )
 from evopem.estimation.state_space.search import (
@@ -37,6 +36,7 @@ from evopem.estimation.state_space.search import (
     NO_MODELS,
     problem_for,
     result_of,
+    rough_tolerance,
     swept,
 )
 from evopem.estimation.state_space.starting_points import point_of_model
@@ -209,16 +209,24 @@ def descend_from(
 def refitted(
     model: StateSpaceModel, recording: Recording, task: StateSpaceTask, steps: int = STEPS
 ) -> StateSpaceModel:
-    """The same optimum of another recording: as :func:`descend_from`, the model alone."""
+    """The optimum of another recording, as far as a choice depends on it, the model alone.
+
+    Raises as :func:`descend_from`.
+    """
     with one_blas_thread():
-        problem, result = _descended_from(model, recording, task, steps, TOLERANCE)
+        problem, result = _descended_from(model, recording, task, steps)
         return problem.scaled(result.point).model()
 
 
 def _descended_from(
-    model: StateSpaceModel, recording: Recording, task: StateSpaceTask, steps: int, tolerance: float
+    model: StateSpaceModel,
+    recording: Recording,
+    task: StateSpaceTask,
+    steps: int,
+    tolerance: float | None = None,
 ) -> tuple[StateSpaceProblem, SearchResult]:
     errors = replace(task, structure=model.structure).errors(recording, model.order)
+    tolerance = rough_tolerance(errors) if tolerance is None else tolerance
     problem = problem_for(errors, task.settings)
     start = problem.completed(point_of_model(model, errors))
     result = result_of(problem.descents(start[None, :], steps, tolerance))
