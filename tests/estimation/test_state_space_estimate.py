@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from evopem.config.settings import SearchSettings
-from evopem.estimation.criteria import autoregression_of
+from evopem.estimation.criteria import _recursion, autoregression_of
 from evopem.estimation.damped_descent import descend
 from evopem.estimation.delays import estimate_delays
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
@@ -564,6 +564,11 @@ def test_noise_does_not_make_delays_of_inputs_that_act_at_once():
     clean = truth.simulate(u)
     noise = 0.5 * clean.std(axis=0) * generator.standard_normal(clean.shape)
     assert max(estimate_delays(record_of(u, clean + noise))) == 1
+
+
+def test_the_recursion_ends_where_past_errors_are_one_signal():
+    ones = np.ones((3, 2, 2))
+    assert len(list(_recursion(ones, 2))) == 1
 
 
 def test_the_recursion_solves_the_yule_walker_equations():

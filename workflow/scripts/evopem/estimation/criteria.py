@@ -144,8 +144,11 @@ def _recursion(gamma: Array, most: int) -> Iterator[tuple[Array, Array]]:
         rest = gamma[order + 1] - sum(
             (forward[k] @ gamma[order - k] for k in range(order)), np.zeros((ny, ny))
         )
-        last = np.linalg.solve(behind.T, rest.T).T
-        first = np.linalg.solve(ahead.T, rest).T
+        try:
+            last = np.linalg.solve(behind.T, rest.T).T
+            first = np.linalg.solve(ahead.T, rest).T
+        except np.linalg.LinAlgError:
+            return  # the outputs' errors are one signal
         longer = np.concatenate([forward - last @ backward[::-1], last[None]])
         backward = np.concatenate([backward - first @ forward[::-1], first[None]])
         forward = longer
