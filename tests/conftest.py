@@ -9,11 +9,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Tests start hundreds of processes that import the package: each would compile all of it again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# Looked through less often for garbage, four thousand collected tests take less of the time.
-gc.set_threshold(20_000, 20, 20)
-
 import pytest
 from identified import Identified, identify_once, without_figures
+
+# Looked through less often for garbage, four thousand collected tests take less of the time.
+gc.set_threshold(20_000, 20, 20)
 
 
 @pytest.fixture(scope="session")
