@@ -35,6 +35,16 @@ def test_an_input_of_low_frequencies_does_not_hide_a_short_delay(seed):
     assert 6 <= limited <= 60
 
 
+def test_nor_does_it_with_two_outputs():
+    (alone,) = recorded(0, 0)
+    slower = lfilter([0.0, 0.05], [1.0, -0.95], alone.input)
+    second = slower / slower.std() + 0.05 * np.random.default_rng(9).standard_normal(slower.size)
+    segments = [Segment(alone.inputs, np.column_stack([alone.outputs, second]))]
+    ((by_arx, _),) = delays_by_criterion(segments, [(0, longest_delay(segments))])
+    assert by_arx >= 4
+    assert decide_delays(segments, ["u"]).delays[0] <= 2
+
+
 @pytest.mark.parametrize("delay", [5, 20, 40])
 def test_output_error_models_come_nearer_to_a_long_delay(delay):
     """That of the system, one more than the input's own, is hardly seen by such an input."""

@@ -1,11 +1,14 @@
 """The automatic recipe as a whole, against known truths."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 from records import error_percent, output_error_record
 from scipy.signal import lfilter
 
 import evopem
+from evopem.automatic import candidates
 from evopem.automatic.candidates import OrderLimits, Scorer, StructureSearch
 from evopem.automatic.cross_validation.folds import FoldPlan, decide_folds
 from evopem.automatic.cross_validation.repetition import decide_repetition
@@ -15,6 +18,7 @@ from evopem.automatic.fit import CommonSettings
 from evopem.automatic.orders import search_structure
 from evopem.automatic.structures import compare_structures
 from evopem.config.settings import OrderRanges
+from evopem.errors import NoModelError
 from evopem.estimation.estimate import estimate
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
@@ -81,13 +85,24 @@ def test_candidates_far_behind_are_not_scored_on_held_out_samples():
     scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), delays=(1,))
     searches = [search_structure(scorer, each, {}) for each in ("fir", "arx", "oe")]
     assert not any(each.is_scored for search in searches for each in search.candidates)
-    candidates = [each for search in searches for each in search.candidates]
-    known = scorer.with_scores(candidates)
+    tried = [each for search in searches for each in search.candidates]
+    known = scorer.with_scores(tried)
     scored = [each for each in known if each.is_scored]
     assert len(scored) < len(known) / 2
-    everything = map(scorer.scored, candidates)
+    everything = map(scorer.scored, tried)
     lowest = min(each.scores.simulation for each in everything)
     assert min(each.scores.simulation for each in scored) < 1.02 * lowest
+
+
+def test_folds_that_a_model_does_not_lead_to_are_estimated_anew(monkeypatch):
+    u, y, _ = output_error_record(300)
+    stretches = [Segment(u, y)]
+    limits = OrderLimits(ranges=OrderRanges(nx=(2, 2)))
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), limits, (1,))
+    (found,) = search_structure(scorer, "ss", {}).candidates
+    expected = scorer.scored(found).scores.simulation
+    monkeypatch.setattr(candidates, "refit", Mock(side_effect=NoModelError("it is unstable")))
+    assert scorer.scored(found).scores.simulation == pytest.approx(expected, rel=0.02)
 
 
 def test_state_space_competes_with_polynomials_by_the_same_scores():

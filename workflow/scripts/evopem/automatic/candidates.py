@@ -14,7 +14,7 @@ from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samp
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import FOLD_STAGES, CommonSettings, Fit, fit, log_loss
 from evopem.automatic.preparation.plan import PreparedRecord
-from evopem.automatic.state_space import refit
+from evopem.automatic.state_space import fits_in_state_space, refit
 from evopem.config.channels import of_each
 from evopem.config.settings import OrderRanges, Range
 from evopem.config.structures import STRUCTURES, varied_order
@@ -330,7 +330,15 @@ class Scorer:
                 *(stretches, model.orders, self.settings.objective, [model]),
                 *(False, structure, stages),
             ).model
-        return refit(model, structure, stretches, candidate.delays, self.settings, self.stretches)
+        given = candidate.delays, self.settings
+        try:
+            return refit(model, structure, stretches, *given, self.stretches)
+        except NoModelError:
+            # A pole next to the unit circle may leave it on other samples.
+            fits = fits_in_state_space(stretches, structure, (candidate.order,), *given)
+            for _, found in fits:
+                return found.model
+            raise
 
     def checks(self, candidate: Candidate) -> CandidateChecks:
         """What the checks of the report say of a candidate, on the compared samples."""

@@ -1,7 +1,7 @@
 """Delays of the inputs, and orders within one structure."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
@@ -246,6 +246,10 @@ RECORDED = 5
 # disturbance does not pass through A, the many lags of an ARX model replace those of a short delay;
 # output-error models do not.  A difference of BIC of 10 is very strong (Kass & Raftery 1995).
 CERTAIN_DELAY, OUTPUT_ERROR_ORDERS, VERY_STRONG = 2, (2, 4, 8), 10.0
+# Share of an input's power in the upper half of the frequencies that leaves no doubt of its delay.
+SLOW = 0.1
+# Samples of several channels, whose models take longer to fit.
+MOST_OF_SEVERAL = 2000
 
 
 @dataclass(frozen=True)
@@ -271,9 +275,9 @@ def decide_delays(
         return DelayChoice(delays, given_by_configuration("delay", _listed(delays) or "none"))
     found = delays_by_criterion(segments, limits)
     by_arx = delays = tuple(delay for delay, _ in found)
-    if len(names) == segments[0].outputs.shape[1] == 1:
-        ((low, _),), ((_, criterion),) = limits, found
-        delays = (_shortest_as_likely(segments, delays[0], low, criterion),)
+    for place, ((low, _), (_, criterion)) in enumerate(zip(limits, found, strict=True)):
+        if delays[place] > max(low, CERTAIN_DELAY) and _is_slow(segments, place):
+            delays = _shortest_as_likely(segments, delays, place, low, criterion)
     several = len(names) > 1
     alternatives = tuple(
         Alternative(
@@ -296,39 +300,67 @@ def _listed(delays: Sequence[int]) -> str:
     return ", ".join(map(str, delays))
 
 
-def _shortest_as_likely(segments: Sequence[Segment], delay: int, low: int, criterion: Array) -> int:
-    """The delay, or a shorter one that output-error and ARX models together find far likelier.
+def _is_slow(segments: Sequence[Segment], place: int) -> bool:
+    """Whether an input has hardly any power in the upper half of the frequencies."""
+    powers = np.zeros(2)
+    for each in segments:
+        lines = np.abs(np.fft.rfft(each.inputs[:, place] - each.inputs[:, place].mean())) ** 2
+        powers += [lines[: len(lines) // 2].sum(), lines[len(lines) // 2 :].sum()]
+    return bool(powers[1] < SLOW * powers.sum())
 
-    ``criterion``: lowest BIC of a sample of ARX models with the delays from ``low`` on.
+
+def _shortest_as_likely(
+    segments: Sequence[Segment],
+    delays: tuple[int, ...],
+    place: int,
+    low: int,
+    criterion: Array,
+) -> tuple[int, ...]:
+    """Delays of which one may be shorter, where output-error and ARX models find it far likelier.
+
+    ``criterion``: lowest BIC of a sample of ARX models with that delay from ``low`` on.
     """
     samples = sum(each.samples for each in segments)
-    first = delay + max(OUTPUT_ERROR_ORDERS)
-    models: list[PolynomialModel] = []
+    first = max(delays) + max(OUTPUT_ERROR_ORDERS)
+    several = segments[0].inputs.shape[1] * segments[0].outputs.shape[1] > 1
+    compared = first_samples(segments, MOST_OF_SEVERAL) if several else tuple(segments)
+    share = sum(each.samples for each in compared) / samples
+    known: dict[int, list[PolynomialModel]] = {}
     totals: dict[int, float] = {}
 
+    def likeliest(output: int, tried: tuple[int, ...]) -> float:
+        """BIC of the best output-error model of an output."""
+        alone = [replace(each, outputs=each.outputs[:, [output]]) for each in compared]
+        models, values = known.setdefault(output, []), []
+        for n in OUTPUT_ERROR_ORDERS:
+            orders = Orders(nb=(n,) * len(tried), nf=(n,) * len(tried), nk=tried)
+            try:
+                found = fit(alone, orders, models=models, stages=FOLD_STAGES)
+            except NoModelError:
+                continue
+            assert isinstance(found.model, PolynomialModel)
+            models.append(found.model)
+            errors = found.residuals_from(first)
+            loss = len(errors) * log_loss(errors, "quadratic")
+            values.append(loss + found.parameters * np.log(len(errors)))
+        return min(values, default=np.inf)
+
+    def with_delay(nk: int) -> tuple[int, ...]:
+        return (*delays[:place], nk, *delays[place + 1 :])
+
     def total(nk: int) -> float:
-        """BIC of the best output-error model and of the best ARX model."""
+        """BIC of the best output-error models and of the best ARX model."""
         if nk not in totals:
-            values = []
-            for n in OUTPUT_ERROR_ORDERS:
-                try:
-                    orders = Orders(nb=n, nf=n, nk=nk)
-                    found = fit(segments, orders, models=models, stages=FOLD_STAGES)
-                except NoModelError:
-                    continue
-                assert isinstance(found.model, PolynomialModel)
-                models.append(found.model)
-                errors = found.residuals_from(first)
-                loss = len(errors) * log_loss(errors, "quadratic")
-                values.append(loss + found.parameters * np.log(len(errors)))
-            totals[nk] = min(values, default=np.inf) + samples * float(criterion[nk - low])
+            outputs = range(segments[0].outputs.shape[1])
+            of_outputs = sum(likeliest(each, with_delay(nk)) for each in outputs)
+            totals[nk] = of_outputs + share * samples * float(criterion[nk - low])
         return totals[nk]
 
-    shortest = max(low, 1)
+    delay, shortest = delays[place], max(low, 1)
     while delay > max(CERTAIN_DELAY, shortest):
         tried = sorted({shortest + (delay - shortest) * part // 4 for part in (0, 2, 3, 4)})
-        likeliest = min(tried, key=total)
-        if not total(likeliest) < total(delay) - VERY_STRONG:
+        best = min(tried, key=total)
+        if not total(best) < total(delay) - VERY_STRONG:
             break
-        delay = likeliest
-    return delay
+        delay = best
+    return with_delay(delay)

@@ -40,10 +40,20 @@ def fitted(
         sizes = np.linalg.norm(weighted, axis=0)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
         weighted_goal = np.concatenate([goal * weights, np.zeros(len(further))])
-        coefficients = np.linalg.lstsq(weighted / sizes, weighted_goal, STATE_RANK)[0] / sizes
+        coefficients = _least_squares(weighted / sizes, weighted_goal) / sizes
         left = np.abs(goal - rows @ coefficients)
         weights = 1.0 / np.sqrt(np.maximum(left, 0.1 * np.mean(left) + 1e-300))
     return np.asarray(coefficients)
+
+
+def _least_squares(columns: Array, goal: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.lstsq(columns, goal, STATE_RANK)[0])
+    except np.linalg.LinAlgError:
+        # The iteration for singular values may not end; a decomposition with pivots needs none.
+        from scipy.linalg import lstsq
+
+        return np.asarray(lstsq(columns, goal, STATE_RANK, lapack_driver="gelsy")[0])
 
 
 def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:

@@ -29,6 +29,7 @@ from evopem.estimation.state_space.problem import (
     POLISH_STEPS,
     POLISH_TOLERANCE,
     STEPS,
+    TOLERANCE,
     StateSpaceProblem,
 )
 from evopem.estimation.state_space.search import (
@@ -226,10 +227,14 @@ def _descended_from(
     tolerance: float | None = None,
 ) -> tuple[StateSpaceProblem, SearchResult]:
     errors = replace(task, structure=model.structure).errors(recording, model.order)
-    tolerance = rough_tolerance(errors) if tolerance is None else tolerance
     problem = problem_for(errors, task.settings)
     start = problem.completed(point_of_model(model, errors))
-    result = result_of(problem.descents(start[None, :], steps, tolerance))
+    result = result_of(
+        problem.descents(start[None, :], steps, tolerance or rough_tolerance(errors))
+    )
+    if not np.isfinite(result.value):
+        # A descent that began with an unstable A may need its last steps to leave it.
+        result = result_of(problem.descents(start[None, :], steps, TOLERANCE))
     if not np.isfinite(result.value):
         raise NoModelError("the descent found no stable model")
     return problem, result
