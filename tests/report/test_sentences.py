@@ -343,3 +343,20 @@ def test_a_band_without_upper_limit_is_no_number(results):
     assert use.answer != "good"
     assert "no upper limit" in use.reason
     assert "±" not in use.reason
+
+
+def test_a_band_that_is_wide_where_the_response_is_large_is_not_good(results):
+    table = results.frequency_response.copy()
+    peak = table["gain"].idxmax()
+    table["gain_lower"], table["gain_upper"] = 0.99 * table["gain"], 1.01 * table["gain"]
+    narrow = replace(results, frequency_response=table)
+    table = table.copy()
+    table.loc[peak, "gain_upper"] = 1e3 * table.loc[peak, "gain"]
+    wide = replace(results, frequency_response=table)
+    answers = [
+        next(use for use in verdict(each).uses if use.name == "the frequency response")
+        for each in (narrow, wide)
+    ]
+    assert "where the response is large" not in answers[0].reason
+    assert answers[1].answer != "good"
+    assert "where the response is large" in answers[1].reason

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 
 from evopem.estimation.model_record import ModelRecord
 from evopem.figures.frequency_domain import model_source
@@ -37,6 +38,8 @@ _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": 
 GOOD_SIMULATION, USABLE_SIMULATION, ERROR_OF_MEAN = 30.0, 60.0, 100.0
 # Half width of a 95 % band of the gain, in percent of it, from which on the gain is a rough one.
 WIDE_BAND = 25.0
+# The same of the band's power over the gain's, which its peaks decide.
+WIDEST_OF_POWER = 50.0
 BELOW_MEAN = math.nextafter(ERROR_OF_MEAN, 0.0)
 
 # Modes that a sentence names at most.
@@ -232,11 +235,25 @@ def _frequency_response(results: DatasetResults) -> Use:
     elif math.isinf(half):
         text = "its 95 % band has no upper limit at half of the frequencies or more"
     band: Finding = ("good" if half <= WIDE_BAND else "care", text)
+    whole = _band_of_power(inside)
+    peaks: Finding = ("good", "")
+    if whole > WIDEST_OF_POWER:
+        peaks = "care", "the band is wider than half of the gain where the response is large"
     tested: Finding = ("good", "")
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
         tested = "care", f"simulations are off by {percent(error)}, which hides errors of the gain"
-    return _use(name, band, tested, checked)
+    return _use(name, band, peaks, tested, checked)
+
+
+def _band_of_power(table: pd.DataFrame) -> float:
+    """Half width of the band over the gain, percent, root mean square; the median of all pairs."""
+    shares = []
+    pairs = [each for each in ("output", "input") if each in table]
+    for _, pair in table.groupby(pairs):
+        half = (pair["gain_upper"] - pair["gain_lower"]) / 2.0
+        shares.append(100.0 * float(np.linalg.norm(half) / np.linalg.norm(pair["gain"])))
+    return float(np.median(shares)) if shares else math.nan
 
 
 def _modes(results: DatasetResults) -> Use:
