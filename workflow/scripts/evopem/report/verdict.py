@@ -67,6 +67,7 @@ DESIRABLE: dict[str, tuple[str, ...]] = {
     "Simulation independent of its initial state": ("simulation",),
     "White residuals": ("prediction", "spectrum", "intervals"),
     "Residuals independent of the input": ("response", "intervals"),
+    "Roots inside the stability bound": ("response",),
     "Constant in time": ("simulation", "response"),
     "Linear": ("simulation", "response"),
     "Every spectral peak modelled": ("spectrum",),
