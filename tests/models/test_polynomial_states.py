@@ -1,5 +1,6 @@
 """Initial states of polynomial models: against truths, and where poles cluster."""
 
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -103,3 +104,11 @@ def test_states_are_found_where_singular_values_are_not(monkeypatch):
     monkeypatch.setattr(np.linalg, "lstsq", failing)
     np.testing.assert_allclose(simulate_from_first(MODEL, u, x, 40), expected, atol=1e-9)
     assert failing.called
+
+
+def test_a_simulation_whose_states_overflow_is_infinite():
+    form = MODEL.plant().state_space()
+    grown = replace(form, B=1e200 * form.B, C=1e-200 * form.C)
+    u, x, _ = signals(MODEL, 400, 0.0)
+    found = grown.simulate_from_fitted_state(u[:, None], x[:, None], known=40)
+    assert not np.isfinite(found).any()

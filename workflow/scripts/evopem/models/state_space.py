@@ -228,7 +228,8 @@ class StateSpaceModel:
             driven = states_of(form.A, u @ form.B.T, None)
             rest = driven @ form.C.T + u @ form.D.T + form.level
             free = form._free_responses(form.A, len(y), fit_level)
-        if not (np.isfinite(rest).all() and np.isfinite(free).all()):
+            power = driven.T @ driven / len(driven)
+        if not all(np.isfinite(each).all() for each in (rest, free, power)):
             return np.full(y.shape, np.inf)
         target, columns = (y - rest)[:known], free[:known]
         if known is None:
@@ -239,7 +240,7 @@ class StateSpaceModel:
         least = 1e-20 * np.mean(target**2, axis=0)
         noise = np.sqrt(np.maximum(np.mean(squares, axis=0), least))
         noise[noise == 0.0] = 1.0
-        moments, directions = np.linalg.eigh(driven.T @ driven / len(driven))
+        moments, directions = np.linalg.eigh(power)
         free[:, :, :n] = free[:, :, :n] @ (directions * np.sqrt(np.maximum(moments, 0.0)))
         state = fitted(free[:known], target, noise, robust, np.eye(n, free.shape[2]))
         return np.asarray(rest + free @ state)
