@@ -17,6 +17,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,8 @@ def run(number: int) -> Line:
             line |= judged(case, found)
             line["seconds"] = round(time.process_time() - started, 1)
             if not case.outside and case.system.structure in ORACLES and _is_single(case):
-                line["oracle"] = oracle(case)
+                with suppress(InputError):  # where the true orders are lost in rounding
+                    line["oracle"] = oracle(case)
     except InputError as error:
         line["refused"] = str(error)
     except Exception as error:
@@ -254,7 +256,7 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
     trusted = [line["modes"] for line in inside]
     unrelated = [line for line in outside if line["outside"] == "unrelated"]
     return [
-        ("recordings refused", rate("refused" in line for line in lines)),
+        ("recordings refused", rate("refused" in line and "checks" not in line for line in lines)),
         ("recordings that ended in a fault", rate("fault" in line for line in lines)),
         *(
             (f"{what} covers, {where}", measure(group, key))
