@@ -181,7 +181,7 @@ def estimates_of_orders(
         Of each descent at most: too small orders, which do not describe the recording, converge
         slowly, and nothing depends on their last digits.
     starts : mapping
-        Models of any form by their order, from which fewer estimates are descended from.
+        Models of any form by their order, which are descended from as well.
     """
     options = {"level": level, "weighting": weighting, "settings": settings or QUADRATIC}
     task = StateSpaceTask.of(recording, structure, delays, forgets=forgets, **options)

@@ -156,7 +156,7 @@ def rungs(
     errors: StateSpaceErrors,
     models: StartingModels,
     generator: np.random.Generator,
-    widest: int,
+    width: int,
     orders: Sequence[int],
     steps: int = STEPS,
     log: Log | None = None,
@@ -164,8 +164,8 @@ def rungs(
 ) -> Iterator[Rung]:
     """Optima of ascending orders from estimates and their neighbours.
 
-    At most ``widest`` estimates of each are descended from, and the optimum of two states more;
-    fewer beside a model of another form.
+    At most ``width`` estimates of each are descended from, the model of another form, and the
+    optimum of two states more.
     """
     reached: list[Rung] = []
     yielded = 0
@@ -174,7 +174,6 @@ def rungs(
             log(f"{errors.structure}: order {order} of at most {orders[-1]}")
         problem = replace(errors, order=order)
         beside = [point_of_model(others[order], problem)] if order in others else []
-        width = min(widest, WIDTH_BESIDE) if beside else widest
         starts = beside + lowest(problem, list(models.points(problem)), width)
         for below in [rung for rung in reached if rung.optima][-2:]:
             starts += extensions(
@@ -203,8 +202,6 @@ LEAST_EVALUATIONS, MOST_EVALUATIONS = 500, 8000
 # Estimates of each order that are descended from on the way to a larger order, and for the order
 # itself.
 WIDTH, FINAL_WIDTH = 3, 8
-# The same beside a model of another form.
-WIDTH_BESIDE = 1
 # Optima of the other form that are descended from.
 CROSSED = 2
 # Restarts that must agree before the multistart check, which is one more: no certificate asks for
