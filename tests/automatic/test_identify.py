@@ -8,7 +8,7 @@ from records import error_percent, output_error_record
 from scipy.signal import lfilter
 
 import evopem
-from evopem.automatic import candidates
+from evopem.automatic import candidates, structures
 from evopem.automatic.candidates import OrderLimits, Scorer, StructureSearch
 from evopem.automatic.cross_validation.folds import FoldPlan, decide_folds
 from evopem.automatic.cross_validation.repetition import decide_repetition
@@ -92,6 +92,21 @@ def test_candidates_far_behind_are_not_scored_on_held_out_samples():
     everything = map(scorer.scored, tried)
     lowest = min(each.scores.simulation for each in everything)
     assert min(each.scores.simulation for each in scored) < 1.02 * lowest
+
+
+def test_a_candidate_that_is_scored_late_stands_once_among_the_others(monkeypatch):
+    monkeypatch.setattr(candidates, "SCORED_IN_VAIN", 1)
+    u, y, _ = output_error_record(300)
+    stretches = [Segment(u, y)]
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), delays=(1,))
+    tried = [Orders(nb=n, nf=n, nk=1) for n in (1, 2, 3, 4, 5)]
+    found = tuple(scorer.candidate("oe", orders, scored=False) for orders in tried)
+    refined = Mock(side_effect=lambda *_: list(map(scorer.with_own_scores, found)))
+    monkeypatch.setattr(structures, "refine_orders", refined)
+    compared = compare_structures(scorer, [StructureSearch("oe", found, ABOUT)]).candidates
+    names = [each.name for each in compared]
+    assert len(set(names)) == len(names)
+    assert set(names) >= {each.name for each in found}
 
 
 def test_folds_that_a_model_does_not_lead_to_are_estimated_anew(monkeypatch):

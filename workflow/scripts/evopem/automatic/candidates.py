@@ -147,10 +147,10 @@ class Candidate:
         return f"{self.structure} {' '.join(words)}"
 
 
-CRITERIA: tuple[Callable[[Candidate], float], ...] = (
-    attrgetter("bic"),
-    attrgetter("simulation_bic"),
-)
+Score = Callable[[Candidate], float]
+
+BIC: Score = attrgetter("bic")
+SIMULATION_BIC: Score = attrgetter("simulation_bic")
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,7 @@ class Scorer:
             except NoModelError:
                 return None
             self._known[key] = self.described(structure, found)
-        return self._with_scores(self._known[key]) if scored else self._known[key]
+        return self.with_own_scores(self._known[key]) if scored else self._known[key]
 
     def with_scores(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Candidates, of which those that may win have scores on held-out samples.
@@ -270,10 +270,10 @@ class Scorer:
         By ascending BIC, and by that of simulations, until so many in a row lower no error.
         """
         scored: dict[Candidate, Candidate] = {}
-        for criterion in CRITERIA if self.has_input else CRITERIA[:1]:
+        for criterion in (BIC, SIMULATION_BIC) if self.has_input else (BIC,):
             lowest, without_gain = dict.fromkeys(KINDS, np.inf), 0
             for each in sorted(candidates, key=criterion):
-                scored[each] = self._with_scores(each)
+                scored[each] = self.with_own_scores(each)
                 errors = {kind: getattr(scored[each].scores, kind) for kind in KINDS}
                 gained = any(errors[kind] < (1.0 - GAIN) * lowest[kind] for kind in KINDS)
                 lowest = {kind: min(errors[kind], lowest[kind]) for kind in KINDS}
@@ -282,13 +282,16 @@ class Scorer:
                     break
         return [scored.get(each, each) for each in candidates]
 
-    def _with_scores(self, candidate: Candidate) -> Candidate:
+    def with_own_scores(self, candidate: Candidate) -> Candidate:
         """A candidate with scores, which are computed once for each structure and orders."""
-        key = _key(candidate)
-        known = self._known.get(key, candidate)
+        known = self.known(candidate)
         if not known.is_scored:
-            known = self._known[key] = self.scored(candidate)
+            known = self._known[_key(candidate)] = self.scored(candidate)
         return known
+
+    def known(self, candidate: Candidate) -> Candidate:
+        """The candidate of the same structure and orders, with scores if it has been scored."""
+        return self._known.get(_key(candidate), candidate)
 
     def described(self, structure: str, found: Fit, order: int = 0) -> Candidate:
         """The candidate of a fit, without scores on held-out samples."""

@@ -1,6 +1,6 @@
 """Delays of the inputs, and orders within one structure."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -9,10 +9,12 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.automatic.candidates import (
-    CRITERIA,
+    BIC,
     GAIN,
     LARGEST_ORDER,
+    SIMULATION_BIC,
     Candidate,
+    Score,
     Scorer,
     StructureSearch,
 )
@@ -83,9 +85,9 @@ def _along_path(
             break
         candidates.extend(tried)
         work += scorer.samples * sum(each.parameters for each in tried)
-        likeliest = min(tried, key=lambda each: each.bic)
+        likeliest = min(tried, key=BIC)
         previous = [_polynomials(likeliest)]
-        reached = [min(map(criterion, tried)) for criterion in CRITERIA]
+        reached = [min(map(criterion, tried)) for criterion in (BIC, SIMULATION_BIC)]
         gained = any(
             new < old - least for new, old, least in zip(reached, lowest, LEAST_GAINS, strict=True)
         )
@@ -188,7 +190,7 @@ def _polynomials(candidate: Candidate) -> PolynomialModel:
 
 
 def refine_orders(
-    scorer: Scorer, start: Candidate, score: Callable[[Candidate], float], rounds: int = 2
+    scorer: Scorer, start: Candidate, score: Score, rounds: int = 2
 ) -> list[Candidate]:
     """Change one order after the other as long as a score falls; all that was tried, best last."""
     best, tried, work = start, [start], 0

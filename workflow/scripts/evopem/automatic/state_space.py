@@ -76,7 +76,7 @@ def fits_in_state_space(
     many = orders[0] >= MANY_ALONE - BELOW and orders[-1] >= MANY_ALONE
     quick = large or (many and not driven)
     # Polynomials of equal orders are searched beside the states of one input and one output.
-    usual = WIDTH if stretches[0].inputs.shape[1] == 1 == stretches[0].outputs.shape[1] else None
+    is_one = stretches[0].inputs.shape[1] == 1 == stretches[0].outputs.shape[1]
     estimates = estimates_of_orders(
         estimation,
         orders,
@@ -85,7 +85,7 @@ def fits_in_state_space(
         weighting=weighting_of(structure, settings),
         settings=settings,
         forgets=True,
-        width=LARGE_WIDTH if quick else usual or FINAL_WIDTH,
+        width=LARGE_WIDTH if quick else WIDTH if is_one else FINAL_WIDTH,
         steps=LARGE_STEPS if quick else STEPS,
         starts=starts,
         log=log,

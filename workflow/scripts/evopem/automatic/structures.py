@@ -1,14 +1,20 @@
 """The choice between structures, for each purpose."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Literal
 
 import numpy as np
 
 from evopem.automatic.candidate_checks import feedback_probability, heaviness
-from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
+from evopem.automatic.candidates import (
+    BIC,
+    SIMULATION_BIC,
+    Candidate,
+    Score,
+    Scorer,
+    StructureSearch,
+)
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.orders import TOO_SHORT, refine_orders
 from evopem.config.structures import OF_SIMULATION
@@ -18,11 +24,6 @@ from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
 Kind = Literal["simulation", "fitted_level", "prediction"]
 Level = Literal["constant", "state"]
-Score = Callable[[Candidate], float]
-
-BIC: Score = attrgetter("bic")
-SIMULATION_BIC: Score = attrgetter("simulation_bic")
-
 # Models within so many standard errors of the lowest error, and within this share, are as good.
 STANDARD_ERRORS, AS_GOOD = 2.0, 0.1
 # Folds that are independent of each other, of those in all designs.
@@ -111,7 +112,8 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
         score = score_of(_kind_of(level))
         for finalist in _finalists(candidates, score):
             candidates.extend(refine_orders(scorer, finalist, score))
-        candidates = list(dict.fromkeys(candidates))
+        # What was refined may have been searched, and scored only then.
+        candidates = list(dict.fromkeys(map(scorer.known, candidates)))
         simulation, about = _for_simulation(scorer, candidates, _kind_of(level))
         if level == "constant":
             # A level passes through 1/A: where A has roots near 1, its small error in the equation

@@ -93,7 +93,7 @@ def _reason(candidate: Candidate, choice: Choice) -> str:
     if candidate.name == choice.candidate.name:
         return f"for {choice.purpose}: most likely of the best on held-out samples"
     if not candidate.is_scored:
-        return "far less likely than others, or above the order of the lowest BIC"
+        return "less likely than those that were scored, or above the order of the lowest BIC"
     if candidate.bic > choice.candidate.bic:
         return "less likely than the selected one"
     return "worse on held-out samples"

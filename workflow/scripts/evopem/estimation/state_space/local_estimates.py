@@ -229,15 +229,12 @@ def _descended_from(
     errors = replace(task, structure=model.structure).errors(recording, model.order)
     problem = problem_for(errors, task.settings)
     start = problem.completed(point_of_model(model, errors))
-    result = result_of(
-        problem.descents(start[None, :], steps, tolerance or rough_tolerance(errors))
-    )
-    if not np.isfinite(result.value):
-        # A descent that began with an unstable A may need its last steps to leave it.
-        result = result_of(problem.descents(start[None, :], steps, TOLERANCE))
-    if not np.isfinite(result.value):
-        raise NoModelError("the descent found no stable model")
-    return problem, result
+    # A descent that began with an unstable A may need its last steps to leave it.
+    for each in (rough_tolerance(errors), TOLERANCE) if tolerance is None else (tolerance,):
+        result = result_of(problem.descents(start[None, :], steps, each))
+        if np.isfinite(result.value):
+            return problem, result
+    raise NoModelError("the descent found no stable model")
 
 
 def described(
