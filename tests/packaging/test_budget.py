@@ -12,8 +12,11 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "workflow" / "scripts" / "evopem"
 FILES = sorted(PACKAGE.rglob("*.py"))
 
+# Each of them may take 600 lines of its own.
+CAPABILITIES: tuple[str, ...] = ()
+
 BUDGET = {
-    "lines": 40_000,
+    "lines": 40_000 + 600 * len(CAPABILITIES),
     "files": 250,
     "files above 400 lines": 0,
     "folders above 20 files": 0,
