@@ -160,6 +160,7 @@ class StructureSearch:
     structure: str
     candidates: tuple[Candidate, ...]
     decision: Decision
+    too_short: bool = False  # the record, for any candidate
 
     @property
     def orders(self) -> tuple[int, ...]:

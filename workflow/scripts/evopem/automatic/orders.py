@@ -24,7 +24,7 @@ from evopem.automatic.fit import FOLD_STAGES, fit, log_loss
 from evopem.automatic.state_space import Log, fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
-from evopem.config.structures import AUTOMATIC_STRUCTURES, ORDER_NAMES, is_polynomial
+from evopem.config.structures import ORDER_NAMES, is_polynomial
 from evopem.errors import NoModelError
 from evopem.estimation.delays import ORDERS, delays_by_criterion, longest_delay
 from evopem.models.orders import PER_INPUT, Orders
@@ -41,14 +41,11 @@ LEAST_GAINS = 0.002, 0.01
 # Samples times parameters of all candidates of a structure, and of a refinement: the cost of a fit
 # with its folds is about proportional to it.  Long records stop at lower orders.
 MOST_WORK = 1_100_000
-# Structures whose optima serve as starts of others.
-NESTED: Mapping[str, tuple[str, ...]] = AUTOMATIC_STRUCTURES
 # Largest number of states, with an input and without one, and that above which they are tried in
 # steps of two.
 MOST_STATES, MOST_ALONE, SINGLE_STEPS = 40, 80, 10
 # Output values of the smallest training part for each parameter of models of several channels.
 VALUES_PER_PARAMETER = 5
-TOO_SHORT = "The record is too short for this structure."
 
 
 def search_structure(
@@ -59,10 +56,9 @@ def search_structure(
         scorer.remember(each.candidates)
     search = _along_path if is_polynomial(structure) else _by_states
     candidates = search(scorer, structure, smaller, log)
-    none = TOO_SHORT
-    if not (candidates or is_polynomial(structure)) and numbers_of_states(scorer):
-        none = "No model of this structure was found, or rounding spoils each of them."
-    return StructureSearch(structure, tuple(candidates), _decision(structure, candidates, none))
+    too_short = not candidates and (is_polynomial(structure) or not numbers_of_states(scorer))
+    decision = _decision(structure, candidates, too_short)
+    return StructureSearch(structure, tuple(candidates), decision, too_short)
 
 
 def _along_path(
@@ -75,7 +71,7 @@ def _along_path(
     for orders_of_step in scorer.limits.within(structure, _path(structure, scorer.delays)):
         tried: list[Candidate] = []
         for orders in orders_of_step:
-            starts = [*previous, *_same_plant(orders, structure, smaller)]
+            starts = [*previous, *_same_plant(orders, smaller)]
             candidate = scorer.candidate(structure, orders, starts, scored=False)
             if candidate is not None:
                 tried.append(candidate)
@@ -133,9 +129,14 @@ def numbers_of_states(scorer: Scorer) -> tuple[int, ...]:
     return tuple(range(low, high + 1))
 
 
-def _decision(structure: str, candidates: Sequence[Candidate], none: str) -> Decision:
-    name, sentence = "none", none
-    if candidates:
+def _decision(structure: str, candidates: Sequence[Candidate], too_short: bool) -> Decision:
+    name, sentence = (
+        "none",
+        "No model of this structure was found, or rounding spoils each of them.",
+    )
+    if too_short:
+        sentence = "The record is too short for this structure."
+    elif candidates:
         best = min(candidates, key=lambda each: each.bic)
         at_edge, name = best is candidates[-1], best.name
         at_start = len(candidates) > 1 and best is candidates[0]
@@ -166,8 +167,7 @@ def orders_of_size(structure: str, n: int, delays: Sequence[int]) -> list[Orders
     return {
         "fir": lambda: [o(n)],
         "arx": lambda: [o(n, na=n), o(2 * n, less=1, na=n)],
-        "armax": lambda: [o(n, na=n, nc=n)],
-        "arma": lambda: [o(n, na=n, nc=n)],
+        **dict.fromkeys(("arma", "armax"), lambda: [o(n, na=n, nc=n)]),
         "ararx": lambda: [o(n, na=n, nd=max(n // 2, 1))],
         "ararmax": lambda: [o(n, na=n, nc=max(n // 2, 1), nd=1)],
         "oe": lambda: [o(n, nf=n), o(n + 1, less=1, nf=n)],
@@ -176,12 +176,10 @@ def orders_of_size(structure: str, n: int, delays: Sequence[int]) -> list[Orders
     }[structure]()
 
 
-def _same_plant(
-    orders: Orders, structure: str, smaller: Mapping[str, StructureSearch]
-) -> list[PolynomialModel]:
+def _same_plant(orders: Orders, smaller: Mapping[str, StructureSearch]) -> list[PolynomialModel]:
     """Models of nested structures with as many poles."""
-    nested = (smaller[name].candidates for name in NESTED.get(structure, ()) if name in smaller)
-    return [_polynomials(each) for each in chain(*nested) if each.orders.plant == orders.plant]
+    nested = chain(*(search.candidates for search in smaller.values()))
+    return [_polynomials(each) for each in nested if each.orders.plant == orders.plant]
 
 
 def _polynomials(candidate: Candidate) -> PolynomialModel:

@@ -1,6 +1,6 @@
 """What is tried for the failed checks of a model."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -132,29 +132,27 @@ def _earlier(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy
 
 def _smaller_order(scorer: Scorer, current: Candidate, searched: Searched) -> Iterator[Remedy]:
     smaller = [each for each in _same_structure(current, searched) if each.order < current.order]
-    for each in smaller[-1:]:
-        yield "smaller order", partial(_scored, scorer, each)
+    yield from _of_search(scorer, "smaller order", smaller[-1:])
 
 
 def _other_models(scorer: Scorer, current: Candidate, searched: Searched) -> Iterator[Remedy]:
     """Larger orders, and the likeliest candidate of each other structure with a noise model."""
     larger = [each for each in _same_structure(current, searched) if each.order > current.order]
-    for each in larger[:LARGER_ORDERS]:
-        yield "larger order", partial(_scored, scorer, each)
+    yield from _of_search(scorer, "larger order", larger[:LARGER_ORDERS])
     likeliest: dict[str, Candidate] = {}
     for each in sorted(searched, key=lambda each: each.bic):
         if each.structure not in (current.structure, *OF_SIMULATION):
             likeliest.setdefault(each.structure, each)
-    for each in likeliest.values():
-        yield "other structure", partial(_scored, scorer, each)
+    yield from _of_search(scorer, "other structure", likeliest.values())
 
 
 def _same_structure(current: Candidate, searched: Searched) -> list[Candidate]:
     return [each for each in searched if each.structure == current.structure]
 
 
-def _scored(scorer: Scorer, candidate: Candidate, _: Candidate) -> Candidate:
-    return candidate if candidate.is_scored else scorer.scored(candidate)
+def _of_search(scorer: Scorer, name: str, candidates: Iterable[Candidate]) -> Iterator[Remedy]:
+    for candidate in candidates:
+        yield name, partial(lambda chosen, _: scorer.with_own_scores(chosen), candidate)
 
 
 # Checks, and what is tried while some of them fail, in this order: of polynomials, whose orders are

@@ -16,7 +16,7 @@ from evopem.automatic.candidates import (
     StructureSearch,
 )
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.orders import TOO_SHORT, refine_orders
+from evopem.automatic.orders import refine_orders
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
@@ -101,8 +101,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     others = [each for search in searches for each in search.candidates if each not in eligible]
     candidates = [*scorer.with_scores(eligible), *others]
     if not candidates:
-        is_short = {each.decision.sentence for each in searches} == {TOO_SHORT}
-        if is_short:
+        if all(search.too_short for search in searches):
             raise NoModelError("the record is too short for a model of any structure")
         raise NoModelError("no model of any structure was found, or rounding spoils each of them")
     scorer.remember(candidates)

@@ -28,8 +28,9 @@ ORDER_NAMES = STRUCTURES["general"]
 PHASES = ("delay", "plant", "nc", "nd", "na", "nb")
 """Every phase of an order search, in their order: each takes its predecessor's selection."""
 
-# The structures that the automatic recipe searches, each with those whose optima serve as starts.
-AUTOMATIC_STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+# What the automatic recipe searches, each with those whose optima serve as starts: structures of
+# polynomials, and forms in state space, which differ in the noise and the drift.
+NESTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "fir": (),
         "arx": (),
@@ -38,21 +39,23 @@ AUTOMATIC_STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "ararx": ("arx",),
         "ararmax": ("armax",),
         "bj": ("armax", "oe"),
+        "ss": (),
+        "ss_oe": ("ss",),
+        "ss_oe_drift": ("ss_oe",),
+        "ss_bj": ("ss_oe",),
     }
 )
 
-# The same of forms in state space, which differ in the noise and the drift.
-NESTED_FORMS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {"ss_oe": ("ss",), "ss_oe_drift": ("ss_oe",), "ss_bj": ("ss_oe",)}
-)
+AUTOMATIC_STRUCTURES = tuple(structure for structure in NESTED if structure in STRUCTURES)
+"""The structures of polynomials among them."""
 
 
 def searched_structures(wanted: str) -> tuple[str, ...]:
     """The structures of polynomials that are searched for one of them, itself last."""
     needed = {wanted}
-    for structure in reversed(list(AUTOMATIC_STRUCTURES)):
+    for structure in reversed(AUTOMATIC_STRUCTURES):
         if structure in needed:
-            needed.update(AUTOMATIC_STRUCTURES[structure])
+            needed.update(NESTED[structure])
     return (*(each for each in AUTOMATIC_STRUCTURES if each in needed - {wanted}), wanted)
 
 
@@ -158,7 +161,7 @@ def searched_forms(dataset: DatasetSettings) -> tuple[str, ...]:
     if dataset.is_single_channel:
         # Ranges of orders of polynomials ask for these.
         open_orders = own.orders.of_polynomials == OrderRanges(nk=own.orders.nk)
-        return (*AUTOMATIC_STRUCTURES, "ss") if open_orders else tuple(AUTOMATIC_STRUCTURES)
+        return (*AUTOMATIC_STRUCTURES, "ss") if open_orders else AUTOMATIC_STRUCTURES
     forms: tuple[str, ...] = ("ss",)
     if channels.inputs:
         forms = tuple(form for form in STATE_SPACE_FORMS if own.form in (None, form))

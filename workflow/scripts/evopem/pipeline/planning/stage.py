@@ -15,12 +15,7 @@ from typing import Any, Literal
 from evopem.config import order_grid
 from evopem.config.configuration import RunSettings
 from evopem.config.settings import AutomaticSettings, DatasetSettings, OrderGrid, OrderRanges
-from evopem.config.structures import (
-    AUTOMATIC_STRUCTURES,
-    NESTED_FORMS,
-    is_polynomial,
-    searched_forms,
-)
+from evopem.config.structures import NESTED, STRUCTURES, is_polynomial, searched_forms
 from evopem.files.json_form import to_json
 from evopem.pipeline.call import Log, call
 from evopem.pipeline.planning.constraint_plan import known_rate
@@ -106,7 +101,7 @@ def wanted(job: StageJob) -> tuple[str, ...]:
 
 def _nested(job: StageJob) -> tuple[str, ...]:
     """The structures whose models are starts of a search."""
-    nested = {**AUTOMATIC_STRUCTURES, **NESTED_FORMS}.get(job.values["structure"], ())
+    nested = NESTED.get(job.values["structure"], ())
     return tuple(each for each in nested if each in searched_forms(job.settings))
 
 
@@ -282,7 +277,7 @@ def paths(entry: str, job: StageJob) -> list[str]:
 
 
 _TITLES = {
-    **{name: name.upper() for name in AUTOMATIC_STRUCTURES},
+    **{name: name.upper() for name in STRUCTURES},
     "delay": "delay",
     "plant": "plant order",
     "nc": "order of C",
