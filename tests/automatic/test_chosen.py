@@ -15,6 +15,7 @@ from evopem.automatic.fit import CommonSettings, Fit
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import Choice
 from evopem.config.settings import SearchSettings
+from evopem.errors import LostModelError
 from evopem.files.json_form import from_json, to_json
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
@@ -69,6 +70,24 @@ def test_the_search_begins_with_the_candidate_in_the_units_of_the_recording(cand
     assert about.choice == chosen_model.SEARCHED
     assert found.model.F[0] == pytest.approx([1.0, -1.5, 0.8], abs=0.05)
     assert found.model.B[0] == pytest.approx([5.0, 2.5], rel=0.2)
+
+
+def test_an_optimum_that_rounding_spoils_is_left_for_the_compared_model(candidate, monkeypatch):
+    recording, record, scorer, choice = candidate
+    describe, given = chosen_model.describe, []
+
+    def spoiled(errors, result, *rate, **shortest):
+        given.append(result)
+        if len(given) == 1:
+            raise LostModelError("search", "its errors are lost in rounding", "lower the orders")
+        return describe(errors, result, *rate, **shortest)
+
+    monkeypatch.setattr(chosen_model, "describe", spoiled)
+    search = SearchSettings(evaluations=0)
+    found, _ = chosen_model.estimate_choice(choice, scorer, record, recording, search)
+    compared = record.in_its_units(choice.candidate.model)
+    np.testing.assert_allclose(found.model.F[0], compared.F[0], rtol=1e-12)
+    np.testing.assert_allclose(found.model.B[0], compared.B[0], rtol=1e-2)
 
 
 def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():

@@ -120,6 +120,21 @@ def test_a_model_that_predicts_worse_than_its_search_is_refused(structure, monke
         estimate(u, y, **given, settings=replace(QUICK, evaluations=0))
 
 
+def test_a_model_of_slow_poles_is_returned_as_it_was_found():
+    """Its powers of a companion matrix rise to 1e8: they are not taken."""
+    angles, radii = np.array([0.0822, 0.0486, 0.0221]), np.array([0.9932, 0.9997, 0.9999])
+    poles, y = radii * np.exp(1j * angles), np.zeros(1800)
+    u, e = np.random.default_rng(3).standard_normal((2, 1800))
+    for pole, gain in zip(poles, (1.0, 0.3, 0.2), strict=True):
+        y += gain * lfilter([0.0, 0.1], np.real(np.poly([pole, pole.conjugate()])), u)
+    y += lfilter([0.0, 0.1], [1.0, -0.9825], u)
+    y += 0.01 * np.std(y) * e
+    found = estimate(u, y, (7, 7, 1), structure="oe", level=True, settings=QUICK)
+    form, signals = found.model.state_space(), (u[:, None], y[:, None])
+    errors = form.residuals(*signals, form.prediction_state(*signals))[100:, 0]
+    assert np.std(errors) < 1.05 * np.std(found.residuals[100:])
+
+
 @pytest.mark.parametrize(("structure", "orders"), [("oe", (1, 2, 1)), ("ss_oe", 2), ("ss", 2)])
 def test_a_standard_error_at_the_bound_covers_what_the_bound_takes_away(structure, orders):
     damping, turn = 3e-5, 0.8

@@ -112,3 +112,17 @@ def test_a_simulation_whose_states_overflow_is_infinite():
     u, x, _ = signals(MODEL, 400, 0.0)
     found = grown.simulate_from_fitted_state(u[:, None], x[:, None], known=40)
     assert not np.isfinite(found).any()
+
+
+def test_slow_poles_of_a_companion_matrix_are_those_of_its_coefficients():
+    """A product that leads over many samples rounds them to poles outside the circle."""
+    poles = [0.9936 * np.exp(0.0212j), 0.9999 * np.exp(0.0371j), 0.98 * np.exp(0.0104j)]
+    f = np.poly([*poles, *np.conj(poles), 0.979, 0.981]).real
+    model = PolynomialModel(ONE, np.array([1.0, -0.9]), F=f, nk=1)
+    u = np.random.default_rng(1).standard_normal(8000)
+    expected, form = model.simulate(u), model.state_space()
+    difference = form.simulate(u[:, None])[:, 0] - expected
+    assert np.std(difference) < 0.02 * np.std(expected)
+    expected = lfilter([1.0], f, np.r_[1.0, np.zeros(7999)])
+    difference = form._free_responses(form.A, 8000)[:, 0, 0] - expected
+    assert np.std(difference) < 0.02 * np.std(expected)

@@ -1,6 +1,7 @@
 """The chosen model, searched globally unless held-out samples speak against what is found."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -139,14 +140,19 @@ def _polynomials(
 def refitted_estimate(
     model: PolynomialModel, recording: Recording, settings: SearchSettings
 ) -> PolynomialEstimate:
-    """The optimum of a recording that a descent from a model ends at, or NoModelError."""
+    """The optimum of a recording that a descent from a model ends at, or NoModelError.
+
+    The model itself, with the states that fit it, where rounding spoils the optimum.
+    """
     with one_blas_thread():
         window = window_of(model.orders)
         errors = checked_errors(recording, model.orders, settings, window, level=True)
         found = optimum_next_to(model, errors)
         if found is None:
             raise NoModelError("the descent found no finite errors")
-        return describe(errors, found, recording.sampling_rate, shortest=True)
+        with suppress(LostModelError):
+            return describe(errors, found, recording.sampling_rate, shortest=True)
+    return described_by_search(model, found, settings, recording)
 
 
 def _searched(

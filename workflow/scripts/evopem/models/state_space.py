@@ -1,6 +1,5 @@
 """The state-space model in innovations form, several inputs and outputs, as plain data."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import Literal, Self
 
@@ -355,21 +354,11 @@ class StateSpaceModel:
 
     def _free_responses(self, dynamics: Array, samples: int, fit_level: bool = False) -> Array:
         """Outputs after an initial state of one at each state, and levels of one, (N, ny, ...)."""
-        responses = np.zeros((samples, self.outputs, self.order + self.outputs * fit_level))
-        responses[:, :, self.order :] = np.eye(self.outputs)[:, : self.outputs * fit_level]
-        of_states = responses[:, :, : self.order]
-        # In parts of equal length: of a companion matrix, whose powers rise to 1e7 before they
-        # fall, repeated squares leave the range of floats by rounding.
-        length = max(math.isqrt(samples), 1)
-        of_states[:1], power = self.C, dynamics
-        for k in range(1, length):
-            of_states[k] = of_states[k - 1] @ dynamics
-            power = power @ dynamics
-        for first in range(length, samples, length):
-            of_states[first : first + length] = (
-                of_states[first - length : first][: samples - first] @ power
-            )
-        return responses
+        nothing = np.zeros((samples, self.order))
+        of_states = [states_of(dynamics.T, nothing, row) for row in self.C]
+        levels = np.eye(self.outputs)[:, : self.outputs * fit_level]
+        of_levels = np.broadcast_to(levels, (samples, *levels.shape))
+        return np.concatenate([np.stack(of_states, axis=1), of_levels], axis=2)
 
     def resolvent(self, z: Complex, right: Array) -> Complex:
         """``C (zI - A)^-1 right``, (..., ny, columns); NaN at a pole."""
