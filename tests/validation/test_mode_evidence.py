@@ -207,3 +207,24 @@ def test_a_strongly_damped_mode_without_input_may_be_the_colour_of_the_force(inp
     model = PolynomialModel(a, b, np.array([1.0, 0.2]), nk=(1,) * inputs, sampling_rate=RATE)
     (judged,) = table_of_models([OrderModel.of(2, 0.0, model)], 2).modes
     assert any("colour of the force" in doubt for doubt in judged.doubts) == (not inputs)
+
+
+def test_modes_that_make_up_a_finite_response_are_not_trusted():
+    """The zeros of 1 - (0.75 / z) ** 12 are modes; a slower one lasts longer."""
+    ring = np.zeros(13)
+    ring[[0, 12]] = 1.0, -(0.75**12)
+    u, e = np.random.default_rng(6).standard_normal((2, 1500))
+
+    def doubted(a, b):
+        model = PolynomialModel(a, b, np.ones(1), nk=1, sampling_rate=RATE)
+        recording = Recording(u, model.simulate(u) + 0.01 * e, RATE)
+        table = table_of_models(
+            [OrderModel.of(len(a) - 1, 0.0, model)],
+            len(a) - 1,
+            lambda m: divided(m, recording, 700),
+        )
+        return ["finite" in " ".join(each.doubts) for each in table.modes]
+
+    b = np.random.default_rng(7).standard_normal(12)
+    assert doubted(ring, b) == [True] * 5
+    assert not any(doubted(np.convolve(ring, factor(OF_INPUT)), np.convolve(b, [1.0, -0.5])))

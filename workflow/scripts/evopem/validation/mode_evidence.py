@@ -54,6 +54,9 @@ NO_DECAY = 1e-6
 KNOWN_DAMPING = 5.0
 # Radius below which a pole is a delay, as those of more coefficients of B than of A.
 DELAY_RADIUS = 1e-3
+# Share of the slowest mode's amplitude behind the 2 n samples of a response that determine n poles,
+# below which the response may as well be a finite one, which has no modes.
+LEFT_OVER = 0.05
 # Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
 # expected to have with the true one: that of well correlated shapes (Ewins 2000).
 POLES_APART, KNOWN_SHAPE = 0.01, 0.9
@@ -233,26 +236,18 @@ def _mean_squares(held_out: Sequence[HeldOut]) -> Array:
     """Mean square of the one-step errors of each output, (l,)."""
     with np.errstate(all="ignore"):
         errors = [(h.recording.outputs - h.predicted())[h.unscored :] for h in held_out]
-        found: Array = np.mean(np.concatenate(errors) ** 2, axis=0)
-    return found
+        return np.asarray(np.mean(np.concatenate(errors) ** 2, axis=0))
 
 
 def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> ModeTable:
     """A table with the modes of the noise filter alone behind those of the plant."""
     known = {each.mode.pole for each in table.modes}
     nothing = np.zeros(inputs, dtype=complex)
-    doubt = ("is of the noise filter alone, and was not tested",)
     untested = tuple(
         ModeEvidence(
-            mode=replace(mode, input_participation=nothing),
-            order=table.order,
-            orders=(),
-            recurrence=math.nan,
-            input_test=NO_TEST,
-            reached=None,
-            noise_test=NO_TEST,
-            needed_by_noise=None,
-            doubts=doubt,
+            *(replace(mode, input_participation=nothing), table.order, (), math.nan),
+            *(NO_TEST, None, NO_TEST, None),
+            doubts=("is of the noise filter alone, and was not tested",),
         )
         for mode in modes
         if mode.pole not in known
@@ -280,6 +275,8 @@ def _judged(
     needed = of_noise.significant(SIGNIFICANCE)
     if needed and without is not None:
         needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
+    poles = np.sum(np.abs(model.poles()) > DELAY_RADIUS)
+    left_over = max(abs(each.pole) for each in found.modes) ** (2 * poles)
     compared = [
         each.order in group
         for each in by_order.values()
@@ -304,7 +301,7 @@ def _judged(
         needed_by_noise=needed if in_noise else False,
         power_share=power_share,
     )
-    reasons = tuple(doubts(judged, model.sampling_rate, samples))
+    reasons = tuple(doubts(judged, model.sampling_rate, samples, left_over))
     return replace(judged, doubts=reasons, shape_doubt=shape_doubt(mode))
 
 
@@ -325,7 +322,9 @@ def _with_pairs(
     return tuple(found)
 
 
-def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.inf) -> list[str]:
+def doubts(
+    evidence: ModeEvidence, sampling_rate: float, samples: float = math.inf, left_over: float = 1.0
+) -> list[str]:
     """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
 
     A mode is trusted when there is none: it is an underdamped resonance below half the sampling
@@ -333,7 +332,7 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
     a known damping; the inputs drive it or the noise model needs it on held-out samples, with power
     to speak of; three quarters of the models of other orders have it, all of the last three where
     the largest was chosen; and its frequency is known to within 10 %.  Without an input, one of
-    more than 3 % damping has a known shape.
+    more than 3 % damping has a known shape.  ``left_over``: as :data:`LEFT_OVER`.
     """
     mode, found = evidence.mode, []
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
@@ -352,6 +351,8 @@ def doubts(evidence: ModeEvidence, sampling_rate: float, samples: float = math.i
         evidence.reached and mode.damping_ratio >= KNOWN_DAMPING * mode.damping_se
     ):
         found.append("hardly decays within the record")
+    if left_over < LEFT_OVER:
+        found.append("may be one of those that a finite impulse response is made up of")
     if evidence.power_share < LEAST_POWER:
         found.append(f"carries less than {100 * LEAST_POWER:g} % of the power of any output")
     if evidence.origin == "neither":
