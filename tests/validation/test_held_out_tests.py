@@ -82,6 +82,18 @@ def test_the_level_holds_for_errors_that_are_not_white():
     assert np.mean(np.array(p_values) < 0.05) == pytest.approx(0.05, abs=4 * error)
 
 
+def test_forty_samples_tell_a_response_from_none():
+    p_values = []
+    for seed in range(200):
+        x, e = np.random.default_rng([9, seed]).standard_normal((2, 240))
+        x, e = lfilter([1.0], [1.0, -1.5, 0.8], x)[200:], lfilter([1.0], [1.0, -0.9], e)[200:]
+        free = free_responses(np.roots([1.0, -1.5, 0.8]), 40)
+        p_values.append([contribution_test(e + gain * x, x, free).p_value for gain in (0.0, 1.0)])
+    unrelated, related = np.mean(np.array(p_values) < 0.01, axis=0)
+    assert unrelated < 0.04
+    assert related > 0.95
+
+
 def test_the_coefficient_is_that_of_the_regression():
     x, e = np.random.default_rng(3).standard_normal((2, 20_000))
     test = contribution_test(0.5 * x + e + 7.0, x)
