@@ -228,3 +228,19 @@ def test_modes_that_make_up_a_finite_response_are_not_trusted():
     b = np.random.default_rng(7).standard_normal(12)
     assert doubted(ring, b) == [True] * 5
     assert not any(doubted(np.convolve(ring, factor(OF_INPUT)), np.convolve(b, [1.0, -0.5])))
+
+
+@pytest.mark.parametrize(("highest", "reached"), [(14.0, None), (30.0, True)])
+def test_a_mode_without_input_near_it_is_not_reached(highest, reached):
+    """What it adds at other frequencies says as much for it as for any other pole."""
+    a = np.convolve(factor(OF_INPUT), factor(pole(28.0, 0.02)))
+    model = PolynomialModel(a, np.ones(2), np.ones(1), nk=1, sampling_rate=RATE)
+    lines = np.arange(1, round(highest / RATE * 1500))
+    phases = np.random.default_rng(8).uniform(0.0, 2.0 * np.pi, len(lines))
+    u = np.cos(2.0 * np.pi * np.outer(np.arange(1500), lines) / 1500 + phases).sum(axis=1)
+    noise = np.random.default_rng(9).standard_normal(1500)
+    recording = Recording(u, model.simulate(u) + 0.01 * noise, RATE)
+    table = table_of_models(
+        [OrderModel.of(4, 0.0, model)], 4, lambda each: divided(each, recording, 900)
+    )
+    assert [each.reached for each in table.modes] == [True, reached]

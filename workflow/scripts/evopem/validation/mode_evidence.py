@@ -362,7 +362,7 @@ def doubts(
             else "does not improve the prediction of validation samples"
         )
     elif evidence.origin == "not judged":
-        found.append("could not be tested on validation samples")
+        found.append("could not be tested on validation samples: few, or without power there")
     if evidence.stable is False:
         of_them = round(evidence.recurrence * evidence.compared)
         others = len(evidence.orders) - 1 - of_them
