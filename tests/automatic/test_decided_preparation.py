@@ -181,6 +181,44 @@ def test_an_integrating_plant_is_not_differenced():
     assert decide_differences([Segment(u, y - y.mean())])[0] == 0
 
 
+def response_to_two_inputs(outputs, samples=800):
+    """Two white inputs, and as many outputs that respond to both with white noise."""
+    generator = np.random.default_rng(7)
+    u, gains = generator.standard_normal((samples, 2)), generator.standard_normal((2, outputs))
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.8], u @ gains, axis=0)
+    return u, y + 0.1 * generator.standard_normal(y.shape)
+
+
+@pytest.mark.parametrize("outputs", [1, 2])
+def test_outputs_of_two_inputs_are_differenced_where_all_of_them_drift(outputs):
+    u, y = response_to_two_inputs(outputs)
+    walks = np.cumsum(np.random.default_rng(3).standard_normal(y.shape), axis=0)
+    walks *= 3.0 * y.std(axis=0) / walks.std(axis=0)
+    drifting = decide_preparation(Recording(u, y + walks, 10.0))
+    assert choices(drifting)["differences"] == "1"
+    assert choices(decide_preparation(Recording(u, y, 10.0)))["differences"] == "0"
+    y[:, 0] += walks[:, 0]
+    one_drifts = decide_preparation(Recording(u, y, 10.0))
+    assert choices(one_drifts)["differences"] == ("1" if outputs == 1 else "0")
+
+
+@pytest.mark.parametrize("outputs", [1, 2])
+def test_outliers_of_outputs_of_two_inputs_call_for_the_absolute_objective(outputs):
+    u, y = response_to_two_inputs(outputs)
+    assert decide_preparation(Recording(u, y, 10.0)).objective == "quadratic"
+    y[::60] += 30.0
+    assert decide_preparation(Recording(u, y, 10.0)).objective == "absolute"
+
+
+def test_of_outputs_alone_the_objective_is_decided_and_no_difference():
+    e = np.random.default_rng(4).standard_normal((800, 2))
+    plan = decide_preparation(Recording(np.empty((800, 0)), np.cumsum(e, axis=0), 10.0))
+    assert choices(plan) == {"start": "0", "decimation": "1", "objective": "quadratic"}
+    tails = lfilter([1.0], [1.0, -0.9], np.sign(e) * e**4, axis=0)
+    plan = decide_preparation(Recording(np.empty((800, 0)), tails, 10.0))
+    assert plan.objective == "absolute"
+
+
 def test_given_differences_are_not_decided():
     u, y, _ = output_error_record(300)
     plan = decide_preparation(Recording(u, y, 10.0), GivenPreparation(differences=0))
@@ -199,7 +237,12 @@ def channels(samples=1200, rest=0, seed=1):
 
 def test_of_several_channels_a_rest_is_left_out_and_white_signals_keep_their_rate():
     plan = decide_preparation(channels(rest=60))
-    assert choices(plan) == {"start": "50", "decimation": "1"}
+    assert choices(plan) == {
+        "start": "50",
+        "decimation": "1",
+        "differences": "0",
+        "objective": "quadratic",
+    }
     assert plan.decisions[1].sentence.endswith("the record is not oversampled.")
     given = decide_preparation(channels(rest=60), GivenPreparation(start=0, factor=1))
     assert given.starts == (0,)

@@ -49,10 +49,20 @@ def test_the_slope_of_an_output_that_drifts_is_found(record):
     u, y = record
     plan = plan_of(u, y + SLOPE * np.arange(600))
     assert plan.output_trend == pytest.approx(SLOPE, rel=0.05)
-    assert abs(plan.input_trend) < 0.1 * SLOPE
+    assert np.max(np.abs(plan.input_trends), initial=0.0) < 0.1 * SLOPE
     assert plan.box_cox is None
     none, *removed = (each.score for each in decision(plan).alternatives)
     assert min(removed) < 0.9 * none
+
+
+def test_an_output_of_two_inputs_is_transformed_as_one_of_one_input_is(record):
+    u = np.column_stack([record[0], np.random.default_rng(9).standard_normal(600)])
+    y = record[1] + lfilter([0.0, 0.6], [1.0, -0.7], u[:, 1])
+    assert decision(plan_of(u, y)).choice == "none"
+    drifting = plan_of(u, y + SLOPE * np.arange(600))
+    assert drifting.output_trend == pytest.approx(SLOPE, rel=0.05)
+    bent = plan_of(u, np.exp(0.15 * y))
+    assert bent.box_cox == pytest.approx(0.0, abs=0.2)
 
 
 def test_a_trend_that_the_input_drives_stays(record):

@@ -46,7 +46,6 @@ def test_a_source_with_the_recipe_of_the_chapter_takes_the_built_in_values():
             "arm": DatasetSettings(
                 name="arm",
                 keys={},
-                is_single_channel=True,
                 source=SyntheticSource("flexible_arm", seed=1, samples=5000, sampling_rate=100.0),
                 preparation=PreparationSettings(),
                 spectrum=SpectrumSettings(),

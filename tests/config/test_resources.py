@@ -17,7 +17,7 @@ def dataset(text):
 @pytest.fixture
 def simulated():
     """5000 samples and the built-in grids, whose largest model has 14 + 16 + 16 parameters."""
-    return dataset("synthesis: armax")
+    return dataset("recipe: chapter, synthesis: armax")
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def recorded(tmp_path, monkeypatch):
     for name, size in (("a.csv", 10_000_000), ("b.csv", 6_000_000)):
         with Path(name).open("wb") as stream:
             stream.truncate(size)
-    return dataset("file: a.csv, validation_file: b.csv")
+    return dataset("recipe: chapter, file: a.csv, validation_file: b.csv")
 
 
 def test_a_job_that_reads_asks_for_the_size_of_its_recordings(recorded, simulated):

@@ -92,4 +92,3 @@ def test_one_file_may_have_a_list_and_another_a_name(tmp_path, monkeypatch):
     )
     one, two = config.datasets.values()
     assert (one.channels.inputs, two.channels.inputs) == (("u",), ("a", "b"))
-    assert (one.is_single_channel, two.is_single_channel) == (True, False)

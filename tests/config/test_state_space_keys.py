@@ -7,7 +7,7 @@ import yaml
 
 from evopem.config.channels import ChannelPlace, of_each
 from evopem.config.defaults import complete, read_settings, yaml_text
-from evopem.config.structures import searched_forms
+from evopem.config.structures import is_polynomial, searched_forms
 from evopem.errors import InputError
 
 OE = "input: [a, b]\n    output: y\n    structure: oe\n    "
@@ -38,7 +38,7 @@ def test_lists_of_channels_mean_a_state_space_model():
     found = dataset(
         "output: [y1, 4, 'acc_*']\n    input: u\n    output_unit: {y1: m}\n    input_unit: [N]"
     )
-    assert not found.is_single_channel
+    assert searched_forms(found) == ("ss", "ss_oe", "ss_oe_drift", "ss_bj")
     assert found.source.channels.inputs == ("u",)
     assert found.source.channels.outputs == ("y1", 4, "acc_*")
     assert found.source.channels.output_unit == {"y1": "m"}
@@ -48,7 +48,7 @@ def test_lists_of_channels_mean_a_state_space_model():
 
 def test_so_does_a_pattern_without_a_list():
     found = dataset("output: acc_*\n    input: u")
-    assert not found.is_single_channel
+    assert "arx" not in searched_forms(found)
     assert found.source.channels.outputs == ("acc_*",)
 
 
@@ -60,21 +60,21 @@ def test_the_structure_alone_does_so_too():
 
 def test_several_inputs_and_one_output_take_every_polynomial_structure():
     keys = "input: [u1, u2]\n    output: y\n    structure: {}\n    orders: {{plant: [2, 5]}}"
-    for structure in ("fir", "arx", "armax", "ararx", "ararmax", "oe", "bj", "general"):
+    for structure in ("arx", "armax", "ararx", "ararmax", "oe", "bj", "general"):
         found = dataset(keys.format(structure))
-        assert not found.is_single_channel
         assert searched_forms(found)[-1] == structure
         assert found.automatic.orders.plant == (2, 5)
 
 
 def test_polynomial_structures_are_searched_beside_state_space_where_nothing_is_written():
-    polynomial = ["arx", "armax", "oe", "bj"]
-    of_one_output = searched_forms(dataset("input: [u1, u2]\n    output: y"))
-    assert list(of_one_output[4:]) == polynomial
-    of_one_input = searched_forms(dataset(""))
-    assert of_one_input[-1] == "ss"
-    assert set(polynomial) < set(of_one_input)
-    assert "ss" not in searched_forms(dataset("orders: {nc: 2}"))
+    polynomial = ["fir", "arx", "armax", "oe", "ararx", "ararmax", "bj"]
+    of_two_inputs = "input: [u1, u2]\n    output: y"
+    forms = searched_forms(dataset(of_two_inputs))
+    assert list(forms) == [*polynomial, "ss", "ss_oe", "ss_oe_drift", "ss_bj"]
+    assert list(searched_forms(dataset(""))) == [*polynomial, "ss"]
+    assert searched_forms(dataset("input: none\n    output: y")) == ("arma", "ss")
+    for keys in ("orders: {nc: 2}", f"{of_two_inputs}\n    orders: {{nc: 2}}"):
+        assert list(searched_forms(dataset(keys))) == polynomial
     for keys in (
         "input: [u1, u2]\n    output: [y, z]",
         "input: [u1, u2]\n    output: 'y*'",
@@ -89,9 +89,11 @@ def test_a_structure_from_the_defaults_holds_for_several_inputs_too():
     assert searched_forms(found) == ("arx", "armax", "oe")
 
 
-@pytest.mark.parametrize("keys", ["form: ss", "orders: {nx: 3}", "weighting: noise"])
+@pytest.mark.parametrize("keys", ["form: ss", "structure: state_space", "weighting: noise"])
 def test_so_do_the_keys_of_state_space_models(keys):
-    assert not dataset(keys).is_single_channel
+    found = dataset(keys)
+    assert not any(map(is_polynomial, searched_forms(found)))
+    assert found.source.channels_from_file
 
 
 def test_a_list_or_a_mapping_of_one_is_the_channel_itself():
@@ -105,7 +107,6 @@ def test_a_list_or_a_mapping_of_one_is_the_channel_itself():
         "    delay: {nk: {u: 1}}\n    orders: {nb: [[1, 3]]}"
     )
     assert alone == listed
-    assert alone.is_single_channel
 
 
 def test_several_channels_take_the_settings_that_one_takes():
@@ -145,7 +146,7 @@ def test_defaults_serve_both_kinds_of_data_sets():
         search: {seed: 7, max_root_radius: 0.99}
     """
     found = complete(yaml.safe_load(text)).datasets
-    assert found["one"].is_single_channel
+    assert searched_forms(found["one"]) == ("arx",)
     assert found["one"].search.seed == found["several"].search.seed == 7
     assert found["several"].automatic.form == "ss_oe"
     assert found["several"].automatic.orders.nx == (4, 4)
@@ -202,19 +203,19 @@ def test_constraints_come_back(tmp_path):
     assert found.fit.constraints.of_input("a").static_gain == 2
     assert found.fit.constraints.of_input("b").static_gain_bounds == (0, None)
     assert found.fit.constraints.of_input("a").max_pole_radius == 0.9
-    assert found.automatic.focus == "simulation"
+    assert found.fit.focus == "simulation"
 
 
-def test_the_focus_chooses_the_forms_that_are_searched():
-    keys = "input: [1, 2]\n    output: 3\n    focus: "
-    assert set(searched_forms(dataset(keys + "simulation"))) == {
-        "ss_oe",
-        "ss_oe_drift",
-        "oe",
-    }
-    assert "ss_oe" not in searched_forms(dataset(keys + "prediction"))
-    oe = searched_forms(dataset(keys + "prediction\n    structure: oe"))
-    assert oe[-1] == "oe"
+@pytest.mark.parametrize("channels", ["", "input: [1, 2]\n    output: 3\n    "])
+def test_only_forms_that_can_be_fitted_are_searched(channels):
+    everything = searched_forms(dataset(channels))
+    simulated = searched_forms(dataset(channels + "focus: simulation"))
+    assert simulated == tuple(form for form in everything if form != "ss")
+    assert searched_forms(dataset(channels + "focus: prediction")) == everything
+    fixed = "constraints: {fixed_coefficients: {a1: -1.2}}"
+    if not channels:
+        assert searched_forms(dataset(fixed)) == everything[:-1]
+        assert searched_forms(dataset("constraints: {real_poles: none}")) == everything[1:]
 
 
 def test_complete_keys_come_back(tmp_path):
@@ -259,12 +260,12 @@ def test_complete_keys_come_back(tmp_path):
         (
             "input: [1, 2]\n    output: 3\n    structure: oe\n    form: ss",
             "datasets.a.form",
-            "structure oe with several inputs has no such key",
+            "structure oe has no such key",
         ),
         (
             "input: [1, 2]\n    output: 3\n    structure: oe\n    orders: {nx: 3}",
             "datasets.a.orders.nx",
-            "structure oe with several inputs has no such range",
+            "structure oe has no such range",
         ),
         ("output: [2, 3]\n    recipe: chapter", "datasets.a.recipe", "the chapter's recipe"),
         ("output: []", "datasets.a.output", "holds 0 values"),

@@ -65,9 +65,9 @@ def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipp
 def test_a_model_for_another_purpose_gives_up_constraints_alone(clipped, monkeypatch, key):
     fits, known = [], load(ModelRecord, clipped.model)
 
-    def record(files, choice, scored, search, evaluations, fit, *_):
+    def record(files, choice, scored, search, settings, fit, *_):
         fits.append(fit)
-        if evaluations == 0 and len(fits) == 2:
+        if settings.evaluations == 0 and len(fits) == 2:
             raise InputError(f"datasets.pump.{key}", "it cannot be met", "change it")
         return known, load(Decision, files.decision("search"))
 

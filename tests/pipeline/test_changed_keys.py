@@ -38,8 +38,9 @@ def redone(keys, changed):
     [
         (RECORDED, {"spectrum": {"nfft": 512}}, {"prepare", *SEARCHES, "complete_model"}),
         (RECORDED, {"purpose": "prediction"}, {*PREPARED, "search_structure"}),
-        (RECORDED, {"search": {"seed": 2}}, {*PREPARED, *SEARCHES}),
-        (RECORDED, {"focus": "simulation"}, {*PREPARED, *SEARCHES}),
+        (RECORDED, {"search": {"seed": 2}}, PREPARED),
+        (RECORDED, {"focus": "prediction"}, {*PREPARED, *SEARCHES, "complete_model"}),
+        (RECORDED, {"focus": "simulation"}, {*PREPARED, "search_structure"}),
         (RECORDED, {"delay": {"nk": 1}}, set()),
         (RECORDED, {"split": {"discard": 10}}, set()),
         (SEVERAL, {"search": {"evaluations": 9}}, {*PREPARED, *SEARCHES}),

@@ -168,7 +168,7 @@ def test_ranges_of_other_inputs_are_refused_when_the_names_are_known(tmp_path, m
 @pytest.mark.parametrize(
     ("structure", "ranges", "na", "nf"),
     [
-        ("fir", {"plant": [2, 4]}, 0, (0, 0)),
+        ("fir", {"nb": [1, 4]}, 0, (0, 0)),
         ("ararx", {"plant": [1, 2]}, 2, (0, 0)),
         ("ararmax", {"plant": [1, 2]}, 2, (0, 0)),
         # Poles of A could be in all F_i and D as well, where these are not limited.

@@ -285,7 +285,7 @@ class Scorer:
 
     def with_own_scores(self, candidate: Candidate) -> Candidate:
         """A candidate with scores, which are computed once for each structure and orders."""
-        known = self.known(candidate)
+        known = candidate if candidate.is_scored else self.known(candidate)
         if not known.is_scored:
             known = self._known[_key(candidate)] = self.scored(candidate)
         return known

@@ -18,7 +18,9 @@ from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.signals.recording import Segment
 
-# Poles as slow as this act as integrators in any record; closer to the circle nothing changes.
+# Poles as slow as this act as integrators in any record; closer to the circle nothing changes.  In
+# state space the radius is smaller: slow modes of two outputs were off by 122 % at this one, by 7 %
+# at 0.9999.
 PLANT_RADIUS = 1.0 - 1e-7
 NOISE_RADIUS = 0.9999
 # Errors beyond this are all the same.
@@ -101,7 +103,7 @@ def fit(
 
 
 class ArxFit(NamedTuple):
-    """An ARX model by least squares, with na = n and nb = n + 1."""
+    """An ARX model of one output by least squares, with na = n and nb = n + 1 of each input."""
 
     bic: float  # not divided by the samples
     model: PolynomialModel  # without the levels of the recordings
@@ -124,7 +126,7 @@ def _arx(stretches: Sequence[Segment], order: int, first: int, levels: bool) -> 
     rows, targets = [], []
     recordings = sorted({each.recording for each in stretches}) if levels else []
     for each in (long for long in stretches if long.samples > first):
-        u, y, n = each.input, each.output, each.samples
+        u, y, n = each.inputs, each.output, each.samples
         columns = [-y[first - i : n - i] for i in range(1, order + 1)]
         columns += [u[first - i : n - i] for i in range(order + 1)]
         columns += [np.full(n - first, float(each.recording == r)) for r in recordings]
@@ -138,5 +140,7 @@ def _arx(stretches: Sequence[Segment], order: int, first: int, levels: bool) -> 
     e = target - regressors @ point
     mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
     bic = count * float(np.log(mean_square)) + len(point) * float(np.log(count))
-    a, one = np.concatenate([[1.0], point[:order]]), np.ones(1)
-    return ArxFit(bic, PolynomialModel(a, point[order : 2 * order + 1], one, one, one, 0), e)
+    a, one, m = np.concatenate([[1.0], point[:order]]), np.ones(1), stretches[0].inputs.shape[1]
+    b = point[order : order + (order + 1) * m].reshape(order + 1, m)
+    model = PolynomialModel(a, tuple(np.ascontiguousarray(b.T)), one, one, (one,) * m, (0,) * m)
+    return ArxFit(bic, model, e)

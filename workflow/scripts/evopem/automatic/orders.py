@@ -1,7 +1,7 @@
 """Delays of the inputs, and orders within one structure."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
@@ -330,7 +330,7 @@ def _shortest_as_likely(
 
     def likeliest(output: int, tried: tuple[int, ...]) -> float:
         """BIC of the best output-error model of an output."""
-        alone = [replace(each, outputs=each.outputs[:, [output]]) for each in compared]
+        alone = [each.of_output(output) for each in compared]
         models, values = known.setdefault(output, []), []
         for n in OUTPUT_ERROR_ORDERS:
             orders = Orders(nb=(n,) * len(tried), nf=(n,) * len(tried), nk=tried)

@@ -80,7 +80,7 @@ def _fewer_roots(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Re
     for place in range(o.inputs) if any(o.nf) else (None,):
         name = "na" if place is None else "nf"
         poles = o.na if place is None else o.nf[place]
-        coefficients = min(o.nb) if place is None else o.nb[place]
+        coefficients = min(o.nb, default=0) if place is None else o.nb[place]
         for fewer in FEWER_ROOTS:
             if min(poles, coefficients) - fewer < 1:
                 continue
@@ -107,7 +107,7 @@ def _further_noise(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[
                 _with(scorer, current, "bj", nc=n - o.nc, nd=n - o.nd),
             )
         elif o.na and n > o.nc:
-            structure = "ararmax" if o.nd else "armax"
+            structure = "ararmax" if o.nd else "armax" if o.inputs else "arma"
             yield f"C of order {n}", _with(scorer, current, structure, nc=n - o.nc)
         elif not o.na and not any(o.nf):
             yield f"A and C of order {n}", _with(scorer, current, "armax", na=n, nc=n)

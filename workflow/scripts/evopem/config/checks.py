@@ -33,7 +33,6 @@ class Kind:
     structure: str | None
     inputs: tuple[Reference, ...]
     outputs: tuple[Reference, ...]
-    several: bool  # channels, no input, or keys of state-space models
     by_chapter: bool
     synthesis: str | None
 
@@ -44,15 +43,13 @@ class Kind:
         alone = structure == "arma" and "input" not in keys
         inputs = () if alone else listed(keys.get("input", 1))
         outputs = listed(keys.get("output", 1 if alone else 2))
-        several = (
-            structure == STATE_SPACE
-            or any(key in keys for key in STATE_SPACE_KEYS)
-            or "nx" in keys.get("orders", {})
-            or (len(inputs) > 1 or any(map(is_pattern, inputs)) or not are_one(outputs))
-            or (not inputs and (structure is None or has_input(structure)))
-        )
-        by_chapter = not several and keys.get("recipe") == "chapter"
-        return cls(structure, inputs, outputs, several, by_chapter, keys.get("synthesis"))
+        by_chapter = keys.get("recipe") == "chapter"
+        return cls(structure, inputs, outputs, by_chapter, keys.get("synthesis"))
+
+    @property
+    def are_pair(self) -> bool:
+        """Whether there are one input and one output."""
+        return are_one(self.inputs) and are_one(self.outputs)
 
     @property
     def is_polynomial(self) -> bool:
@@ -62,21 +59,21 @@ class Kind:
     @property
     def orders(self) -> tuple[str, ...]:
         """The orders that have ranges."""
-        if self.by_chapter:
-            return tuple(each for each in phases_of(self.structure or "armax") if each != "delay")
         if self.structure == STATE_SPACE or not are_one(self.outputs):
             return ("nx",)
+        if self.by_chapter:
+            return tuple(name for name in phases_of(self.structure or "armax") if name != "delay")
         names = STRUCTURES[self.structure or "general"]
-        plant = ("plant",) if self.several or self.structure != "fir" else ()
+        plant = ("plant",) if self.structure != "fir" else ()
         states = () if self.structure else ("nx",)
         return (*states, *plant, *(name for name in names if name != "nk"))
 
     def __str__(self) -> str:
         """What an error calls a data set of this kind."""
         if self.is_polynomial:
-            return f"structure {self.structure}" + " with several inputs" * self.several
-        if self.several:
-            return "a data set with several channels"
+            return f"structure {self.structure}"
+        if not are_one(self.outputs):
+            return "a data set with several outputs"
         return "the chapter's recipe" if self.by_chapter else "the automatic recipe"
 
     def absent(self) -> dict[str, tuple[str, str]]:
@@ -89,6 +86,7 @@ class Kind:
             (not self.synthesis, SYNTHESIS.keys() - SOURCE.keys(), belongs.format("a synthetic")),
             (self.synthesis == "flexible_arm", ("noise",), belongs.format("an armax")),
             (self.by_chapter, ("purpose",), "the chapter's recipe knows no purpose"),
+            (self.by_chapter, STATE_SPACE_KEYS, "the chapter's recipe has polynomial models"),
             (not self.by_chapter, OF_CHAPTER, "the automatic recipe has no such key"),
             (not self.by_chapter, ("level",), "the automatic recipe always estimates a level"),
             (not are_one(self.outputs), ("transforms.box_cox",), "there are several outputs"),
@@ -120,8 +118,6 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     """Refuse values that contradict each other, or the channels."""
     structure, inputs, polynomial = kind.structure, kind.inputs, f"structure {kind.structure}"
     form = keys.get("form", STATE_SPACE if structure is None else structure)
-    if kind.several and kind.synthesis:
-        at.refuse("", "a synthetic data set has one input and one output", "give a file")
     constraints = Constraints(**keys["constraints"]) if keys.get("constraints") else None
     try:
         check_model(form, not are_one(kind.outputs), keys.get("focus", "prediction"), constraints)
@@ -130,12 +126,13 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     if kind.is_polynomial and inputs and not has_input(form) and "input" in keys:
         remedy = f"write input: {NONE}, or another structure"
         at.refuse("input", f"{polynomial} has no input", remedy)
-    if kind.is_polynomial and not inputs and kind.several:
+    if kind.is_polynomial and not inputs and has_input(form):
         problem = f"{polynomial} needs an input, and there is none"
         at.refuse("input", problem, f"write structure: {STATE_SPACE}, or name an input")
-    if kind.several and keys.get("recipe") == "chapter":
-        problem = "the chapter's recipe has one input and one output"
-        at.refuse("recipe", problem, "remove the key: recipe auto finds models of several channels")
+    alone = structure == "arma" and are_one(kind.outputs)
+    if kind.by_chapter and (structure == STATE_SPACE or not (kind.are_pair or alone)):
+        problem = "the chapter's recipe has a polynomial model, and one input and one output"
+        at.refuse("recipe", problem, "remove the key: recipe auto finds models of all channels")
     if kind.by_chapter and not inputs and keys.get("transforms", {}).get("difference_input"):
         problem = f"{polynomial} has no input to difference"
         at.refuse("transforms.difference_input", problem, "set it to 0")
@@ -159,7 +156,12 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
         at.refuse("split.estimation", problem, remedy)
     _check_ranges(keys, kind, at)
     if constraints is not None:
-        _check_constraints(constraints, kind, form, at)
+        of_states = structure == STATE_SPACE or "form" in keys or "weighting" in keys
+        _check_constraints(constraints, kind, of_states, at)
+        if not kind.are_pair and form == STATE_SPACE:
+            problem = "what constraints mean depends on the structure, and none is written"
+            remedy = "write form: ss_oe or ss, or a polynomial structure such as oe"
+            at.refuse("constraints", problem, remedy)
     if "geometry" in keys:
         _check_geometry(keys["geometry"], at)
 
@@ -189,26 +191,22 @@ def _check_ranges(keys: Keys, kind: Kind, at: Place) -> None:
     for group, key in (("delay", "nk"), ("orders", "nb"), ("orders", "nf")):
         if key in keys.get(group, {}) and not any(map(is_pattern, inputs)):
             given = keys[group][key]
-            if by_name or not kind.several or not isinstance(given, Mapping):
+            if by_name or are_one(inputs) or not isinstance(given, Mapping):
                 of_each(given, tuple(map(str, inputs)), at.source, at.of_key(f"{group}.{key}"))
 
 
-def _check_constraints(constraints: Constraints, kind: Kind, form: str, at: Place) -> None:
+def _check_constraints(constraints: Constraints, kind: Kind, of_states: bool, at: Place) -> None:
     """Refuse constraints that do not say what they are of."""
     names = [each for each in kind.inputs if isinstance(each, str) and not is_pattern(each)]
-    known = not kind.several or len(names) == len(kind.inputs)
+    known = are_one(kind.inputs) or len(names) == len(kind.inputs)
     rules = [*gains_of_other_inputs(constraints, names)] if known else []
     if len(kind.inputs) > 1 or any(map(is_pattern, kind.inputs)):
         rules += of_no_input(constraints)
-    if not kind.is_polynomial and kind.several:
+    if of_states:
         rules += of_coefficients_in_state_space(constraints)
         problem = "the search goes through stable models in state space alone"
         remedy = "use a structure with A, such as armax"
         rules.append((constraints.stability == "free", "stability", problem, remedy))
-    if kind.several and form == STATE_SPACE:
-        problem = "what constraints mean depends on the structure, and none is written"
-        remedy = "write form: ss_oe or ss, or a polynomial structure such as oe"
-        at.refuse("constraints", problem, remedy)
     for applies, key, problem, remedy in rules:
         if applies:
             at.refuse(f"constraints.{key}", problem, remedy)

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from evopem.config.channels import RecordedSource, SyntheticSource
+from evopem.config.channels import RecordedSource, SyntheticSource, are_one
 from evopem.config.order_grid import max_candidates_per_part, sample_requirements
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import phases_of
@@ -153,8 +153,7 @@ MARGIN_MINUTES = 10
 """Of every job that estimates."""
 
 SECONDS_OF_RECIPE = 15.0
-SECONDS_OF_CHANNELS = 60.0
-"""Processor time of a short recording by the automatic recipe, and of one of several channels."""
+"""Processor time of a short recording by the automatic recipe."""
 
 
 def recording_bytes(settings: DatasetSettings) -> int:
@@ -194,7 +193,7 @@ def reading_time(settings: DatasetSettings, attempt: int) -> int:
 
 def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> int:
     """MB of Snakemake and of the processes that estimate candidates, or models of channels."""
-    if not settings.is_single_channel:
+    if not are_one(settings.channels.outputs):  # compared on all samples, not on the first ones
         return int(attempt * (1200 + 200e-6 * recording_bytes(settings)))
     processes = threads + 1 if threads > 1 else 1
     samples = max_samples(settings)
@@ -208,8 +207,6 @@ def recording_seconds(settings: DatasetSettings) -> float:
 
     A few times too many samples, as of :func:`max_samples`, do no harm here.
     """
-    if not settings.is_single_channel:
-        return SECONDS_OF_CHANNELS
     if settings.automatic is not None:
         return SECONDS_OF_RECIPE + 2e-3 * max_samples(settings)
     structure, grid = settings.order_grid.structure, settings.order_grid
@@ -225,7 +222,7 @@ def estimation_time(
     attempt: int,
 ) -> int:
     """Minutes of a job that estimates the candidates of a phase, or of all phases for None."""
-    if not settings.is_single_channel:
+    if settings.automatic is not None:
         return int(attempt * (60 + 60e-6 * recording_bytes(settings)))
     count = sum(
         max_candidates_per_part(each, settings.order_grid, candidates_per_job)

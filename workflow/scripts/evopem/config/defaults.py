@@ -10,7 +10,6 @@ import yaml
 from evopem.config.channels import NONE, ChannelSettings, RecordedSource, SyntheticSource, listed
 from evopem.config.checks import (
     GROUPS,
-    STATE_SPACE_KEYS,
     Kind,
     check_settings,
     check_values,
@@ -49,9 +48,6 @@ from evopem.errors import InputError
 from evopem.files.checksums import rewritten
 from evopem.files.json_form import to_json
 
-# Poles this close to the unit circle act as integrators in any record of one channel.  Of several
-# the radius stays smaller: slow modes of two outputs were off by 122 % at this one, 7 % at 0.9999.
-MAX_ROOT_RADIUS = 1.0 - 1e-7
 _ORDER = tuple(SOURCE | SYNTHESIS | ANALYSIS)
 _LISTED = ("file", "validation_file", "input", "output")
 _OF_EACH = ("input_unit", "output_unit", "nb", "nf", "nk", "static_gain", "static_gain_bounds")
@@ -110,13 +106,12 @@ def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSett
             at.refuse(path, *absent[path])
     check_source(written, kind.inputs, kind.outputs, at)
     # Each data set takes the keys that it has.
-    left_out = absent.keys() | (() if kind.several else {*STATE_SPACE_KEYS, "orders.nx"})
     inherited = {
-        key: {name: each for name, each in value.items() if f"{key}.{name}" not in left_out}
+        key: {name: each for name, each in value.items() if f"{key}.{name}" not in absent}
         if key in GROUPS
         else value
         for key, value in defaults.items()
-        if key not in left_out
+        if key not in absent
     }
     paths = frozenset(paths_of(inherited)).difference(paths_of(written))
     at = Place(source, at.name, paths)
@@ -177,11 +172,9 @@ def _built_in(kind: Kind, keys: Keys) -> dict[str, Any]:
             built_in["delay"] = {"orders": CHAPTER_RANGES.delay, "nk": CHAPTER_RANGES.nk}
     else:
         built_in["purpose"] = "auto"
-        for key in ("objective", "evaluations", "n_initial_discard", "prune"):
+        for key in ("objective", "evaluations", "n_initial_discard", "prune", "max_root_radius"):
             del search[key]
         del split["discard"]
-        if not kind.several:
-            search["max_root_radius"] = MAX_ROOT_RADIUS
     return built_in | {"search": search}
 
 
@@ -200,7 +193,7 @@ def settings_of(name: str, written: Keys) -> DatasetSettings:
     if kind.by_chapter:
         grid = OrderGrid(replace(CHAPTER_RANGES, **ranges), keys["structure"], keys["level"])
     else:
-        automatic = _automatic_of(keys, kind, OrderRanges(**ranges))
+        automatic = _automatic_of(keys, OrderRanges(**ranges))
         split = {"discard": 0} | split
         transforms = {"box_cox": NONE, "difference": 0, "difference_input": 0} | transforms
     resample = keys.get("resample", NONE)
@@ -210,7 +203,6 @@ def settings_of(name: str, written: Keys) -> DatasetSettings:
     return DatasetSettings(
         name=name,
         keys=plain,
-        is_single_channel=not kind.several,
         source=_source_of(keys, kind),
         preparation=PreparationSettings(
             TransformSettings(**transforms),
@@ -235,17 +227,19 @@ def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:
         listed(keys["file"]),
         ChannelSettings(kind.inputs, kind.outputs, **own),
         listed(keys.get("validation_file")),
-        channels_from_file=bool(kind.inputs) and not kind.several and not named,
+        channels_from_file=bool(kind.inputs) and not named,
     )
 
 
-def _automatic_of(keys: Keys, kind: Kind, orders: OrderRanges) -> AutomaticSettings:
+def _automatic_of(keys: Keys, orders: OrderRanges) -> AutomaticSettings:
     transforms = keys.get("transforms", {})
     # Differences are taken back sample by sample, so that differenced signals are not decimated.
     differences = [each for key, each in transforms.items() if key.startswith("difference")]
     # Constraints are those of the model after the transforms, which must then be known.
     known = "constraints" in keys
-    given = ("purpose", "structure", "form", "weighting", *(["focus"] if kind.several else []))
+    # Absolute errors have no covariance whose determinant could be taken.
+    objective = "quadratic" if keys.get("weighting") == "determinant" else None
+    given = ("purpose", "structure", "form", "weighting")
     return AutomaticSettings(
         **{name: keys[name] for name in given if name in keys},
         orders=orders,
@@ -253,10 +247,11 @@ def _automatic_of(keys: Keys, kind: Kind, orders: OrderRanges) -> AutomaticSetti
             start=0 if "discard" in keys["split"] else None,
             factor=1 if "resample" in keys or any(differences) else None,
             differences=0 if known or differences else None,
-            objective=keys["search"].get("objective"),
+            objective=keys["search"].get("objective", objective),
             box_cox=known or "box_cox" in transforms,
         ),
         evaluations=keys["search"].get("evaluations"),
+        max_root_radius=keys["search"].get("max_root_radius"),
     )
 
 

@@ -109,7 +109,9 @@ class SearchSettings:
     ] = 20000
     """the number of evaluations of the objective in a search, after which no new restart begins. m²
     times as many of polynomials with m inputs"""
-    max_root_radius: Annotated[float, Field(gt=0, lt=1)] = 0.9999
+    max_root_radius: Annotated[
+        float, Field(gt=0, lt=1), built_in("0.9999, of polynomials by recipe auto 0.9999999")
+    ] = 0.9999
     """the largest modulus of a root of A, C, D or F. Of state-space models that of the eigenvalues
     of A and A − K C"""
     n_initial_discard: Annotated[int, Field(ge=0)] = 20
@@ -217,9 +219,9 @@ class AutomaticSettings:
     form: StateSpaceForm | None = None
     weighting: OutputWeighting | None = None
     orders: OrderRanges = OrderRanges()
-    focus: Focus | None = None  # of several channels: errors that the searched forms are fitted to
     preparation: GivenPreparation = GivenPreparation()
     evaluations: int | None = None  # of the last search
+    max_root_radius: float | None = None  # of the last search; by the kind of model
 
 
 @dataclass(frozen=True)
@@ -228,7 +230,6 @@ class DatasetSettings:
 
     name: str
     keys: Keys = field(compare=False)  # all of them, from which all else follows
-    is_single_channel: bool  # polynomial models of at most one input, and one output
     source: RecordedSource | SyntheticSource
     preparation: PreparationSettings
     spectrum: SpectrumSettings

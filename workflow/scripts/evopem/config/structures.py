@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from evopem.config.channels import are_one
 from evopem.config.constraints import Constraints
-from evopem.config.settings import DatasetSettings, OrderRanges
+from evopem.config.settings import DatasetSettings, FitSettings, OrderRanges
 from evopem.errors import InputError
 
 # The orders that each structure has, in the order of MATLAB's tuples (Ljung 1999, chapter 4).
@@ -104,9 +104,6 @@ OF_ABSOLUTE_ERRORS = "noise"
 OF_SIMULATION = ("ss_oe", "ss_oe_drift", "oe", "fir")
 """Forms and structures that are fitted to errors of simulation."""
 
-MULTI_INPUT_STRUCTURES = ("arx", "armax", "oe", "bj")
-"""Structures of polynomial models that are searched beside, where there is one output."""
-
 
 def is_polynomial(form: str) -> bool:
     """Whether a form is a structure of polynomial models."""
@@ -152,22 +149,38 @@ def check_model(
 
 
 def searched_forms(dataset: DatasetSettings) -> tuple[str, ...]:
-    """The forms and structures that the automatic recipe searches, each behind those it needs."""
-    own, channels = dataset.automatic, dataset.channels
-    if own is None:
+    """The forms and structures that the automatic recipe searches, each behind those it needs.
+
+    Polynomials have one output; without an input they are those of ARMA models.
+    """
+    given, channels = dataset.automatic, dataset.channels
+    if given is None:
         return ()
-    if own.structure is not None and is_polynomial(own.structure):
-        return searched_structures(own.structure)
-    if dataset.is_single_channel:
-        # Ranges of orders of polynomials ask for these.
-        open_orders = own.orders.of_polynomials == OrderRanges(nk=own.orders.nk)
-        return (*AUTOMATIC_STRUCTURES, "ss") if open_orders else AUTOMATIC_STRUCTURES
-    forms: tuple[str, ...] = ("ss",)
-    if channels.inputs:
-        forms = tuple(form for form in STATE_SPACE_FORMS if own.form in (None, form))
-    undecided = (own.structure, own.form, own.weighting) == (None, None, None)
-    if undecided and channels.inputs and are_one(channels.outputs):
-        forms += MULTI_INPUT_STRUCTURES
-    if own.focus is None or own.form is not None:
-        return forms
-    return tuple(form for form in forms if (form in OF_SIMULATION) == (own.focus == "simulation"))
+    if given.structure is not None and is_polynomial(given.structure):
+        return searched_structures(given.structure)
+    structures: tuple[str, ...] = ()
+    if (given.structure, given.form, given.weighting) == (None, None, None) and are_one(
+        channels.outputs
+    ):
+        structures = AUTOMATIC_STRUCTURES if channels.inputs else ("arma",)
+    forms = tuple(STATE_SPACE_FORMS) if channels.inputs else ("ss",)
+    if structures and given.orders.nx is None and given.orders != OrderRanges(nk=given.orders.nk):
+        forms = ()  # ranges of orders of polynomials ask for these
+    elif structures and are_one(channels.inputs):
+        forms = ("ss",)  # of one input the models of the others are those of oe and bj
+    forms = tuple(form for form in forms if given.form in (None, form))
+    return tuple(each for each in (*structures, *forms) if _can_meet(each, dataset.fit))
+
+
+def _can_meet(structure: str, fit: FitSettings) -> bool:
+    """Whether a structure that is not written can be fitted for a focus and meet constraints."""
+    try:
+        check_model(structure, False, fit.focus, fit.constraints)
+    except InputError:
+        return False
+    constraints = fit.constraints
+    return (
+        is_polynomial(structure)
+        or constraints is None
+        or not (constraints.of_coefficients or constraints.stability == "free")
+    )

@@ -6,7 +6,7 @@ from typing import cast
 
 from evopem.automatic.chosen_model import estimate_choice
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import CommonSettings
+from evopem.automatic.fit import PLANT_RADIUS, CommonSettings
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose
@@ -37,7 +37,7 @@ def _record_of(
     choice: Choice,
     scored: Scored,
     search: SearchSettings,
-    evaluations: int | None,
+    settings: AutomaticSettings,
     fit: FitSettings,
     plant_kept: bool = False,
     log: Log | None = None,
@@ -53,6 +53,9 @@ def _record_of(
         fit = replace(fit, focus="prediction")
     states = candidate.polynomials is None
     search = replace(search, objective=scored.record.plan.objective)
+    if settings.max_root_radius is None and not states:
+        search = replace(search, max_root_radius=PLANT_RADIUS)
+    evaluations = settings.evaluations
     if evaluations is None and not states and data.inputs.shape[1] > 1:
         evaluations = POLYNOMIAL_EVALUATIONS
     own = search if evaluations is None else replace(search, evaluations=evaluations)
@@ -100,12 +103,12 @@ def complete_model(
     else:
         remedied = load(Remedied, files.decision("remedies"))
         scored = Scored.load(files, settings, fits)
-        own = search, settings.evaluations, fit, remedied.plant_kept, log
+        own = search, settings, fit, remedied.plant_kept, log
         record, about = _record_of(files, remedied.choice, scored, *own)
         save(about, files.decision("search"))
         for purpose in others:
             choice = load(Comparison, files.decision("comparison")).choice(purpose)
-            given = files, choice, scored, search, 0
+            given = files, choice, scored, search, replace(settings, evaluations=0)
             try:
                 other, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
             except InputError as error:

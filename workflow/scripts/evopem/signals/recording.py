@@ -58,6 +58,10 @@ class Segment(_Channels):
         for role in ("inputs", "outputs"):
             object.__setattr__(self, role, _columns(getattr(self, role)))
 
+    def of_output(self, place: int) -> Self:
+        """The same samples of one output, beside all inputs."""
+        return replace(self, outputs=self.outputs[:, [place]])
+
     def between(self, first: int, stop: int) -> Self:
         """The samples from one to before another, counted from 0."""
         samples = self.inputs[first:stop], self.outputs[first:stop]

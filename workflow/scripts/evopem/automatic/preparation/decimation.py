@@ -140,15 +140,16 @@ def _least_error(stretches: Sequence[Segment]) -> Array:
 
 
 def _probes(training: Sequence[Segment]) -> Iterator[tuple[str, Model]]:
-    """Output-error models, and of one channel ARX models, as far as the samples carry them."""
+    """Output-error models, and of one output ARX models, as far as the samples carry them."""
     inputs, outputs = training[0].inputs.shape[1], training[0].outputs.shape[1]
-    if (inputs, outputs) != (1, 1):
+    if outputs > 1:
         delays = (0,) * inputs
         fits = fits_in_state_space(training, "ss_oe", PROBES, delays, CommonSettings())
         yield from ((str(n), found.model) for n, found in fits)
         return
     for n in PROBES:
-        for orders in (Orders(nb=n, nf=n, nk=0), Orders(na=n, nb=n, nk=0)):
+        nb = (n,) * inputs
+        for orders in (Orders(nb=nb, nf=nb), Orders(na=n, nb=nb)):
             with suppress(NoModelError):
                 yield str(orders), fit(training, orders, stages=FOLD_STAGES).model
 

@@ -11,7 +11,6 @@ from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import ArxFit, fit, likeliest_arx, log_loss
 from evopem.errors import NoModelError
 from evopem.models.orders import Orders
-from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment, total_samples
 
 MOST_DIFFERENCES = 2
@@ -26,16 +25,17 @@ VERY_STRONG, HIDDEN = 10.0, 0.5
 
 
 def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
-    """How often both channels are differenced.
+    """How often all channels are differenced.
 
-    An ARX model of signals that were differenced d times is one of the signals themselves whose A
+    Each output has an ARX model of all inputs, and the BIC of all outputs are added up.  An ARX
+    model of signals that were differenced d times is one of the signals themselves whose A
     and B have d common roots at 1: the disturbance is integrated d times, the plant is not.  The
     BIC compares both on the same samples; it is a test for unit roots of the disturbance (Said &
     Dickey 1984; by an information criterion as Phillips & Ploberger 1994).  Where the response to
-    the input is most of the output nevertheless, nothing is differenced: the model describes the
+    the inputs is most of an output nevertheless, nothing is differenced: the model describes the
     drift, and differences would weight it by high frequencies.
 
-    `stretches`: Centred.
+    `stretches`: Centred, with an input.
     """
     found = [_likeliest(stretches, d) for d in range(MOST_DIFFERENCES + 1)]
     times, left, level = 0, 0.0, found[0]
@@ -43,32 +43,33 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
         sentence = "The record is too short to decide whether the output drifts."
     else:
         known = [each for each in found if each is not None]
-        best = min(known, key=lambda each: each.bic)
-        times, evidence = found.index(best), level.bic - best.bic
+        best = min(known, key=_bic)
+        times, evidence = found.index(best), _bic(level) - _bic(best)
         # Any model tells of a stationary response, though roots at 1 may describe it best.
-        left = min(_left_over(each.model, stretches) for each in known) if times else 0.0
+        shares = [_left_over(each, stretches) for each in known] if times else [[0.0]]
+        left = min(map(min, zip(*shares, strict=True)))
         walk = f"a random walk (the BIC falls by {evidence:.3g})"
         if times == 0 or evidence < VERY_STRONG:
             times, sentence = 0, "Nothing speaks for a disturbance that is a random walk."
         elif left < HIDDEN:
             times = 0
             sentence = (
-                f"The disturbance is likely to be {walk}, but the response to the input leaves"
-                f" only {100 * left:.0f} % of the output's mean square: nothing is differenced."
+                f"The disturbance is likely to be {walk}, but the response to the inputs leaves"
+                f" only {100 * left:.0f} % of an output's mean square: nothing is differenced."
             )
-        elif not np.isfinite(_left_over(best.model, stretches)):
+        elif not np.isfinite(_left_over(best, stretches)).all():
             times = 0
             sentence = "The model of differenced signals is unstable: nothing is differenced."
         else:
             sentence = (
                 f"The disturbance is {walk}{' that is summed up once more' * (times == 2)}, and"
-                f" the response to the input leaves {100 * left:.0f} % of the output's mean"
-                " square. Both channels are differenced, which leaves the plant as it is."
+                f" the response to the inputs leaves {100 * left:.0f} % of an output's mean square,"
+                " or more. All channels are differenced, which leaves the plant as it is."
                 " Simulations are scored on differenced samples."
             )
     criterion = "BIC of ARX models on the same samples, not divided by their number"
     alternatives = tuple(
-        Alternative(str(d), np.nan if each is None else each.bic) for d, each in enumerate(found)
+        Alternative(str(d), np.nan if each is None else _bic(each)) for d, each in enumerate(found)
     )
     return times, Decision("differences", str(times), alternatives, criterion, sentence)
 
@@ -79,22 +80,45 @@ def differenced(stretch: Segment, times: int) -> Segment:
     return Segment(inputs, outputs, stretch.recording)
 
 
-def _likeliest(stretches: Sequence[Segment], times: int) -> ArxFit | None:
-    """The ARX model of the lowest BIC of signals that were differenced some times."""
-    samples = total_samples(stretches)
-    orders = [n for n in ORDERS if n * SAMPLES_PER_ORDER <= samples]
+def _of_outputs(stretches: Sequence[Segment]) -> list[list[Segment]]:
+    """The stretches of each output alone, beside all inputs."""
+    outputs = range(stretches[0].outputs.shape[1])
+    return [[stretch.of_output(place) for stretch in stretches] for place in outputs]
+
+
+def _orders(stretches: Sequence[Segment], orders: Sequence[int]) -> list[int]:
+    """The orders of ARX models of an output that the samples carry."""
+    samples = 2 * total_samples(stretches) / (1 + stretches[0].inputs.shape[1])
+    return [n for n in orders if n * SAMPLES_PER_ORDER <= samples]
+
+
+def _likeliest(stretches: Sequence[Segment], times: int) -> list[ArxFit] | None:
+    """Of each output the ARX model of the lowest BIC of signals differenced some times."""
+    orders = _orders(stretches, ORDERS)
     first = max(orders, default=0) + MOST_DIFFERENCES
     lower = [differenced(each, times) for each in stretches]
-    return likeliest_arx(lower, orders, first - times, levels=times == 0)
+    fits = [
+        likeliest_arx(alone, orders, first - times, levels=times == 0)
+        for alone in _of_outputs(lower)
+    ]
+    known = [fit for fit in fits if fit is not None]
+    return known if len(known) == len(fits) else None
 
 
-def _left_over(model: PolynomialModel, stretches: Sequence[Segment]) -> float:
-    """Share of the output's mean square that the simulation of a model leaves over."""
+def _bic(fits: Sequence[ArxFit]) -> float:
+    return sum(fit.bic for fit in fits)
+
+
+def _left_over(fits: Sequence[ArxFit], stretches: Sequence[Segment]) -> list[float]:
+    """Share of each output's mean square that the simulation of its model leaves over."""
+    shares = []
     with np.errstate(all="ignore"):
-        errors = np.concatenate([errors_simulated_on(model, None, s, True) for s in stretches])
-        output = np.concatenate([s.output - s.output.mean() for s in stretches])
-        left = float(np.mean(errors**2) / np.mean(output**2))
-    return left if np.isfinite(left) else np.inf
+        for each, alone in zip(fits, _of_outputs(stretches), strict=True):
+            errors = [errors_simulated_on(each.model, None, s, True) for s in alone]
+            output = np.concatenate([s.output - s.output.mean() for s in alone])
+            left = float(np.mean(np.concatenate(errors) ** 2) / np.mean(output**2))
+            shares.append(left if np.isfinite(left) else np.inf)
+    return shares
 
 
 def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
@@ -102,18 +126,21 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
 
     Least squares is the maximum-likelihood estimate for normal residuals, least absolute deviations
     that for residuals of Laplace's distribution.  Both are fitted to ARX models, which whiten the
-    residuals; each objective is represented by the order at which it is likeliest.
+    residuals; each objective is represented by the order at which it is likeliest.  The logarithms
+    of several outputs are added up.
     """
-    samples = total_samples(stretches)
-    orders = [n for n in OBJECTIVE_ORDERS if n * SAMPLES_PER_ORDER <= samples] or [1]
+    orders, inputs = _orders(stretches, OBJECTIVE_ORDERS) or [1], stretches[0].inputs.shape[1]
     lowest = dict.fromkeys(("quadratic", "absolute"), np.inf)
     for name, n in product(lowest, orders):
         with suppress(NoModelError):
-            found = fit(stretches, Orders(na=n, nb=n + 1), name)
-            residuals = np.concatenate(found.residuals)
-            penalty = found.parameters * np.log(len(residuals)) / len(residuals)
-            lowest[name] = min(lowest[name], 0.5 * (log_loss(residuals, name) + penalty))
-    evidence = samples * (lowest["quadratic"] - lowest["absolute"])
+            total, model = 0.0, Orders(na=n, nb=(n + 1,) * inputs)
+            for alone in _of_outputs(stretches):
+                found = fit(alone, model, name)
+                residuals = np.concatenate(found.residuals)
+                penalty = found.parameters * np.log(len(residuals)) / len(residuals)
+                total += 0.5 * (log_loss(residuals, name) + penalty)
+            lowest[name] = min(lowest[name], total)
+    evidence = total_samples(stretches) * (lowest["quadratic"] - lowest["absolute"])
     is_absolute = evidence > LEAST_EVIDENCE
     sentence = (
         f"The residuals of ARX models are {'' if is_absolute else 'not '}likelier to have Laplace's"

@@ -26,7 +26,7 @@ def decide_parts(
     if outliers.choice != "none":
         divided = prepare(recording, settings, validation)
     transforms = TransformPlan()
-    if recording.inputs.shape[1] == recording.outputs.shape[1] == 1:
+    if recording.has_input and recording.outputs.shape[1] == 1:  # whose simulations are scored
         transforms = _decide_transforms(divided, given)
     if transforms.box_cox is not None:
         bent = replace(settings.transforms, box_cox=transforms.box_cox)
@@ -70,7 +70,8 @@ def _without_trend(
 ) -> PreparedData:
     """Both parts of one recording whose trends are taken away, from its first sample on."""
     rate = divided.transforms.sampling_rate
-    slopes = (plan.input_trend * rate,), (plan.output_trend * rate,)  # per second
+    inputs = plan.input_trends or (0.0,) * recording.inputs.shape[1]
+    slopes = tuple(slope * rate for slope in inputs), (plan.output_trend * rate,)  # per second
     # Where they are divided may depend on where the input rests, which a slope hides.
     split = replace(settings.split, estimation=divided.transforms.estimation_samples)
     level = replace(

@@ -122,8 +122,8 @@ def decide_preparation(
 ) -> PreparationPlan:
     """Decide how recordings of one system, the segments of one, are prepared.
 
-    Breaks are decided for one output, as one of several would break all; differences and the
-    objective for one output that responds to one input.
+    Breaks are decided for one output, as one of several would break all; differences where there is
+    an input: without one a random walk is no disturbance, but the system.
 
     `recording`: Samples that are not finite are breaks. `given`: What is not decided here.
     """
@@ -157,23 +157,20 @@ def decide_preparation(
     settle("start", "starts", lambda: decide_starts(records), given.start)
     if given.start is not None:
         plan = replace(plan, starts=(given.start,) * len(records))
-    of_one = recording.inputs.shape[1] == recording.outputs.shape[1] == 1
     if recording.outputs.shape[1] == 1:
         settle("clipping", "clipped", lambda: usable("clipped", decide_clipping))
         settle("stuck samples", "stuck", lambda: usable("stuck", decide_stuck))
     _check_stretches(recording, plan, names)
     settle("decimation", "factor", lambda: decide_decimation(first_prepared()), given.factor)
-    if of_one:
+    if recording.has_input:
         settle(
             *("differences", "differences"),
             *(lambda: decide_differences(first_prepared()), given.differences),
         )
-        settle(
-            *("objective", "objective"),
-            *(lambda: decide_objective(first_prepared(MOST_SAMPLES)), given.objective),
-        )
-    elif given.objective is not None:
-        plan = replace(plan, objective=given.objective)
+    settle(
+        *("objective", "objective"),
+        *(lambda: decide_objective(first_prepared(MOST_SAMPLES)), given.objective),
+    )
     return plan
 
 

@@ -22,13 +22,8 @@ from evopem.models.orders import Orders
 from evopem.signals.recording import Segment, total_samples
 from evopem.signals.transforms import box_cox, invert_box_cox, likeliest_box_cox, positive_shift
 
-# Models whose simulations are scored.
-PROBES = (
-    Orders(na=2, nb=3, nk=0),
-    Orders(na=6, nb=7, nk=0),
-    Orders(nb=2, nf=2, nk=0),
-    Orders(nb=4, nf=4, nk=0),
-)
+# Orders na, nb and nf of the models whose simulations are scored, nb and nf of each input.
+PROBES = ((2, 3, 0), (6, 7, 0), (0, 2, 2), (0, 4, 4))
 # Halves and interleaved blocks, as (folds, blocks of each).
 DESIGNS = ((2, 1), (2, 3))
 # Samples that a block has at least.
@@ -56,14 +51,15 @@ class TransformPlan:
 
     box_cox: float | None = None  # parameter of the output's Box-Cox transform
     shift: float = 0.0  # of the output before it
-    input_trend: float = 0.0  # slopes that are taken from the channels, in their units per sample
+    # slopes that are taken from the channels, in their units per sample; of no input for none
+    input_trends: tuple[float, ...] = ()
     output_trend: float = 0.0
     decisions: tuple[Decision, ...] = ()
 
     @property
     def has_trend(self) -> bool:
         """Whether a trend is taken away."""
-        return self.input_trend != 0.0 or self.output_trend != 0.0
+        return any(self.input_trends) or self.output_trend != 0.0
 
 
 PlanOf = Callable[[Sequence[Segment]], TransformPlan]
@@ -78,7 +74,7 @@ def decide_transforms(
     trend: bool = False,
     continued: bool = True,
 ) -> TransformPlan:
-    """Decide the transform of stretches between breaks, in recorded units, of one input.
+    """Decide the transform of stretches between breaks, in recorded units, of one output.
 
     ``begins`` are their first samples in their recordings.  ``box_cox`` and ``trend`` tell whether
     the configuration says what is done, ``continued`` whether the validation samples continue the
@@ -146,14 +142,14 @@ def _box_cox(stretches: Sequence[Segment]) -> tuple[list[Transform], str]:
 
 
 def _lines(stretches: Sequence[Segment]) -> TransformPlan:
-    """Slopes of the lines through input and output, with a level for each recording."""
-    u, t = np.concatenate([each.inputs for each in stretches]).T
-    y = np.concatenate([each.output for each in stretches])
+    """Slopes of the lines through all channels, with a level for each recording."""
+    signals = np.concatenate([np.column_stack([each.inputs, each.output]) for each in stretches])
+    t = signals[:, -2]
     owner = np.concatenate([np.full(each.samples, each.recording) for each in stretches])
     levels = [owner == number for number in dict.fromkeys(owner.tolist())]
     columns = np.column_stack([t - t.mean(), *levels]).astype(float)
-    solution = np.linalg.lstsq(columns, np.column_stack([u, y]), rcond=None)[0]
-    return TransformPlan(input_trend=float(solution[0, 0]), output_trend=float(solution[0, 1]))
+    *inputs, _, output = np.linalg.lstsq(columns, signals, rcond=None)[0][0].tolist()
+    return TransformPlan(input_trends=tuple(inputs), output_trend=output)
 
 
 def _drift(stretches: Sequence[Segment]) -> TransformPlan:
@@ -162,27 +158,30 @@ def _drift(stretches: Sequence[Segment]) -> TransformPlan:
 
 
 def _slope_and_ratio(stretches: Sequence[Segment]) -> tuple[float, float]:
-    """Slope of the output beside its response to the input, and its ratio to its standard error."""
-    n, rows, target = DRIFT_ORDER, [], []
+    """Slope of the output beside its response to the inputs, over its standard error as well.
+
+    That of time and output after all other columns (Frisch & Waugh 1933).
+    """
+    n, rows, targets = DRIFT_ORDER, [], []
     for each in (long for long in stretches if long.samples > 2 * DRIFT_ORDER):
-        u, t = (each.inputs - each.inputs.mean(axis=0)).T
+        u = each.inputs - each.inputs.mean(axis=0)
         y = each.output - each.output.mean()
         lagged = [y[n - k : each.samples - k] for k in range(1, n + 1)]
-        lagged += [u[n - k : each.samples - k] for k in range(n + 1)]
-        rows.append(np.column_stack([t[n:], *lagged, np.ones(len(y) - n)]))
-        target.append(y[n:])
+        lagged += [u[n - k : each.samples - k, :-1] for k in range(n + 1)]
+        rows.append(np.column_stack([*lagged, np.ones(len(y) - n)]))
+        targets.append(np.column_stack([u[n:, -1], y[n:]]))
     if not rows:
         return 0.0, 0.0
-    goal, columns = np.concatenate(target), np.vstack(rows)
-    solution = np.linalg.lstsq(columns, goal, rcond=1e-10)[0]
-    gain = 1.0 - float(np.sum(solution[1 : n + 1]))
-    # The trend alone after all other columns (Frisch & Waugh 1933).
-    own = columns[:, 0] - columns[:, 1:] @ np.linalg.lstsq(columns[:, 1:], columns[:, 0], 1e-10)[0]
-    left = goal - columns @ solution
-    freedom = max(len(goal) - columns.shape[1], 1)
-    spread = float(np.sqrt(left @ left / freedom / max(own @ own, np.finfo(float).tiny)))
-    ratio = float(solution[0]) / max(spread, np.finfo(float).tiny)
-    return float(solution[0]) / gain if abs(gain) > LEAST_DECAY else 0.0, ratio
+    columns, goals = np.vstack(rows), np.vstack(targets)
+    solution = np.linalg.lstsq(columns, goals, rcond=1e-10)[0]
+    time, left = (goals - columns @ solution).T
+    power = max(float(time @ time), float(np.finfo(float).tiny))
+    slope = float(time @ left) / power
+    gain = 1.0 - float(np.sum(solution[:n] @ [-slope, 1.0]))
+    left = left - slope * time
+    freedom = max(len(left) - columns.shape[1] - 1, 1)
+    ratio = slope / max(float(np.sqrt(left @ left / freedom / power)), np.finfo(float).tiny)
+    return slope / gain if abs(gain) > LEAST_DECAY else 0.0, ratio
 
 
 def spread_test(stretches: Sequence[Segment]) -> float:
@@ -193,8 +192,9 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     from scipy.stats import spearmanr
 
     scaled = PreparedRecord.of(recording_of(centred(stretches)), PreparationPlan(())).stretches
+    orders = Orders(na=SPREAD_ORDER, nb=(SPREAD_ORDER + 1,) * scaled[0].inputs.shape[1])
     try:
-        found = fit(scaled, Orders(na=SPREAD_ORDER, nb=SPREAD_ORDER + 1))
+        found = fit(scaled, orders)
     except NoModelError:
         return float("nan")
     longer = [each for each in scaled if each.samples > found.first + 1]
@@ -214,12 +214,14 @@ def _folds(stretches: Sequence[Segment]) -> list[Fold]:
 
 
 def _transformed(stretch: Segment, plan: TransformPlan = TransformPlan()) -> Segment:
-    """A stretch, whose second input is the time, by a plan."""
-    u, t = stretch.inputs.T
+    """A stretch, whose last input is the time, by a plan."""
+    u, t = stretch.inputs[:, :-1], stretch.inputs[:, -1]
     y = stretch.output - plan.output_trend * t
     if plan.box_cox is not None and len(y):
         y = box_cox(y, plan.box_cox, plan.shift)
-    return replace(stretch, inputs=u - plan.input_trend * t, outputs=y)
+    if plan.input_trends:
+        u = u - np.outer(t, plan.input_trends)
+    return replace(stretch, inputs=u, outputs=y)
 
 
 def _errors(folds: Sequence[Fold], plan_of: PlanOf) -> Array:
@@ -228,7 +230,9 @@ def _errors(folds: Sequence[Fold], plan_of: PlanOf) -> Array:
     Slopes of the training samples are taken from the held-out ones, too.
     """
     errors = np.full((len(PROBES), len(folds)), LARGEST_ERROR)
-    for (column, fold), (row, orders) in product(enumerate(folds), enumerate(PROBES)):
+    for (column, fold), (row, (na, nb, nf)) in product(enumerate(folds), enumerate(PROBES)):
+        inputs = fold.training[0].inputs.shape[1] - 1  # beside the time
+        orders = Orders(na=na, nb=(nb,) * inputs, nf=(nf,) * inputs)
         outputs = [each.output - each.output.mean() for each in fold.held_out]
         power = float(np.mean(np.concatenate(outputs) ** 2))
         try:
@@ -241,8 +245,8 @@ def _errors(folds: Sequence[Fold], plan_of: PlanOf) -> Array:
                 found = simulated_on(model, past, stretch, fitted_level=True)[:, 0]
                 if plan.box_cox is not None:
                     found = invert_box_cox(found, plan.box_cox, plan.shift)
-                u_and_t, y = (each[-len(found) :] for each in (parts[1].inputs, parts[1].output))
-                left.append(found + plan.output_trend * u_and_t[:, 1] - y)
+                t, y = (each[-len(found) :] for each in (parts[1].inputs[:, -1], parts[1].output))
+                left.append(found + plan.output_trend * t - y)
         except (NoModelError, InputError):
             continue
         with np.errstate(all="ignore"):

@@ -5,11 +5,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
 
-from evopem.config.channels import RecordedSource
+from evopem.config.channels import RecordedSource, are_one
 from evopem.config.constraints import Constraints
 from evopem.config.order_grid import inclusive, orders_of_plant, plant_range
 from evopem.config.settings import DatasetSettings, FitSettings, OrderGrid
-from evopem.config.structures import STRUCTURES, phases_of
+from evopem.config.structures import STRUCTURES, is_polynomial, phases_of, searched_forms
 from evopem.errors import InputError
 from evopem.models.constraint_checks import check_fit as check
 from evopem.models.orders import Orders, orders_of
@@ -84,9 +84,15 @@ def _without_frequencies(constraints: Constraints) -> Constraints:
 
 
 def check_planned_fits(datasets: Mapping[str, DatasetSettings], source: str) -> None:
-    """Check focus and constraints of one channel, as far as the configuration shows them."""
+    """Check focus and constraints of polynomials, as far as the configuration shows them.
+
+    Of several inputs they are checked by their names, once the recording is read.
+    """
     for name, settings in datasets.items():
-        if not (settings.is_single_channel and settings.fit.changes_model):
+        inputs, is_chapter = settings.channels.inputs, settings.automatic is None
+        has_polynomials = is_chapter or any(map(is_polynomial, searched_forms(settings)))
+        named = are_one(inputs) or not inputs
+        if not (has_polynomials and named and settings.fit.changes_model):
             continue
         rate, place, grid = known_rate(settings), f"datasets.{name}.", settings.order_grid
         if settings.automatic is not None:
@@ -95,8 +101,9 @@ def check_planned_fits(datasets: Mapping[str, DatasetSettings], source: str) -> 
                 # Which coefficients there are is not known before the structure.
                 own = replace(fit.constraints, fixed_coefficients={}, fixed_poles=(), priors=())
                 fit = replace(fit, constraints=own)
-            degrees = dict.fromkeys(STRUCTURES[structure or "armax"], LARGE) | {"nk": 1}
-            check_fit(fit, [orders_of(structure or "armax", degrees)], rate, source, place)
+            structure = structure or ("armax" if inputs else "arma")
+            degrees = {name: 1 if name == "nk" else LARGE for name in STRUCTURES[structure]}
+            check_fit(fit, [orders_of(structure, degrees)], rate, source, place)
             continue
         check_fit(settings.fit, selectable_orders(grid), rate, source, place)
         if settings.fit.constraints is not None and rate is not None:

@@ -86,7 +86,6 @@ def holds(condition: str, settings: DatasetSettings) -> bool:
     """Whether an attribute of settings is there and not empty; with ``not`` before it the reverse.
 
     ``automatic``: structure and orders are decided, and not searched phase by phase.
-    ``is_single_channel``: the model is one of polynomials with at most one input, and one output.
     ``source.all_files``: the recording is read, and not simulated.
     """
     path = condition.removeprefix("not ")
@@ -180,12 +179,10 @@ def orders_of_structure(job: StageJob) -> AutomaticSettings:
 
 
 def _fits(job: StageJob) -> dict[str, object]:
-    """What fits of several channels have in common; those of one channel depend on nothing."""
-    search = job.settings.search
-    if job.settings.is_single_channel:
-        return {}
-    own = {"weighting": automatic(job).weighting, "seed": search.seed}
-    return own | {"max_root_radius": search.max_root_radius}
+    """What the fits of the automatic recipe have in common."""
+    search, given = job.settings.search, automatic(job)
+    common = {"weighting": given.weighting, "seed": search.seed}
+    return common | {"max_root_radius": given.max_root_radius or search.max_root_radius}
 
 
 Value = str | Callable[[StageJob], Any]

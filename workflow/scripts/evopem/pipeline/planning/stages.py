@@ -132,7 +132,7 @@ STAGES = (
         ),
         given=("search", "window", "phases", "fit", "fits"),
         settings={
-            "settings": of.choices("purpose", "orders", "evaluations"),
+            "settings": of.choices("purpose", "orders", "evaluations", "max_root_radius"),
             "others": of.purposes,
         },
         demand="model",
