@@ -162,6 +162,7 @@ def give(folder, page, identified):
         table = np.column_stack([u, 0.5 * np.roll(u, 1) + 0.1 * e])
         for file in (folder / "data.csv", folder / "measurements" / "data.csv"):
             np.savetxt(file, table, delimiter=",", header="u,y", comments="")
+    if page in ("docs/formats.md", "docs/terminal.md"):
         for name in ("a", "b"):
             finished_copy(folder / "results" / name, identified)
 

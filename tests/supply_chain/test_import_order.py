@@ -22,6 +22,7 @@ PARTS = (
         "models",
         "synthesis",
         "estimation",
+        "exports",
     ),
     *(
         "validation",

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
+    from evopem.exports.c_code import export_c
+    from evopem.exports.fmu import export_fmu
     from evopem.models.orders import Orders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
@@ -48,6 +50,8 @@ __all__ = [
     "estimate",
     "estimate_delays",
     "estimates_of_orders",
+    "export_c",
+    "export_fmu",
     "identify",
     "load",
     "mode_table",
@@ -75,6 +79,8 @@ _HOMES = {
     "mode_table": "evopem.validation.mode_evidence",
     "ModeTable": "evopem.validation.mode_evidence",
     "estimates_of_orders": "evopem.estimation.state_space.estimate",
+    "export_c": "evopem.exports.c_code",
+    "export_fmu": "evopem.exports.fmu",
 }
 
 

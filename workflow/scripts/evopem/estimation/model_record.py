@@ -345,10 +345,15 @@ def load_model(path: str | Path) -> Model:
     >>> model.A
     array([ 1. , -0.5])
     """
-    path = checked_path("load", path)
+    found = read_model(checked_path("load", path))
+    return found.model if isinstance(found, ModelRecord) else found
+
+
+def read_model(path: Path) -> ModelRecord | PolynomialModel:
+    """Read a file as :func:`load_model` does, with all that it holds."""
     check_result(path, "summary.json")
     try:
-        return load_record(path).model
+        return load_record(path)
     except InputError as error:
         # Another form of file: only what is no model of any form is refused.
         try:

@@ -5,7 +5,7 @@ comments the results that it has read, as they were then.
 """
 
 import hashlib
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -102,17 +102,28 @@ def write_page(path: str | Path, text: str) -> None:
 
     ``text`` has :data:`GENERATOR` among its first characters.
     """
-    target = checked_path("page", path)
-    if target.resolve() in checksummed(target.resolve().parent):
-        raise InputError(str(path), "is a result and is not replaced", "give another path")
-    if target.is_file() and target.stat().st_size > 0:
-        with target.open("rb") as file:
-            begins = file.read(2000)
-        if GENERATOR.encode() not in begins:
-            raise InputError(
-                str(path), "is no page of evopem and is not replaced", "give another path"
-            )
+    check_own(checked_path("page", path), "page of evopem", lambda own: has_mark(own, GENERATOR))
     write_text(path, text)
+
+
+def check_own(path: Path, kind: str, is_own: Callable[[Path], bool]) -> None:
+    """Refuse to replace a result, or what is not a file of evopem of this kind."""
+    problem = ""
+    if path.resolve() in checksummed(path.resolve().parent):
+        problem = "is a result"
+    elif path.is_file() and path.stat().st_size > 0 and not is_own(path):
+        problem = f"is no {kind}"
+    if problem:
+        raise InputError(str(path), f"{problem} and is not replaced", "give another path")
+
+
+def has_mark(path: Path, mark: str) -> bool:
+    """Whether a mark is among the first characters of a file that can be read."""
+    try:
+        with path.open("rb") as file:
+            return mark.encode() in file.read(2000)
+    except OSError:
+        return False
 
 
 def program_of(job: str) -> str:

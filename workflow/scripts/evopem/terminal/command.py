@@ -47,6 +47,7 @@ examples:
   evopem blow_*.csv --input force --output 'acc_*'      several recordings: one model of all
   evopem init measurements      write measurements/config.yaml for many recordings
   evopem compare results/a results/b      lay results side by side on one page
+  evopem export results/a/model.json --c      write the model as C code
 
 The results lie in results/<name of the first file>/; open report.html first. A file may be text,
 .mat, .npz, .npy, .parquet, .h5, .tdms or .uff.
@@ -68,6 +69,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _init(given[1:])
         if given[:1] == ["compare"]:
             return _compare(given[1:])
+        if given[:1] == ["export"]:
+            return _export(given[1:])
         return _identify(_parsed(given))
     except InputError as error:
         sys.stderr.write(f"{error}\n")
@@ -95,7 +98,8 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         "evopem",
         usage="evopem FILE … --input CHANNEL … --output CHANNEL … [--rate HZ | --time CHANNEL] …\n"
         "       evopem init [FOLDER]\n"
-        "       evopem compare FOLDER FOLDER … [--page FILE]",
+        "       evopem compare FOLDER FOLDER … [--page FILE]\n"
+        "       evopem export MODEL [--c [FOLDER]] [--fmu FILE]",
         description=_DESCRIPTION,
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -186,6 +190,33 @@ def _compare(given: Sequence[str]) -> int:
 
     comparison = compare_datasets(arguments.folders, arguments.page)
     show(f"{comparison_text(comparison)}\n\n  page  {arguments.page}")
+    return 0
+
+
+def _export(given: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        "evopem export",
+        description="Write a model for other programs: simulation and one-step prediction in C99, "
+        "simulation as a functional mock-up unit (FMI 3.0, co-simulation); signals in the units of "
+        "the recording. Files that are not of evopem are not overwritten.",
+    )
+    parser.add_argument("model", metavar="MODEL", help="the model.json of results")
+    about = "write NAME.c and NAME.h; default: here"
+    parser.add_argument("--c", nargs="?", const=".", metavar="FOLDER", help=about)
+    about = "write an FMU with source and, where there is a C compiler, a binary"
+    parser.add_argument("--fmu", metavar="FILE", help=about)
+    arguments = parser.parse_args(given)
+    if arguments.c is None and arguments.fmu is None:
+        parser.error("give --c, --fmu or both")
+    from evopem.exports.c_code import export_c
+    from evopem.exports.fmu import export_fmu
+
+    if arguments.c is not None:
+        source, header = export_c(arguments.model, arguments.c)
+        print(f"Wrote {source} and {header}, which says how it is called.")
+    if arguments.fmu is not None:
+        missing = export_fmu(arguments.model, arguments.fmu)
+        print(f"Wrote {arguments.fmu}{f' without a binary: {missing}' if missing else ''}.")
     return 0
 
 

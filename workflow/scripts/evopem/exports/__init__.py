@@ -1,0 +1,1 @@
+"""Models in the forms of other programs: C, and functional mock-up units."""
