@@ -108,7 +108,9 @@ def test_a_fitted_state_that_imitates_a_drift_is_told():
     zeros = np.poly([0.99901, 0.99799])
     plant = np.array([1.0, -1.5, 0.7])
     model = PolynomialModel(
-        np.ones(1), zeros, np.ones(1), np.ones(1), np.convolve(plant, slow), nk=1
+        *(np.ones(1), zeros, np.ones(1), np.ones(1), np.convolve(plant, slow)),
+        nk=1,
+        noise_variance=0.01,
     )
     generator = np.random.default_rng(1)
     u = generator.normal(size=1500)
@@ -116,6 +118,20 @@ def test_a_fitted_state_that_imitates_a_drift_is_told():
     y[1000:] += 5.0 * np.sin(np.linspace(0.0, np.pi, 500))
     result, _ = validate(model, prepared(u, y, 1000))
     assert result.simulation_error_percent > 1.5 * result.fitted_state_error_percent + 2.0
+    share = result.fitted_state_error_percent / result.simulation_error_percent
+    assert share < result.share_of_noise
+
+
+def test_fitted_states_gain_as_much_where_noise_passes_through_slow_poles():
+    model, cut, gained = lightly_damped(1), 320, []
+    for seed in range(5):
+        u, y = response(model, cut + 40, noise=0.3, seed=seed)
+        result, _ = validate(model, prepared(u, y, cut))
+        gained.append(result.fitted_state_error_percent / result.simulation_error_percent)
+        assert result.share_of_noise < gained[-1]
+        white, _ = validate(replace(model, C=model.A), prepared(u, y, cut))
+        assert white.share_of_noise > 0.8
+    assert min(gained) < 0.4
 
 
 @pytest.mark.parametrize("contiguous", [True, False])

@@ -5,6 +5,7 @@ The one-step prediction uses every measured output before a sample, the simulati
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from evopem.validation.held_out_tests import (
     HeldOutContribution,
     HeldOutTest,
     joint_contribution_test,
+    left_by,
 )
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
@@ -67,6 +69,8 @@ DECADE = (1, 2, 3, 5, 7)
 LONGEST = 1000
 # Half waves in held-out samples up to which a common course of input and output is no response.
 HALF_WAVES = 6
+# Records of a model's noise that its states are fitted to, and samples before each at most.
+DRAWN, MOST_PAST = 20, 10_000
 
 
 def log_spaced_horizons(samples: int) -> tuple[int, ...]:
@@ -137,6 +141,7 @@ def validate(
         modes=table_of_models(
             models, order, lambda each: held_out_stretches(each, prepared, fit_level)
         ),
+        share_of_noise=_share_left(held_out) if form.inputs else math.nan,
     )
     names = ((name,) for name in prepared.validation.output_names)
     of_outputs = list(zip(names, autocorrelations, strict=True))
@@ -225,6 +230,28 @@ def _outputs(
         correlations,
         horizons,
     )
+
+
+def _share_left(held_out: Sequence[HeldOut]) -> float:
+    """Smallest share of records of the model's own noise that fitted states of the plant leave.
+
+    Noise that passes through slow poles of the plant moves their states before and during a record.
+    """
+    generator, left, total = np.random.default_rng(0), np.zeros(DRAWN), np.zeros(DRAWN)
+    with np.errstate(all="ignore"):
+        for each in held_out:
+            model, samples, count = each.model, each.recording.samples, each.model.outputs
+            noise = replace(model, B=model.K, D=np.eye(count), input_delays=(), input_names=())
+            noise = replace(noise, level=np.zeros(count))
+            spread = np.sqrt(np.diag(model.noise_covariance))
+            drawn = min(max(each.first, samples), MOST_PAST) + samples
+            e = spread * generator.standard_normal((DRAWN, drawn, count))
+            v = np.stack([noise.simulate(own)[-samples:] for own in e], axis=1)
+            free = free_responses(each.plant.poles(), samples)
+            total += np.sum(v**2, axis=(0, 2))
+            rest = left_by(free, v.reshape(samples, -1)).reshape(v.shape)
+            left += np.sum(rest**2, axis=(0, 2))
+        return float(np.sqrt(np.min(left / total)))
 
 
 def _ahead(held_out: Sequence[HeldOut], horizon: int) -> Array:

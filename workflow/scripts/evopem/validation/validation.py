@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -116,6 +117,8 @@ class Validation:
     model_class: ModelClass  # tests of what every model assumes, on all samples
     resolution_hz: float  # of the spectra whose peaks are judged
     modes: ModeTable
+    # Smallest share that fitted states leave of records of the model's own noise
+    share_of_noise: float = math.nan
 
     @property
     def simulation_fit_percent(self) -> float:

@@ -82,7 +82,7 @@ def response_to_input(evidence: Evidence) -> Found | None:
         return (
             None,
             f"The response to the input {statement}",
-            "Leave at least 50 samples to validation.",
+            "Leave at least 40 samples to validation.",
         )
     too_large = " A coefficient above 2 is not that of the model's response."
     return (
@@ -112,18 +112,23 @@ def input_rests(validation: Validation) -> bool:
     "caution",
 )
 def independent_of_state(evidence: Evidence) -> Found | None:
-    """Simulations do as well without a state that is fitted to the validation samples."""
+    """Simulations do as well without a state that is fitted to the validation samples.
+
+    Or that state does no better than at records of the model's own noise.
+    """
     validation = evidence.validation
     if not validation.inputs:
         return None
-    simulated = validation.simulation_error_percent
+    simulated, share = validation.simulation_error_percent, validation.share_of_noise
     fitted = validation.fitted_state_error_percent
     if not (math.isfinite(simulated) and math.isfinite(fitted)):
         return None, "One of the simulation errors is not known."
+    alike, by_noise = simulated <= STATE_FACTOR * fitted + STATE_MARGIN, fitted >= share * simulated
     return (
-        simulated <= STATE_FACTOR * fitted + STATE_MARGIN,
+        alike or by_noise,
         f"The simulation error is {simulated:.3g} % with the state that earlier samples give, and"
-        f" {fitted:.3g} % with the initial state that fits the validation samples best.",
+        f" {fitted:.3g} % with the initial state that fits the validation samples best."
+        + (" The noise of the model explains as much." if by_noise and not alike else ""),
     )
 
 
