@@ -153,11 +153,10 @@ def test_a_first_run_on_one_core_lists_what_each_data_set_said(two, folder):
     assert problems["discard"].startswith("datasets.discard.split.discard: 5000 samples")
 
 
-def test_a_job_that_is_killed_is_not_quoted(two, folder):
+def test_a_job_that_is_killed_is_not_quoted(copy_of_two):
     """Not with the last line of its log, which is about progress."""
-    for name in "ab":
-        shutil.copy(two.path / f"{name}.csv", folder.path)
-    configure(folder, "a", "b", one_job_per="recording")
+    folder = copy_of_two
+    Path(folder.files_of("b").model).unlink()
     run = psutil.Popen(folder.command("--cores", "1"), cwd=folder.path)
     assert kill_job(run, folder.results / "b" / "logs" / "identification.log") == -signal.SIGKILL
     assert run.wait() == 1
