@@ -238,7 +238,7 @@ def test_a_missing_input_says_how_there_may_be_none(capsys):
     assert "--input none where only outputs were recorded" in capsys.readouterr().err
 
 
-def test_a_single_output_is_identified_without_an_input(folder):
+def test_a_single_output_is_identified_without_an_input(folder, undrawn):
     written = {"orders": {"nx": [4, 4]}, "search": {"evaluations": 1}}
     (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))
     alone = ["--input", "none", "--output", "y", "--rate", "100", "--config", "small.yaml"]
@@ -323,7 +323,7 @@ def test_what_an_error_asks_for_is_an_option(folder, capsys, request):
     assert read_measured("data.csv", channels)[0].sampling_rate == 100
 
 
-def test_a_single_step_is_identified(folder, capsys):
+def test_a_single_step_is_identified(folder, undrawn, capsys):
     """The input rests from the third second on, and thus in all samples that validate."""
     table = np.loadtxt("data.csv", delimiter=",", skiprows=1)
     table[:, 1] = table[:, 0] >= 2.0

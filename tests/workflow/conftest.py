@@ -78,11 +78,11 @@ class Folder:
             start_new_session=True,
         )
 
-    def run(self, *arguments, **limits):
+    def run(self, *arguments, **options):
         """Run to the end; `stdout` holds what was printed."""
         if not self.environment:
             forked = FORKED if self.snakefile.parent == ROOT else OF_ANY_CHECKOUT
-            return forked.run(self.command(*arguments)[3:], self.path, **limits)
+            return forked.run(self.command(*arguments)[3:], self.path, **options)
         return subprocess.run(
             self.command(*arguments),
             cwd=self.path,
@@ -93,9 +93,9 @@ class Folder:
             check=False,
         )
 
-    def finish(self, *arguments):
+    def finish(self, *arguments, **options):
         """Run to the end, which has to be a success; return what was printed."""
-        run = self.run(*arguments)
+        run = self.run(*arguments, **options)
         assert run.returncode == 0, run.stdout
         return run.stdout
 

@@ -56,12 +56,17 @@ def load_package() -> None:
     estimate(u, np.roll(u, 1) + e, (1, 1, 1, 1))
 
 
-def run(arguments: list[str], folder: str, printed: str, largest_file: int) -> NoReturn:
+def run(
+    arguments: list[str], folder: str, printed: str, largest_file: int, drawn: bool
+) -> NoReturn:
     """Be `snakemake` with its arguments in a folder, what it prints in a file.
 
-    No file may have more bytes than the largest one.
+    No file may have more bytes than the largest one. Figures that are not drawn are empty.
     """
     from snakemake.cli import main as snakemake
+
+    if not drawn:
+        leave_out_drawings()
 
     import_module("snakemake.shell").sp = SimpleNamespace(**vars(subprocess) | {"Popen": start})
     os.chdir(folder)
@@ -72,6 +77,13 @@ def run(arguments: list[str], folder: str, printed: str, largest_file: int) -> N
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
     sys.argv = ["snakemake", *arguments]
     end_with(lambda: snakemake(arguments))
+
+
+def leave_out_drawings() -> None:
+    from evopem.pipeline import report
+    from evopem.results.layout import FIGURES
+
+    report.svg_texts = lambda _: dict.fromkeys(FIGURES, "<svg/>")
 
 
 @dataclass(frozen=True)
@@ -127,7 +139,11 @@ class ForkedRuns:
         self.process: subprocess.Popen[str] | None = None
 
     def run(
-        self, arguments: Sequence[str], folder: Path, largest_file: int = resource.RLIM_INFINITY
+        self,
+        arguments: Sequence[str],
+        folder: Path,
+        largest_file: int = resource.RLIM_INFINITY,
+        drawn: bool = True,
     ) -> subprocess.CompletedProcess[str]:
         """Run `snakemake` to its end in a folder; `stdout` holds what was printed."""
         from evopem.config.configuration import job_environment
@@ -142,7 +158,8 @@ class ForkedRuns:
             )
         with tempfile.NamedTemporaryFile("r", encoding="utf-8", errors="replace") as printed:
             asked = {"arguments": arguments, "folder": str(folder), "printed": printed.name}
-            self.process.stdin.write(json.dumps(asked | {"largest_file": largest_file}) + "\n")
+            asked |= {"largest_file": largest_file, "drawn": drawn}
+            self.process.stdin.write(json.dumps(asked) + "\n")
             self.process.stdin.flush()
             code = int(self.process.stdout.readline())
             return subprocess.CompletedProcess(arguments, code, stdout=printed.read())

@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def test_a_run_ends_with_its_results(copy):
-    printed = copy.finish("--forcerun", "report")
+    printed = copy.finish("--forcerun", "report", drawn=False)
     assert "report truth" in printed
     assert "input: results/" not in printed
     end = printed.partition("steps (100%) done\n")[2]
@@ -30,7 +30,7 @@ def test_a_failed_run_says_what_came_of_each_data_set(copy):
     (copy.path / "empty.csv").touch()
     config = (copy.path / "config.yaml").read_text()
     (copy.path / "config.yaml").write_text(f"{config}  bad: {{file: empty.csv}}\n")
-    run = copy.run("--cores", "2")
+    run = copy.run("--cores", "2", drawn=False)
     assert run.returncode != 0
     end = run.stdout.rpartition("steps (")[2]
     assert "report  results/truth/report.html" in end

@@ -12,7 +12,10 @@ from identified import undrawn_page
 from scipy.io import loadmat
 
 from evopem.estimation.model_record import ModelRecord
+from evopem.figures import CHARTS
+from evopem.figures.draw import draw
 from evopem.files.json_form import load
+from evopem.results.dataset import read_results
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.prepared_data import load_prepared
 from evopem.validation.validation import Validation
@@ -83,7 +86,7 @@ def run(tmp_path_factory):
     folder = Folder(tmp_path_factory.mktemp("stages"))
     frame().to_csv(folder.path / "frame.csv", index=False)
     folder.configure({"datasets": {"frame": DATASET}})
-    return folder, folder.finish("--cores", "2")
+    return folder, folder.finish("--cores", "2", drawn=False)
 
 
 @pytest.fixture(scope="module")
@@ -214,6 +217,17 @@ def test_the_report_shows_every_channel_and_shape(run):
     ):
         assert text in page
     assert "http://" not in page.replace("http://www.w3.org", "")
+
+
+def test_figures_have_a_panel_for_each_channel_or_pair(run):
+    folder, _ = run
+    results = read_results(folder.files_of("frame"))
+    charts = {name: chart_of(results) for name, chart_of in CHARTS.items()}
+    of_outputs, of_pairs = ("measured_and_simulated", "residual_spectrum"), ("gain", "nyquist")
+    assert [len(charts[name].panels) for name in of_outputs] == [3] * 2
+    assert [len(charts[name].panels) for name in of_pairs] == [6] * 2
+    for chart in charts.values():
+        assert len(draw(chart).axes) >= len(chart.panels)
 
 
 def test_outputs_alone_are_predicted(at_once):
