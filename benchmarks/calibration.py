@@ -43,6 +43,10 @@ NORMAL_95 = 1.959963984540054
 SAME_FREQUENCY, SAME_DAMPING = 0.05, 0.5
 # Share of the energy, and signal to noise, from which on a mode should have been found.
 VISIBLE_SHARE, VISIBLE_RATIO = 0.02, 2.0
+# Least standard errors, half of what a mode may be off by, from which on the record tells it.
+TOLD_FREQUENCY, TOLD_DAMPING = SAME_FREQUENCY / 2.0, SAME_DAMPING / 2.0
+# Share of noise in the variance of an input from which on feedback should be found.
+FED_BACK = 0.01
 # Structures of polynomials whose true orders an oracle may be given.
 ORACLES = {"fir", "arx", "armax", "oe", "bj"}
 
@@ -165,27 +169,41 @@ def modes_of(case: Case, found: Any) -> Line:
         if at is not None and np.isfinite(frequency_se)
     ]
     visible = [k for k, mode in enumerate(true) if mode[2] >= VISIBLE_SHARE]
+    if case.signal_to_noise < VISIBLE_RATIO:
+        visible = []
+    told = visible
+    if visible and case.inputs.shape[1]:
+        errors = case.mode_errors()
+        limits = TOLD_FREQUENCY, TOLD_DAMPING
+        told = [k for k in visible if np.all(np.array(errors[k]) < limits)]
     return {
         "trusted": len(rows),
         "false": sum(at is None for at in near),
-        "visible": len(visible) if case.signal_to_noise >= VISIBLE_RATIO else 0,
-        "missed": len([k for k in visible if k not in near])
-        if case.signal_to_noise >= VISIBLE_RATIO
-        else 0,
+        "far": sum(
+            _nearest(frequency, damping / 100.0, true, 3.0 * damping_se / 100.0) is None
+            for frequency, _, damping, damping_se in rows
+        ),
+        "visible": len(visible),
+        "missed": len([k for k in visible if k not in near]),
+        "told": len(told),
+        "missed_told": len([k for k in told if k not in near]),
         "frequency": [sum(bool(each[0]) for each in covered), len(covered)],
         "damping": [sum(bool(each[1]) for each in covered), len(covered)],
     }
 
 
 def _nearest(
-    frequency: float, damping: float, true: Sequence[tuple[float, float, float]]
+    frequency: float,
+    damping: float,
+    true: Sequence[tuple[float, float, float]],
+    uncertain: float = 0.0,
 ) -> int | None:
-    """The mode of the system that a mode of the model is, if there is one."""
+    """The mode of the system that a mode of the model is, its damping within bounds or errors."""
     near = [
         (abs(np.log(frequency / each[0])), k)
         for k, each in enumerate(true)
         if abs(frequency / each[0] - 1.0) < max(SAME_FREQUENCY, each[1])
-        and abs(damping - each[1]) < max(SAME_DAMPING * each[1], 0.01)
+        and abs(damping - each[1]) < max(SAME_DAMPING * each[1], 0.01, uncertain)
     ]
     return min(near)[1] if near else None
 
@@ -296,8 +314,31 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
             of_counts(sum(m["false"] for m in trusted), sum(m["trusted"] for m in trusted)),
         ),
         (
+            "trusted mode is none, its damping within three standard errors",
+            of_counts(
+                sum(m["far"] for m in trusted if "far" in m),
+                sum(m["trusted"] for m in trusted if "far" in m),
+            ),
+        ),
+        (
             "visible mode not trusted",
             of_counts(sum(m["missed"] for m in trusted), sum(m["visible"] for m in trusted)),
+        ),
+        (
+            "visible mode that the record tells not trusted",
+            of_counts(
+                sum(m.get("missed_told", 0) for m in trusted),
+                sum(m.get("told", 0) for m in trusted),
+            ),
+        ),
+        (
+            "feedback found, where the noise is 1 % of the input",
+            rate(
+                line["checks"]["Free of feedback"] is False
+                for line in inside
+                if line.get("fed_back", 0.0) >= FED_BACK
+                and line["checks"].get("Free of feedback") is not None
+            ),
         ),
         *(
             (

@@ -6,12 +6,13 @@ lengths, inputs and faults than any rule of the package was made with.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
 from scipy.signal import chirp, lfilter
 
 Array = NDArray[np.float64]
@@ -21,6 +22,7 @@ STRUCTURES = ("fir", "arx", "armax", "ararx", "oe", "bj", "state space")
 INPUTS = ("white", "coloured", "PRBS", "multisine", "swept", "steps", "feedback")
 OUTSIDE = ("drifting", "switching", "nonlinear", "unrelated")
 WARM_UP = 2000
+NOISE_LAGS = 30  # of the autoregression that describes the noise
 
 
 def product(polynomials: Sequence[Array]) -> Array:
@@ -136,6 +138,7 @@ class Case:
     signal_to_noise: float  # standard deviations
     modes: tuple[Mode, ...]
     band: tuple[float, float]  # rad per sample, that the input excites and the modes lie in
+    fed_back: float  # share of the noise in the variance of the input
 
     @property
     def labels(self) -> dict[str, object]:
@@ -151,7 +154,77 @@ class Case:
             "outside": self.outside,
             "faults": list(self.faults),
             "signal_to_noise": self.signal_to_noise,
+            "fed_back": self.fed_back,
         }
+
+    def mode_errors(self) -> list[tuple[float, float]]:
+        """Least relative standard errors of frequency and damping of each mode (Cramér-Rao).
+
+        Of the sections of the true orders, from noise whose colour is known.
+        """
+        s, (u, y) = self.system, self.clean
+        late = np.vstack([np.zeros((s.nk, u.shape[1])), u])[: len(u)]
+        whitenings = self._whitenings(y.std(axis=0) / np.hypot(1.0, self.signal_to_noise))
+        columns = [
+            np.concatenate(
+                [lfilter(w, [1.0], part) for w, part in zip(whitenings, each, strict=True)]
+            )
+            for each in _derivatives(s, late)
+        ]
+        matrix = np.column_stack(columns)
+        sizes = np.linalg.norm(matrix, axis=0)
+        sizes[sizes == 0.0] = 1.0
+        inverse = np.linalg.pinv(matrix / sizes, rcond=1e-12) / sizes[:, None]
+        found, first = [], 0
+        for a in s.sections:
+            n = len(a) - 1
+            if n == 2:
+                part = _mode_gradient(a) @ inverse[first : first + 2]
+                mode = _mode(a, 0.0)
+                errors = np.linalg.norm(part, axis=1) / (mode.angle, mode.damping)
+                found.append((float(errors[0]), float(errors[1])))
+            first += n * (1 + s.gains.shape[0] * s.gains.shape[1])
+        return found
+
+    def _whitenings(self, spread: Array) -> list[Array]:
+        """Filters that make the noise of each output white, of variance 1."""
+        e = np.random.default_rng(0).standard_normal((20_000, len(spread)))
+        found = []
+        for v, size in zip(self.system.disturb(e)[WARM_UP:].T, spread, strict=True):
+            v = v / v.std() * size
+            products = [v[: len(v) - k] @ v[k:] / len(v) for k in range(NOISE_LAGS + 1)]
+            a = solve_toeplitz(products[:-1], products[1:])
+            w = np.concatenate([[1.0], -a])
+            found.append(w / lfilter(w, [1.0], v)[NOISE_LAGS:].std())
+        return found
+
+
+def _derivatives(s: System, late: Array) -> Iterator[Array]:
+    """Derivatives of the outputs, (l, N) each, by the coefficients of each section in turn."""
+    outputs, inputs = s.gains.shape[:2]
+    for k, (a, part) in enumerate(zip(s.sections, s.parts(late), strict=True)):
+        driven = part.sum(axis=2)
+        for lag in range(1, len(a)):
+            yield -_later(lfilter([1.0], a, driven, axis=1), lag)
+        for j in range(outputs):
+            for i in range(inputs):
+                for lag in range(len(a) - 1):
+                    column = np.zeros((outputs, len(late)))
+                    column[j] = lfilter([1.0], s.sections[k], late[:, i])
+                    yield _later(column, lag)
+
+
+def _later(rows: Array, lag: int) -> Array:
+    return np.pad(rows, ((0, 0), (lag, 0)))[:, : rows.shape[1]]
+
+
+def _mode_gradient(a: Array) -> Array:
+    """Derivatives of angle and damping, (2, 2), by the coefficients behind the 1."""
+    steps = []
+    for step in 1e-7 * np.eye(3)[1:]:
+        above, below = _mode(a + step, 0.0), _mode(a - step, 0.0)
+        steps.append([(above[q] - below[q]) / 2e-7 for q in (0, 1)])
+    return np.array(steps).T
 
 
 def log_uniform(g: Random, low: float, high: float) -> float:
@@ -252,8 +325,11 @@ def draw_input(
 
 def closed_loop(
     g: Random, system: System, reference: Array, v: Array
-) -> tuple[Array, Array] | None:
-    """Input and output of one channel each under proportional feedback, where one is stable."""
+) -> tuple[Array, Array, float] | None:
+    """Input and output of one channel each under proportional feedback, where one is stable.
+
+    And the share of the noise in the variance of the input.
+    """
     b, f = system.polynomials
     delayed = np.concatenate([np.zeros(system.nk), b])
     long = max(len(delayed), len(f))
@@ -263,8 +339,11 @@ def closed_loop(
     for _ in range(12):
         loop = own + gain * forward
         if abs(np.roots(loop)).max(initial=0.0) < 0.999:
-            y = lfilter(delayed, loop, reference[:, 0]) + lfilter(f, loop, v[:, 0])
-            return (reference[:, 0] - gain * y)[:, None], y[:, None]
+            of_noise = lfilter(f, loop, v[:, 0])
+            y = lfilter(delayed, loop, reference[:, 0]) + of_noise
+            u = reference[:, 0] - gain * y
+            share = np.var(gain * of_noise[WARM_UP:]) / np.var(u[WARM_UP:])
+            return u[:, None], y[:, None], float(share)
         gain /= 2.0
     return None
 
@@ -319,13 +398,14 @@ def draw_case(number: int) -> Case:
     v = system.disturb(e)
     v *= y[WARM_UP:].std(axis=0) / ratio / v[WARM_UP:].std(axis=0)
     looped = closed_loop(g, system, u, v) if kind == "feedback" else None
+    fed_back = 0.0
     if inputs == 0:
         # The forces are not measured, and the noise is that of the sensor.
         y = y + y.std(axis=0) / ratio * e
     elif looped is None:
         y, kind = y + v, "white" if kind == "feedback" else kind
     else:
-        u, y = looped
+        u, y, fed_back = looped
     u, y = u[WARM_UP:, :inputs], y[WARM_UP:]
     late = np.vstack([np.zeros((system.nk, max(inputs, 1))), u if inputs else e[WARM_UP:, :1]])
     energies = [float(np.sum(np.var(part, axis=1))) for part in system.parts(late)]
@@ -336,7 +416,9 @@ def draw_case(number: int) -> Case:
     )
     band = float(min(angles) / 3.0), float(min(top, 2.0 * max(angles), 0.9 * np.pi))
     clean, ones = (u.copy(), y.copy()), np.ones(outputs)
-    case = Case(number, system, outside, kind, (), u, y, clean, 1.0, ones, ratio, modes, band)
+    case = Case(
+        number, system, outside, kind, (), u, y, clean, 1.0, ones, ratio, modes, band, fed_back
+    )
     return _measured(g, case)
 
 
