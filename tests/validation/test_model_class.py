@@ -115,6 +115,23 @@ def test_the_input_of_a_controller_is_found():
     assert np.mean([each.p_value < 0.01 and each.share >= 0.01 for each in found]) >= 0.9
 
 
+@pytest.mark.parametrize("gain", [0.0, 0.25])
+def test_an_input_that_follows_the_output_of_the_same_sample_is_found(gain):
+    """White noise is a tenth of the variance of the input, at this sample alone."""
+    found = []
+    for seed in range(30):
+        r, e = np.random.default_rng([seed, 5]).standard_normal((2, SAMPLES))
+        u, y = np.zeros(SAMPLES), np.zeros(SAMPLES)
+        for t in range(1, SAMPLES):
+            y[t] = 0.8 * y[t - 1] + 0.5 * u[t - 1] + e[t] - 0.8 * e[t - 1]
+            u[t] = r[t] - gain * y[t]
+        one = np.ones(1)
+        truth = PolynomialModel(one, np.array([0.5]), one, one, np.array([1.0, -0.8]), nk=1)
+        test = model_class(divided(truth, Recording(u, y, 1.0), CUT)).without_feedback
+        found.append(test.p_value < 0.01 and test.share >= 0.01)
+    assert np.mean(found) >= 0.9 if gain else np.sum(found) <= 1
+
+
 def test_feedback_of_an_unstable_plant_is_found_with_two_outputs():
     """No stable model is right; there is one nevertheless, and it is told what it is."""
     for seed in range(2):

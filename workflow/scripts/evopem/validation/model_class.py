@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.special import chdtrc
 
-from evopem.arrays import Array
+from evopem.arrays import Array, Flags
 from evopem.estimation.pem.least_squares import autoregression
 from evopem.signals.correlation import REPEATS as REPEATED
 from evopem.signals.correlation import cross_correlation, repetition_lag
@@ -73,6 +73,7 @@ class _Stretch:
     residuals: Array
     responses: Array
     inputs: Array
+    direct: Flags  # (m,): whether an input acts on the same sample
     # Response to the squares and to the cubes of the inputs, (N, l) each
     of_powers: tuple[Array, ...]
 
@@ -82,14 +83,17 @@ class _Stretch:
         first, model, u = unscored_samples(record.model), record.plant, record.inputs
         outputs = record.outputs
         residuals = outputs - record.predicted_from_start()
+        delays = model.input_delays or (0,) * model.inputs
+        direct = np.any(model.D, axis=0) & (np.array(delays) == 0)
         if not model.inputs:
             past = np.vstack([outputs[:1], outputs[:-1]])
-            return cls(residuals[first:], past[first:], u[first:], ())
+            return cls(residuals[first:], past[first:], u[first:], direct, ())
         scaled = (u - u.mean(axis=0)) / np.maximum(np.std(u, axis=0), 1e-300)
         of_powers = tuple(
             model.simulate(np.std(u, axis=0) * scaled**power)[first:] for power in (2, 3)
         )
-        return cls(residuals[first:], record.simulated_from_rest()[first:], u[first:], of_powers)
+        simulated = record.simulated_from_rest()
+        return cls(residuals[first:], simulated[first:], u[first:], direct, of_powers)
 
 
 def _lagged(signal: Array) -> Array:
@@ -147,6 +151,7 @@ def _of_outputs(
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     """Test of the correlations of residuals with later inputs, each whitened (Haugh 1976).
 
+    Where the plant has a delay, those of the same sample, which most controllers act on, count too.
     Later samples of a periodic input are earlier ones too, which what the model misses depends on:
     it is not tested, and its periods are alike as those of an input with noise would not be.
     """
@@ -154,7 +159,8 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     pairs = first.residuals.shape[1] * first.inputs.shape[1]
     for output in range(first.residuals.shape[1]):
         for place in range(first.inputs.shape[1]):
-            statistic, freedom, shares = 0.0, 0, [0.0]
+            # Of the same sample, and of later ones.
+            statistics, freedom, shares = np.zeros(2), np.zeros(2, dtype=int), [0.0]
             for stretch in stretches:
                 e, u = stretch.residuals[:, output], stretch.inputs[:, place]
                 if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
@@ -165,13 +171,15 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                     continue
                 e, u = _whitened(e), _whitened(u)
                 n = min(len(e), len(u))
-                values = cross_correlation(e[-n:], u[-n:], LATER)[:LATER]
-                lags = np.arange(LATER, 0, -1)
-                statistic += float(np.sum(n**2 / (n - lags) * values**2))
-                freedom += LATER
+                values = cross_correlation(e[-n:], u[-n:], LATER)[LATER::-1]
+                values[0] *= not stretch.direct[place]
+                terms = n**2 / (n - np.arange(LATER + 1)) * values**2
+                statistics += terms[0], np.sum(terms[1:])
+                freedom += not stretch.direct[place], LATER
                 shares.append(float(values @ values))
-            if freedom:
-                p_value = min(pairs * float(chdtrc(freedom, statistic)), 1.0)
+            if freedom[1]:
+                probable = chdtrc(np.maximum(freedom, 1), statistics)
+                p_value = min(2 * pairs * float(np.min(probable)), 1.0)
                 tests.append(ResidualTest(p_value, max(shares)))
     nothing = REPEATS if periodic and all(periodic) else NOT_TESTED
     return min(tests, key=lambda each: each.p_value, default=nothing)
