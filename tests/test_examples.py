@@ -27,6 +27,8 @@ METHODS = (
 )
 FUNCTIONS = [
     evopem.estimate,
+    evopem.export_c,
+    evopem.export_fmu,
     evopem.load,
     evopem.identify,
     orders.Orders,

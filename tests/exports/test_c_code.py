@@ -225,6 +225,20 @@ def test_transforms_that_are_none_are_refused(identified, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("c", "sentence"),
+    [
+        ([1.0, -0.99], "Begin a prediction, from rest: what was before fades to 1 % in about 460 "),
+        ([1.0, -1.0], "Begin a prediction, from rest: what was before does not fade."),
+    ],
+)
+def test_the_header_says_how_long_the_past_is_felt(tmp_path, c, sentence):
+    export_c(PolynomialModel([1.0, -0.5], [2.0], c, nk=1), tmp_path)
+    header = (tmp_path / "model.h").read_text()
+    assert sentence in header
+    assert "Begin a simulation, from rest: what was before fades to 1 % in about 8 " in header
+
+
+@pytest.mark.parametrize(
     ("text", "name"),
     [("arm", "arm"), ("é-2 b", "model_2_b"), ("2", "model_2"), ("__", "model"), ("int", "int")],
 )
@@ -233,4 +247,4 @@ def test_names_become_identifiers(text, name):
 
 
 def test_no_name_of_a_channel_ends_a_comment():
-    assert plain("a*/b/*c//d\n\\") == "a* /b/ *c/ /d \\"
+    assert plain("a*/b/*c//d\nm/s**2*/*") == "a* /b/ *c//d m/s**2* / *"

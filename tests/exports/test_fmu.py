@@ -66,6 +66,10 @@ def test_an_fmu_is_valid_and_simulates_what_python_does(exported, fmpy, tmp_path
     unit.enterInitializationMode(startTime=start)
     unit.exitInitializationMode()
     found = []
+    begin = unit.getFMUState()
+    unit.doStep(start, 0.02)  # what is taken back
+    unit.setFMUState(begin)
+    unit.freeFMUState(begin)
     for t in range(SAMPLES):
         unit.setFloat64([each.valueReference for each in inputs], u[t])
         found.append(unit.getFloat64([each.valueReference for each in outputs]))
@@ -97,10 +101,14 @@ def test_the_source_compiles_without_a_warning(exported, tmp_path):
     assert {"modelDescription.xml", "sources/arm.c", "sources/buildDescription.xml"} <= {*names}
     command = ["cc", *FLAGS, "-c", "arm.c", "fmi3.c"]
     subprocess.run(command, cwd=tmp_path / "sources", check=True)
+    # Neither variables of the file nor memory that is asked for.
+    run = subprocess.run(["nm", "sources/arm.o"], capture_output=True, text=True, check=True)
+    kinds = {line.split()[-2]: line.split()[-1] for line in run.stdout.splitlines()}
+    assert {*kinds} <= {"T", "t", "r", "U"}
+    assert "alloc" not in run.stdout
 
 
-def test_a_step_of_another_length_is_an_error(exported, fmpy, tmp_path):
-    """Also a second instance does not share what the first one holds."""
+def test_a_step_of_another_length_is_an_error(exported, fmpy):
     exported(29)
     with pytest.raises(Exception, match="fmi3DoStep"):
         fmpy.simulate_fmu(NAME, stop_time=0.3, output_interval=0.03)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.arrays import Array
+from evopem.arrays import Array, Complex
 from evopem.config.schema import shipped
 from evopem.errors import InputError, check_packages, checked_path
 from evopem.estimation.model_record import ModelRecord, read_model
@@ -19,6 +19,7 @@ from evopem.exports.signals import Signals
 from evopem.files.atomic import write_text
 from evopem.files.checksums import check_own, has_mark
 from evopem.models.polynomial import Model, PolynomialModel
+from evopem.models.polynomial_roots import roots
 from evopem.models.state_space import StateSpaceModel
 from evopem.version import __version__
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 _MARK = "Written by evopem"
 _WIDTH = 96
+_FADED = 0.01
 _SMALLEST_BOX_COX = 1e-19
 """Below it, SciPy's transform is the logarithm."""
 
@@ -40,6 +42,7 @@ class Exported:
     name: str  # an identifier
     source: str  # the file
     text: str  # the model in a few words
+    poles: Complex  # of the plant
 
     @classmethod
     def of(cls, source: str | Path | Model) -> Self:
@@ -57,12 +60,12 @@ class Exported:
         except ValueError as error:
             remedy = "give the model.json of a results folder"
             raise InputError(str(path), str(error), remedy) from None
-        return cls(found.model, signals, name, str(path), found.text)
+        return cls(found.model, signals, name, str(path), found.text, found.poles)
 
     @classmethod
     def _of_model(cls, model: Model, name: str, source: str) -> Self:
         text = "state space" if isinstance(model, StateSpaceModel) else str(model.orders)
-        return cls(model, Signals.of_model(model), name, source, text)
+        return cls(model, Signals.of_model(model), name, source, text, model.poles())
 
 
 def identifier(text: str) -> str:
@@ -167,10 +170,14 @@ def _brackets(shape: Sequence[int]) -> str:
     return "".join(f"[{length}]" for length in shape)
 
 
+def printed(text: str) -> str:
+    """A text with blanks for line breaks and whatever else is not printed."""
+    return "".join(each if each.isprintable() else " " for each in text)
+
+
 def plain(text: str) -> str:
-    """A text within a comment: of printed characters, and none that end it."""
-    printed = "".join(each if each.isprintable() else " " for each in text)
-    return re.sub(r"([*/?\\])(?=[*/?])", r"\1 ", printed)
+    """A text within a comment, which it neither ends nor begins anew."""
+    return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", printed(text))
 
 
 def _context(exported: Exported) -> dict[str, Any]:
@@ -200,10 +207,27 @@ def _context(exported: Exported) -> dict[str, Any]:
         "logarithm": box_cox is not None and abs(box_cox) < _SMALLEST_BOX_COX,
         "shift": signals.shift,
         "preparation": _preparation(signals, model.sampling_rate),
+        "simulation_fades": _fading(exported.poles),
+        "prediction_fades": _fading(_poles_of_predictor(model)),
         "polynomials": isinstance(model, PolynomialModel),
         **parts,
         "first": signals.lost + parts["first"],
     }
+
+
+def _poles_of_predictor(model: Model) -> Complex:
+    """Roots of C and of all F_i, or eigenvalues of ``A - K C``."""
+    f = model.F if isinstance(model, PolynomialModel) else ()
+    return np.concatenate([model.noise_zeros(), *(roots(each[1:]) for each in f)])
+
+
+def _fading(poles: Complex) -> str:
+    """How long what was before the first sample is felt."""
+    radius = float(np.abs(poles).max(initial=0.0))
+    if radius >= 1.0:
+        return "what was before does not fade"
+    samples = math.ceil(math.log(_FADED) / math.log(radius)) if radius > 0.0 else 0
+    return f"what was before fades to 1 % in about {samples + 1} samples"
 
 
 def _polynomials(model: PolynomialModel) -> dict[str, Any]:

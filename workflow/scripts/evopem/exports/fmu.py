@@ -12,7 +12,7 @@ import numpy as np
 
 from evopem.arrays import Flags
 from evopem.errors import InputError, checked_path
-from evopem.exports.c_code import Exported, c_texts, plain, rendered
+from evopem.exports.c_code import Exported, c_texts, printed, rendered
 from evopem.files.archive import member_of, pack
 from evopem.files.atomic import files_below, write_text
 from evopem.files.checksums import check_own
@@ -38,6 +38,17 @@ def export_fmu(model: str | Path | Model, file: str | Path) -> str:
     ------
     InputError
         When the model has no input, and as :func:`export_c`.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> import evopem
+    >>> from evopem.files.archive import member_of
+    >>> with TemporaryDirectory() as folder:
+    ...     file = f"{folder}/model.fmu"
+    ...     missing = evopem.export_fmu(evopem.PolynomialModel([1.0, -0.5], [2.0], nk=1), file)
+    ...     member_of(file, "sources/fmi3.c") is not None
+    True
     """
     exported, target = Exported.of(model), checked_path("export", file)
     if not exported.model.inputs:
@@ -65,7 +76,7 @@ def _variables(exported: Exported) -> dict[str, Any]:
     """Names, units and start values; outputs depend on the inputs that act on the same sample."""
     signals = exported.signals
     channels = signals.inputs + signals.outputs
-    names = [plain(each.name) for each in channels]
+    names = [printed(each.name) for each in channels]
     if len({*names, "time"}) <= len(names):
         names = [f"{k} {name}" for k, name in enumerate(names, start=1)]
     start = signals.start if signals.has_trend else 0.0
@@ -76,7 +87,7 @@ def _variables(exported: Exported) -> dict[str, Any]:
         variables.append(
             {
                 "name": name,
-                "unit": plain(each.unit),
+                "unit": printed(each.unit),
                 "reference": k + 1,
                 "causality": "input" if is_input else "output",
                 "start": each.last[0] if each.last else each.level + each.trend * start,
