@@ -94,6 +94,8 @@ def test_a_distance_is_judged_by_its_standard_errors_where_these_are_large():
     assert mode_distance(shaped(10.0, error=0.2), shaped(10.5)) < 1.0
     unknown = mode_distance(shaped(10.0, error=np.nan), shaped(10.15, error=np.nan))
     assert unknown < 1.0
+    # Of two models of which one has no covariance, those of the other one.
+    assert mode_distance(shaped(10.0, error=0.2), shaped(10.5, error=np.nan)) < 1.0
 
 
 def test_no_modes_make_no_groups():

@@ -156,9 +156,9 @@ def cluster_modes(modes: Mapping[int, Sequence[Mode]]) -> list[dict[int, int]]:
 
 
 def _allowed(relative: float, *standard_errors: float) -> float:
-    """The larger of a tolerance and some standard errors of the difference, where known."""
-    error = STANDARD_ERRORS * math.hypot(*standard_errors)
-    return max(relative, error, 1e-300) if math.isfinite(error) else max(relative, 1e-300)
+    """The larger of a tolerance and some standard errors of the difference, as far as known."""
+    known = (each for each in standard_errors if math.isfinite(each))
+    return max(relative, STANDARD_ERRORS * math.hypot(*known), 1e-300)
 
 
 def _loss_by_noise(mode: Mode) -> float:
