@@ -173,6 +173,14 @@ def model_file(tmp_path, monkeypatch):
     return tmp_path
 
 
+def test_files_are_named_after_results_and_purposes(identified, tmp_path):
+    folder = tmp_path / "arm"
+    folder.mkdir()
+    for name, expected in (("model", "arm"), ("model.prediction", "arm_for_prediction")):
+        shutil.copy(identified.files.model, folder / f"{name}.json")
+        assert export_c(folder / f"{name}.json", tmp_path)[0].name == f"{expected}.c"
+
+
 def test_the_command_writes_both_files(model_file, capsys):
     assert main(["export", "arm.json", "--c"]) == 0
     assert capsys.readouterr().out == "Wrote arm.c and arm.h, which says how it is called.\n"
@@ -209,6 +217,15 @@ def test_what_cannot_be_exported_is_said_in_a_sentence(model_file, capsys, argum
     assert [path.name for path in model_file.iterdir()] == ["arm.json"]
 
 
+@pytest.mark.parametrize("delay", [-1, 10**9])
+def test_delays_of_states_that_are_none_are_refused(identified, tmp_path, delay):
+    record = random_record(identified.results.model, 9)
+    model = replace(record.model, input_delays=(delay,) * record.model.inputs)
+    save(replace(record, model=model), tmp_path / "arm.json")
+    with pytest.raises(InputError, match="is none of 100 samples"):
+        export_c(tmp_path / "arm.json", tmp_path)
+
+
 def test_transforms_that_are_none_are_refused(identified, tmp_path):
     record = random_record(identified.results.model, 1)
     about, (origin,) = record.transforms, record.transforms.estimation
@@ -240,7 +257,14 @@ def test_the_header_says_how_long_the_past_is_felt(tmp_path, c, sentence):
 
 @pytest.mark.parametrize(
     ("text", "name"),
-    [("arm", "arm"), ("é-2 b", "model_2_b"), ("2", "model_2"), ("__", "model"), ("int", "int")],
+    [
+        ("arm", "arm"),
+        ("é-2 b", "model_2_b"),
+        ("2", "model_2"),
+        ("__", "model"),
+        ("int", "int"),
+        ("signal", "model_signal"),
+    ],
 )
 def test_names_become_identifiers(text, name):
     assert identifier(text) == name

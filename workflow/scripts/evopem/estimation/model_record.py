@@ -285,7 +285,9 @@ def _check_model(model: Model, samples: int) -> Array:
             raise ValueError(f"{model.orders} reaches back {reach} of {samples} samples")
         variance = np.atleast_2d(model.noise_variance)
     else:
-        variance = model.noise_covariance
+        variance, delays = model.noise_covariance, model.input_delays
+        if delays and not 0 <= min(delays) <= max(delays) < samples:
+            raise ValueError(f"a delay of {delays} is none of {samples} samples")
     if np.diag(variance).min() < 0.0:
         raise ValueError("a variance is negative")
     if model.covariance is not None:

@@ -1,6 +1,7 @@
 """A model as C99: a file and its header, which need nothing but ``math.h``."""
 
 import math
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,6 +30,11 @@ if TYPE_CHECKING:
 _MARK = "Written by evopem"
 _WIDTH = 96
 _FADED = 0.01
+_HEADERS = {
+    *("assert", "complex", "ctype", "errno", "fenv", "float", "fmi3", "inttypes", "iso646"),
+    *("limits", "locale", "math", "setjmp", "signal", "stdarg", "stdbool", "stddef", "stdint"),
+    *("stdio", "stdlib", "string", "tgmath", "time", "wchar", "wctype"),
+}
 _SMALLEST_BOX_COX = 1e-19
 """Below it, SciPy's transform is the logarithm."""
 
@@ -51,8 +57,10 @@ class Exported:
             return cls._of_model(source, "model", "a model")
         path = checked_path("export", source)
         found = read_model(path)
-        stem = path.name.partition(".")[0]
-        name = identifier(path.absolute().parent.name if stem == "model" else stem)
+        first, *purpose = path.stem.split(".")
+        if first == "model":
+            first = path.absolute().parent.name
+        name = identifier("_for_".join([first, *purpose]))
         if not isinstance(found, ModelRecord):
             return cls._of_model(found, name, str(path))
         try:
@@ -69,9 +77,13 @@ class Exported:
 
 
 def identifier(text: str) -> str:
-    """A name in C, of letters, digits and underscores, that begins with a letter."""
+    """A name in C, of letters, digits and underscores, that begins with a letter.
+
+    It is not that of a header of C's library, which the exported one would hide.
+    """
     words = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")
-    return words if words[:1].isalpha() else f"model_{words}".rstrip("_")
+    is_free = words[:1].isalpha() and words.lower() not in _HEADERS
+    return words if is_free else f"model_{words}".rstrip("_")
 
 
 def export_c(model: str | Path | Model, folder: str | Path) -> list[Path]:
@@ -99,7 +111,7 @@ def export_c(model: str | Path | Model, folder: str | Path) -> list[Path]:
     ['model.c', 'model.h']
     """
     exported, target = Exported.of(model), checked_path("export", folder)
-    if target.exists() and not target.is_dir():
+    if os.path.exists(target) and not os.path.isdir(target):  # noqa: PTH110, PTH112 - no error
         raise InputError(str(target), "is no folder", "give that of a folder, or a new one")
     texts = c_texts(exported)
     for name in texts:
@@ -299,5 +311,6 @@ def _preparation(signals: Signals, rate: float) -> list[str]:
             " before the estimation samples on."
         )
     levels = "are those of the estimation samples" if signals.recordings else "are 0"
-    several = f" of the first of {signals.recordings} recordings" * (signals.recordings > 1)
-    return [*said, f"Levels (input_level, output_level) {levels}{several}."]
+    levels += f" of the first of {signals.recordings} recordings" * (signals.recordings > 1)
+    levels += "; those of other recordings differ" * signals.own_levels
+    return [*said, f"Levels (input_level, output_level) {levels}."]

@@ -42,6 +42,7 @@ class Signals:
     start: float = 0.0  # s: time of the first estimation sample in its recording
     resampled_from: float | None = None  # rate of the recording (Hz) where it was another
     recordings: int = 0  # behind the estimation samples; 0 where they are not known
+    own_levels: bool = False  # whether other recordings have levels of their own
 
     @classmethod
     def of_record(cls, record: ModelRecord) -> Self:
@@ -65,6 +66,7 @@ class Signals:
             ),
             *(about.difference, times, about.box_cox, about.shift, origin.start),
             *(about.resampled_from, len({each.recording for each in about.estimation})),
+            own_levels=record.level_of_simulation == "state",
         )
 
     @classmethod

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from evopem.errors import InputError, checked_path
-from evopem.files.atomic import files_below, write_text
+from evopem.files.atomic import files_below, not_written, write_text
 
 FOLDER = "checksums"
 COMMAND = "evopem"
@@ -109,10 +109,13 @@ def write_page(path: str | Path, text: str) -> None:
 def check_own(path: Path, kind: str, is_own: Callable[[Path], bool]) -> None:
     """Refuse to replace a result, or what is not a file of evopem of this kind."""
     problem = ""
-    if path.resolve() in checksummed(path.resolve().parent):
-        problem = "is a result"
-    elif path.is_file() and path.stat().st_size > 0 and not is_own(path):
-        problem = f"is no {kind}"
+    try:
+        if path.resolve() in checksummed(path.resolve().parent):
+            problem = "is a result"
+        elif path.is_file() and path.stat().st_size > 0 and not is_own(path):
+            problem = f"is no {kind}"
+    except OSError as error:
+        raise not_written(path, error) from None
     if problem:
         raise InputError(str(path), f"{problem} and is not replaced", "give another path")
 
