@@ -70,7 +70,7 @@ def check_model(
     """
     if isinstance(model, PolynomialModel):
         return _of_polynomials(model, structure, stretches, settings)
-    parts = [prediction_errors(model, each) for each in stretches]
+    parts = [prediction_errors(model, stretch) for stretch in stretches]
     tested = _Residuals.of(stretches, parts)
     lags = tested.whiteness_lags(model.order)
     p_values = [
@@ -95,7 +95,7 @@ def _of_polynomials(
         *(errors, point, errors.residuals(point), errors.scored_outputs()), errors.residual_counts()
     )
     tested = _Residuals.of(
-        errors.stretches, [each[:, None] for each in errors.residuals_of_stretches(point)]
+        errors.stretches, [residuals[:, None] for residuals in errors.residuals_of_stretches(point)]
     )
     lags = tested.whiteness_lags(orders.na + orders.nc + orders.nd)
     effects = np.zeros((1, 0, lags))
@@ -116,7 +116,7 @@ def _of_polynomials(
     else:
         cancels = bool(cancelling_pairs(model, covariance))
     needed = [orders.na + nf + nb for nf, nb in zip(orders.nf, orders.nb, strict=True)]
-    inputs = max(stretches, key=lambda each: each.samples).inputs
+    inputs = max(stretches, key=lambda stretch: stretch.samples).inputs
     excited = [excitation_order(u, n) >= n for u, n in zip(inputs.T, needed, strict=True)]
     further = {
         DISTINCT: cancels,
@@ -166,10 +166,10 @@ class _Residuals:
         if not (np.ptp(self.residuals) > 0.0 and np.isfinite(self.residuals).all()):
             return CandidateChecks((), 1.0, 0.0)
         failed = []
-        own = [autocorrelation_of(e, LAGS, self.bounds) for e in self.residuals.T]
-        shares = [each.where(each.lag > 0).share_inside for each in own]
+        correlations = [autocorrelation_of(e, LAGS, self.bounds) for e in self.residuals.T]
+        shares = [c.where(c.lag > 0).share_inside for c in correlations]
         white = [
-            are_white(p_value, share, len(own[0].lag) - 1, len(own)) is not False
+            are_white(p_value, share, len(correlations[0].lag) - 1, len(correlations)) is not False
             for p_value, share in zip(p_values, shares, strict=True)
         ]
         failed += [] if all(white) or structure in OF_SIMULATION else [WHITE]
@@ -180,11 +180,11 @@ class _Residuals:
             if np.ptp(u) > 0.0 and np.ptp(e) > 0.0
         ]
         independent = [
-            are_independent(each.largest_ratio, each.share_inside, int(each.lag[-1]), len(pairs))
-            for each in pairs
+            are_independent(pair.largest_ratio, pair.share_inside, int(pair.lag[-1]), len(pairs))
+            for pair in pairs
         ]
         failed += [] if all(independent) else [INDEPENDENT_OF_INPUT]
-        largest = max((each.largest_ratio for each in pairs), default=0.0)
+        largest = max((pair.largest_ratio for pair in pairs), default=0.0)
         return CandidateChecks(tuple(failed), min(p_values), largest)
 
 
@@ -197,9 +197,9 @@ def _earlier_delays(tested: _Residuals, delays: tuple[int, ...]) -> tuple[int, .
     allowed, earlier = largest_by_chance(residuals.shape[1] * sum(delays)), list(delays)
     for column, delay in enumerate(delays):
         for e in residuals.T if delay else ():
-            found = correlation_with_input(e, inputs[:, column], max(delay, 1), bounds)
-            large = np.abs(found.values) > allowed * found.bound95
-            before = found.lag[large & (found.lag >= 0) & (found.lag < delay)]
+            correlation = correlation_with_input(e, inputs[:, column], max(delay, 1), bounds)
+            large = np.abs(correlation.values) > allowed * correlation.bound95
+            before = correlation.lag[large & (correlation.lag >= 0) & (correlation.lag < delay)]
             earlier[column] = min([earlier[column], *before.tolist()])
     return tuple(earlier)
 
@@ -209,7 +209,7 @@ def heaviness(model: Model, stretches: Sequence[Segment]) -> float:
 
     The mean logarithm of the ratio, each distribution at its likeliest scale.
     """
-    e = np.concatenate([prediction_errors(model, each) for each in stretches])
+    e = np.concatenate([prediction_errors(model, stretch) for stretch in stretches])
     return 0.5 * (log_loss(e, "quadratic") - log_loss(e, "absolute"))
 
 
@@ -219,7 +219,7 @@ def feedback_probability(model: Model, stretches: Sequence[Segment]) -> float:
     Each input is regressed on its own past without and with past residuals (an F test; Granger
     1969), in the longest stretch; of several inputs the lowest one counts, times their number.
     """
-    stretch = max(stretches, key=lambda each: each.samples)
+    stretch = max(stretches, key=lambda stretch: stretch.samples)
     e = prediction_errors(model, stretch)
     inputs = stretch.inputs[stretch.samples - len(e) :]
     lowest = min(_of_input(u, e) for u in inputs.T)
@@ -233,7 +233,7 @@ def _of_input(u: Array, e: Array) -> float:
     if lags < 1:
         return 1.0
     past_inputs = [np.ones(n - lags), *(u[lags - k : n - k] for k in range(1, lags + 1))]
-    past_errors = [each[lags - k : n - k] for each in e.T for k in range(1, lags + 1)]
+    past_errors = [errors[lags - k : n - k] for errors in e.T for k in range(1, lags + 1)]
     target = u[lags:]
     without, with_residuals = (
         float(np.sum((target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]) ** 2))

@@ -75,17 +75,17 @@ class OrderLimits:
             # The degree of A or F follows that of the plant.
             varied = structure != "fir" and name == varied_order("plant", structure)
             plant = self.ranges.plant if varied else None
-            near = tuple(_nearest(order, own or plant) for order, own in self._each(name, orders))
+            near = tuple(_nearest(order, ends or plant) for order, ends in self._each(name, orders))
             given[name] = near if name in PER_INPUT else near[0]
         return Orders(**given)
 
     def _each(self, name: str, orders: Orders) -> list[tuple[int, Range | None]]:
         """An order, or that of each input, with its limits; InputError for those of others."""
-        value, own = getattr(orders, name), getattr(self.ranges, name)
+        value, ranges = getattr(orders, name), getattr(self.ranges, name)
         if name not in PER_INPUT:
-            return [(value, own)]
+            return [(value, ranges)]
         key = f"{'delay' if name == 'nk' else 'orders'}.{name}"
-        return list(zip(value, of_each(own, self.names, key), strict=True))
+        return list(zip(value, of_each(ranges, self.names, key), strict=True))
 
 
 def _nearest(order: int, limits: Range | None) -> int:
@@ -165,7 +165,7 @@ class StructureSearch:
     @property
     def orders(self) -> tuple[int, ...]:
         """The orders that were tried."""
-        return tuple(dict.fromkeys(each.order for each in self.candidates))
+        return tuple(dict.fromkeys(candidate.order for candidate in self.candidates))
 
 
 def order_models(
@@ -173,19 +173,17 @@ def order_models(
 ) -> OrderModels:
     """The likeliest plant of each order of a search in state space, as one of a recording."""
     models: dict[int, OrderModel] = {}
-    for each in sorted(search.candidates, key=lambda each: (each.order, -each.bic)):
-        plant = record.in_its_units(each.model)
+    for tried in sorted(search.candidates, key=lambda tried: (tried.order, -tried.bic)):
+        plant = record.in_its_units(tried.model)
         if isinstance(plant, PolynomialModel):
             plant = plant.plant().state_space()
-        models[each.order] = OrderModel.of(each.order, each.bic, of_signals(plant, estimation))
+        models[tried.order] = OrderModel.of(tried.order, tried.bic, of_signals(plant, estimation))
     return OrderModels(tuple(models.values()))
 
 
 def without_covariances(search: StructureSearch) -> StructureSearch:
     """A search with models without their covariances, which are large."""
-    plain = [
-        replace(each, model=replace(each.model, covariance=None)) for each in search.candidates
-    ]
+    plain = [replace(t, model=replace(t.model, covariance=None)) for t in search.candidates]
     return replace(search, candidates=tuple(plain))
 
 
@@ -212,7 +210,9 @@ class Scorer:
         self.has_input = inputs > 0
         self.stretches = first_samples(stretches, MOST_SAMPLES) if outputs == 1 else self.whole
         self.samples = total_samples(self.stretches)
-        self.window = min(4 * LARGEST_ORDER, min(each.samples for each in self.stretches) // 4)
+        self.window = min(
+            4 * LARGEST_ORDER, min(stretch.samples for stretch in self.stretches) // 4
+        )
         self._known: dict[tuple[str, Orders | int], Candidate] = {}
         self._checked: dict[Candidate, CandidateChecks] = {}
 
@@ -257,12 +257,12 @@ class Scorer:
             if orders.parameters + sum(orders.nf) + orders.noise_states > self.most_parameters:
                 return None
             try:
-                found = fit(
+                fitted = fit(
                     self.stretches, orders, self.settings.objective, models, own_starts, structure
                 )
             except NoModelError:
                 return None
-            self._known[key] = self.described(structure, found)
+            self._known[key] = self.described(structure, fitted)
         return self.with_own_scores(self._known[key]) if scored else self._known[key]
 
     def with_scores(self, candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -273,15 +273,15 @@ class Scorer:
         scored: dict[Candidate, Candidate] = {}
         for criterion in (BIC, SIMULATION_BIC) if self.has_input else (BIC,):
             lowest, without_gain = dict.fromkeys(KINDS, np.inf), 0
-            for each in sorted(candidates, key=criterion):
-                scored[each] = self.with_own_scores(each)
-                errors = {kind: getattr(scored[each].scores, kind) for kind in KINDS}
+            for candidate in sorted(candidates, key=criterion):
+                scored[candidate] = self.with_own_scores(candidate)
+                errors = {kind: getattr(scored[candidate].scores, kind) for kind in KINDS}
                 gained = any(errors[kind] < (1.0 - GAIN) * lowest[kind] for kind in KINDS)
                 lowest = {kind: min(errors[kind], lowest[kind]) for kind in KINDS}
                 without_gain = 0 if gained else without_gain + 1
                 if without_gain >= SCORED_IN_VAIN:
                     break
-        return [scored.get(each, each) for each in candidates]
+        return [scored.get(candidate, candidate) for candidate in candidates]
 
     def with_own_scores(self, candidate: Candidate) -> Candidate:
         """A candidate with scores, which are computed once for each structure and orders."""
@@ -294,26 +294,26 @@ class Scorer:
         """The candidate of the same structure and orders, with scores if it has been scored."""
         return self._known.get(_key(candidate), candidate)
 
-    def described(self, structure: str, found: Fit, order: int = 0) -> Candidate:
+    def described(self, structure: str, fitted: Fit, order: int = 0) -> Candidate:
         """The candidate of a fit, without scores on held-out samples."""
-        penalty, objective = self.penalty(found.parameters), self.settings.objective
+        penalty, objective = self.penalty(fitted.parameters), self.settings.objective
         simulation_loss = np.inf
         if self.has_input:
             errors = [
-                errors_simulated_on(found.model, None, s, True, self.absolute)
+                errors_simulated_on(fitted.model, None, s, True, self.absolute)
                 for s in self.stretches
             ]
             simulation_loss = log_loss(np.concatenate(errors), objective)
-        polynomials = found.model if isinstance(found.model, PolynomialModel) else None
+        polynomials = fitted.model if isinstance(fitted.model, PolynomialModel) else None
         return Candidate(
             structure,
             order or (polynomials.orders.plant if polynomials is not None else 0),
             self.delays if polynomials is None else polynomials.orders.nk,
-            found.parameters,
-            log_loss(found.residuals_from(self.window), objective) + penalty,
+            fitted.parameters,
+            log_loss(fitted.residuals_from(self.window), objective) + penalty,
             simulation_loss + penalty,
             HeldOutScores(),
-            found.model,
+            fitted.model,
         )
 
     def scored(self, candidate: Candidate) -> Candidate:
@@ -340,8 +340,8 @@ class Scorer:
         except NoModelError:
             # A pole next to the unit circle may leave it on other samples.
             fits = fits_in_state_space(stretches, structure, (candidate.order,), *given)
-            for _, found in fits:
-                return found.model
+            for _, fitted in fits:
+                return fitted.model
             raise
 
     def checks(self, candidate: Candidate) -> CandidateChecks:
@@ -368,8 +368,8 @@ class Scorer:
 
     def remember(self, candidates: Sequence[Candidate]) -> None:
         """Take candidates as known that were scored before, with the same settings."""
-        for each in candidates:
-            self._known.setdefault(_key(each), each)
+        for candidate in candidates:
+            self._known.setdefault(_key(candidate), candidate)
 
 
 def _key(candidate: Candidate) -> tuple[str, Orders | int]:

@@ -73,9 +73,9 @@ def estimate_candidate(
     start = of_signals(candidate.model, estimation)
     given = candidate.structure, candidate.delays
     if search.evaluations == 0 and fit is None:
-        found = descend_from(start, estimation, task_of(estimation, *given, scorer.settings))
+        fitted = descend_from(start, estimation, task_of(estimation, *given, scorer.settings))
     else:
-        found = estimate_state_space(
+        fitted = estimate_state_space(
             estimation,
             candidate.order,
             structure=candidate.structure,  # type: ignore[arg-type]
@@ -88,10 +88,10 @@ def estimate_candidate(
             starts=(start,),
             log=log,
         )
-    states = found.model
+    states = fitted.model
     if states.structure == "ss_oe":
         states = with_noise_model(states, estimation, search)
-    return ChosenModel(found, states)
+    return ChosenModel(fitted, states)
 
 
 def _polynomials(
@@ -147,12 +147,12 @@ def refitted_estimate(
     with one_blas_thread():
         window = window_of(model.orders)
         errors = checked_errors(recording, model.orders, settings, window, level=True)
-        found = optimum_next_to(model, errors)
-        if found is None:
+        optimum = optimum_next_to(model, errors)
+        if optimum is None:
             raise NoModelError("the descent found no finite errors")
         with suppress(LostModelError):
-            return describe(errors, found, recording.sampling_rate, shortest=True)
-    return described_by_search(model, found, settings, recording)
+            return describe(errors, optimum, recording.sampling_rate, shortest=True)
+    return described_by_search(model, optimum, settings, recording)
 
 
 def _searched(
@@ -166,14 +166,14 @@ def _searched(
     window = window_of(orders)
     estimate = partial(estimate_polynomial, estimation, orders, window=window, level=True, log=log)
     if orders.inputs > 1:  # which begins with descents from estimates, where nothing is known
-        found = estimate(settings=search)
-        both = pooled(found.search, known.search)
-        return replace(known, search=both) if known.search.value < found.search.value else found
-    found = estimate(settings=search, earlier=known.search)
-    if not is_certified(found.search.diagnostics):
+        result = estimate(settings=search)
+        both = pooled(result.search, known.search)
+        return replace(known, search=both) if known.search.value < result.search.value else result
+    result = estimate(settings=search, earlier=known.search)
+    if not is_certified(result.search.diagnostics):
         longer = replace(search, evaluations=REPEAT_FACTOR * search.evaluations)
-        found = estimate(settings=longer, earlier=found.search)
-    return found
+        result = estimate(settings=longer, earlier=result.search)
+    return result
 
 
 def estimate_choice(
@@ -200,33 +200,33 @@ def estimate_choice(
         plant = replace(noise, C=np.ones(1), D=np.ones(1), structure="oe")
         alone = replace(choice.candidate, structure="oe", model=plant)
         given = replace(choice, candidate=alone), scorer, record, estimation, search
-        found, about = estimate_choice(*given, log=log)
-        assert isinstance(found.model, PolynomialModel)
-        model = replace(found.model, C=noise.C, D=noise.D, structure="bj", covariance=None)
-        estimate = described_by_search(model, found.estimate.search, search, estimation)
-        return replace(found, estimate=estimate, model=estimate.model), about
+        searched_model, about = estimate_choice(*given, log=log)
+        assert isinstance(searched_model.model, PolynomialModel)
+        model = replace(searched_model.model, C=noise.C, D=noise.D, structure="bj", covariance=None)
+        estimate = described_by_search(model, searched_model.estimate.search, search, estimation)
+        return replace(searched_model, estimate=estimate, model=estimate.model), about
     candidate = replace(choice.candidate, model=record.in_its_units(choice.candidate.model))
     try:
-        found = estimate_candidate(candidate, estimation, scorer, search, fit, log)
+        searched_model = estimate_candidate(candidate, estimation, scorer, search, fit, log)
     except LostModelError:
         if fit is not None or search.evaluations == 0:
             raise
         # The optimum of the compared model may be one that rounding leaves.
         search = replace(search, evaluations=0)
-        found = estimate_candidate(candidate, estimation, scorer, search)
+        searched_model = estimate_candidate(candidate, estimation, scorer, search)
     if fit is not None or search.evaluations == 0:
-        return found, _about_search(choice, found, found)
+        return searched_model, _about_search(choice, searched_model, searched_model)
     compared = estimate_candidate(candidate, estimation, scorer, replace(search, evaluations=0))
-    value, known = (each.estimate.search.value for each in (found, compared))
+    value, known = (model.estimate.search.value for model in (searched_model, compared))
     if not value < known - LOWER * abs(known):
-        return found, _about_search(choice, found, compared)
+        return searched_model, _about_search(choice, searched_model, compared)
     # Scores are those of scaled samples.
-    rate, scales = choice.candidate.model.sampling_rate, [1.0 / each for each in record.scales]
+    rate, scales = choice.candidate.model.sampling_rate, [1.0 / scale for scale in record.scales]
     scaled = replace(record, sampling_rate=rate, scales=(scales[0], scales[1]))
-    searched = scaled.in_its_units(found.estimate.model)
+    searched = scaled.in_its_units(searched_model.estimate.model)
     judged = scorer.scored(replace(choice.candidate, model=searched))
-    about = _about_search(choice, found, compared, judged)
-    return (compared if about.choice == COMPARED else found), about
+    about = _about_search(choice, searched_model, compared, judged)
+    return (compared if about.choice == COMPARED else searched_model), about
 
 
 def described_by_search(
@@ -240,20 +240,20 @@ def described_by_search(
     )
     point = errors.completed_by_states(model)
     at_states = replace(result, point=point, value=searched_objective(errors, point))
-    found = describe(errors, at_states, data.sampling_rate, shortest=True)
-    return replace(found, model=of_signals(found.model, data))
+    estimate = describe(errors, at_states, data.sampling_rate, shortest=True)
+    return replace(estimate, model=of_signals(estimate.model, data))
 
 
 def _about_search(
-    choice: Choice, found: ChosenModel, compared: ChosenModel, judged: Candidate | None = None
+    choice: Choice, result: ChosenModel, compared: ChosenModel, judged: Candidate | None = None
 ) -> Decision:
     """What the search found, and whether it is taken."""
     name, known = choice.candidate.name, choice.candidate.scores
     criterion = "error on held-out samples, %"
     if judged is None:
-        own = Alternative(SEARCHED, score_of(choice.kind)(choice.candidate))
+        alternative = Alternative(SEARCHED, score_of(choice.kind)(choice.candidate))
         sentence = f"The search found no lower minimum than that of {name}."
-        return Decision(SUBJECT, SEARCHED, (own,), criterion, sentence)
+        return Decision(SUBJECT, SEARCHED, (alternative,), criterion, sentence)
     kinds: tuple[Kind, ...] = tuple(dict.fromkeys((choice.kind, "prediction")))
     worse = [
         kind
@@ -261,9 +261,9 @@ def _about_search(
         if np.isfinite(getattr(known, kind)) and not as_good(judged, choice.candidate, kind)
     ]
     kind = worse[0] if worse else choice.kind
-    scores = [float(getattr(each, kind)) for each in (judged.scores, known)]
+    scores = [float(getattr(scores, kind)) for scores in (judged.scores, known)]
     does = "predicted one step ahead" if kind == "prediction" else "simulated"
-    fell = compared.estimate.search.value - found.estimate.search.value
+    fell = compared.estimate.search.value - result.estimate.search.value
     sentence = (
         f"The objective of {name} fell by {fell:.2g} in the search; held-out samples are {does}"
         f" with {scores[0]:.3g} % instead of {scores[1]:.3g} %"

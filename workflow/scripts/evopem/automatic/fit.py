@@ -48,7 +48,7 @@ class Fit:
 
     def residuals_from(self, first: int = 0) -> Array:
         """The residuals from sample ``first`` of each stretch on, (M, l)."""
-        return np.concatenate([each[max(first - self.first, 0) :] for each in self.residuals])
+        return np.concatenate([r[max(first - self.first, 0) :] for r in self.residuals])
 
 
 def log_loss(errors: Array, objective: str) -> float:
@@ -90,7 +90,7 @@ def fit(
     descents = problem.sweep_descent(starts, stages)
     point = descents.points[int(np.argmin(descents.values))]
     levels = tuple(map(float, point[errors.parts()["level"]]))
-    residuals = tuple(each[:, None] for each in errors.residuals_of_stretches(point))
+    residuals = tuple(residuals[:, None] for residuals in errors.residuals_of_stretches(point))
     together = np.concatenate(residuals)[:, 0]
     model = model_of(
         replace(orders, structure=structure or orders.structure),
@@ -117,19 +117,19 @@ def likeliest_arx(
 
     With a level for each recording, or without.
     """
-    found = (_arx(stretches, order, first, levels) for order in orders)
-    known = [each for each in found if each is not None]
-    return min(known, key=lambda each: each.bic, default=None)
+    models = (_arx(stretches, order, first, levels) for order in orders)
+    known = [model for model in models if model is not None]
+    return min(known, key=lambda model: model.bic, default=None)
 
 
 def _arx(stretches: Sequence[Segment], order: int, first: int, levels: bool) -> ArxFit | None:
     rows, targets = [], []
-    recordings = sorted({each.recording for each in stretches}) if levels else []
-    for each in (long for long in stretches if long.samples > first):
-        u, y, n = each.inputs, each.output, each.samples
+    recordings = sorted({stretch.recording for stretch in stretches}) if levels else []
+    for stretch in (long for long in stretches if long.samples > first):
+        u, y, n = stretch.inputs, stretch.output, stretch.samples
         columns = [-y[first - i : n - i] for i in range(1, order + 1)]
         columns += [u[first - i : n - i] for i in range(order + 1)]
-        columns += [np.full(n - first, float(each.recording == r)) for r in recordings]
+        columns += [np.full(n - first, float(stretch.recording == r)) for r in recordings]
         rows.append(np.column_stack(columns))
         targets.append(y[first:])
     count = sum(map(len, targets))

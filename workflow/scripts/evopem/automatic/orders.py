@@ -52,8 +52,8 @@ def search_structure(
     scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None = None
 ) -> StructureSearch:
     """Orders of one structure, from small to large as long as they bring something."""
-    for each in smaller.values():
-        scorer.remember(each.candidates)
+    for nested in smaller.values():
+        scorer.remember(nested.candidates)
     search = _along_path if is_polynomial(structure) else _by_states
     candidates = search(scorer, structure, smaller, log)
     too_short = not candidates and (is_polynomial(structure) or not numbers_of_states(scorer))
@@ -80,7 +80,7 @@ def _along_path(
         if not tried:
             break
         candidates.extend(tried)
-        work += scorer.samples * sum(each.parameters for each in tried)
+        work += scorer.samples * sum(candidate.parameters for candidate in tried)
         likeliest = min(tried, key=BIC)
         previous = [_polynomials(likeliest)]
         reached = [min(map(criterion, tried)) for criterion in (BIC, SIMULATION_BIC)]
@@ -105,8 +105,8 @@ def _by_states(
     known = chain(*(search.candidates for search in smaller.values()))
     starts = {c.order: c.model for c in known if isinstance(c.model, StateSpaceModel)}
     return [
-        scorer.described(structure, found, order)
-        for order, found in fits_in_state_space(*given, starts, log)
+        scorer.described(structure, fitted, order)
+        for order, fitted in fits_in_state_space(*given, starts, log)
     ]
 
 
@@ -137,7 +137,7 @@ def _decision(structure: str, candidates: Sequence[Candidate], too_short: bool) 
     if too_short:
         sentence = "The record is too short for this structure."
     elif candidates:
-        best = min(candidates, key=lambda each: each.bic)
+        best = min(candidates, key=lambda candidate: candidate.bic)
         at_edge, name = best is candidates[-1], best.name
         at_start = len(candidates) > 1 and best is candidates[0]
         sentence = f"{name} has the smallest BIC of {len(candidates)} orders" + (
@@ -145,7 +145,7 @@ def _decision(structure: str, candidates: Sequence[Candidate], too_short: bool) 
             if at_edge
             else f"{', the smallest that was tried' * at_start}; larger ones bring nothing."
         )
-    alternatives = tuple(Alternative(each.name, each.bic) for each in candidates)
+    alternatives = tuple(Alternative(candidate.name, candidate.bic) for candidate in candidates)
     return Decision(f"orders of {structure}", name, alternatives, "BIC", sentence)
 
 
@@ -179,7 +179,7 @@ def orders_of_size(structure: str, n: int, delays: Sequence[int]) -> list[Orders
 def _same_plant(orders: Orders, smaller: Mapping[str, StructureSearch]) -> list[PolynomialModel]:
     """Models of nested structures with as many poles."""
     nested = chain(*(search.candidates for search in smaller.values()))
-    return [_polynomials(each) for each in nested if each.orders.plant == orders.plant]
+    return [_polynomials(c) for c in nested if c.orders.plant == orders.plant]
 
 
 def _polynomials(candidate: Candidate) -> PolynomialModel:
@@ -212,7 +212,7 @@ def refine_orders(
 
 def _neighbours(o: Orders) -> list[Orders]:
     """Orders of which one, or B and the delay of one input, are a little larger or smaller."""
-    found = []
+    neighbours = []
     for place, (nb, nk) in enumerate(zip(o.nb, o.nk, strict=True)):
         changes = [{"nb": 1}, {"nb": 3}, {"nk": 1}]
         changes += [{"nb": -1}, {"nk": 1, "nb": -1}] if nb > 1 else []
@@ -220,12 +220,12 @@ def _neighbours(o: Orders) -> list[Orders]:
         # Inputs that begin with the same orders may need fewer poles and zeros, each its own.
         surplus = o.inputs > 1 and min(nb, o.nf[place]) > 1
         changes += [{"nf": -1, "nb": -1}] if surplus else []
-        found += [changed(o, place, **each) for each in changes]
+        neighbours += [changed(o, place, **change) for change in changes]
     for place, name in [(0, "na"), (0, "nc"), (0, "nd"), *((i, "nf") for i in range(o.inputs))]:
         order = o.nf[place] if name == "nf" else getattr(o, name)
-        found += [changed(o, place, **{name: 1})] if order else []
-        found += [changed(o, place, **{name: -1})] if order > 1 else []
-    return found
+        neighbours += [changed(o, place, **{name: 1})] if order else []
+        neighbours += [changed(o, place, **{name: -1})] if order > 1 else []
+    return neighbours
 
 
 def changed(orders: Orders, place: int | None = None, **differences: int) -> Orders:
@@ -269,13 +269,13 @@ def decide_delays(
     """
     segments = first_samples(segments, MOST_SAMPLES)
     given = of_each(ranges, names, "delay.nk") if names else ()
-    limits = [each or (0, longest_delay(segments)) for each in given]
+    limits = [limit or (0, longest_delay(segments)) for limit in given]
     if all(low == high for low, high in limits):
         delays = tuple(low for low, _ in limits)
         return DelayChoice(delays, given_by_configuration("delay", _listed(delays) or "none"))
-    found = delays_by_criterion(segments, limits)
-    by_arx = delays = tuple(delay for delay, _ in found)
-    for place, ((low, _), (_, criterion)) in enumerate(zip(limits, found, strict=True)):
+    chosen = delays_by_criterion(segments, limits)
+    by_arx = delays = tuple(delay for delay, _ in chosen)
+    for place, ((low, _), (_, criterion)) in enumerate(zip(limits, chosen, strict=True)):
         if delays[place] > max(low, CERTAIN_DELAY) and _is_slow(segments, place):
             delays = _shortest_as_likely(segments, delays, place, low, criterion)
     several = len(names) > 1
@@ -283,7 +283,7 @@ def decide_delays(
         Alternative(
             f"{name}: {low + place}" if several else str(low + place), float(criterion[place])
         )
-        for name, (low, _), (_, criterion) in zip(names, limits, found, strict=True)
+        for name, (low, _), (_, criterion) in zip(names, limits, chosen, strict=True)
         for place in sorted(criterion.argsort()[:RECORDED].tolist())
     )
     sentence = (
@@ -303,8 +303,8 @@ def _listed(delays: Sequence[int]) -> str:
 def _is_slow(segments: Sequence[Segment], place: int) -> bool:
     """Whether an input has hardly any power in the upper half of the frequencies."""
     powers = np.zeros(2)
-    for each in segments:
-        lines = np.abs(np.fft.rfft(each.inputs[:, place] - each.inputs[:, place].mean())) ** 2
+    for segment in segments:
+        lines = np.abs(np.fft.rfft(segment.inputs[:, place] - segment.inputs[:, place].mean())) ** 2
         powers += [lines[: len(lines) // 2].sum(), lines[len(lines) // 2 :].sum()]
     return bool(powers[1] < SLOW * powers.sum())
 
@@ -320,29 +320,29 @@ def _shortest_as_likely(
 
     ``criterion``: lowest BIC of a sample of ARX models with that delay from ``low`` on.
     """
-    samples = sum(each.samples for each in segments)
+    samples = sum(segment.samples for segment in segments)
     first = max(delays) + max(OUTPUT_ERROR_ORDERS)
     several = segments[0].inputs.shape[1] * segments[0].outputs.shape[1] > 1
     compared = first_samples(segments, MOST_OF_SEVERAL) if several else tuple(segments)
-    share = sum(each.samples for each in compared) / samples
+    share = sum(segment.samples for segment in compared) / samples
     known: dict[int, list[PolynomialModel]] = {}
     totals: dict[int, float] = {}
 
     def likeliest(output: int, tried: tuple[int, ...]) -> float:
         """BIC of the best output-error model of an output."""
-        alone = [each.of_output(output) for each in compared]
+        alone = [segment.of_output(output) for segment in compared]
         models, values = known.setdefault(output, []), []
         for n in OUTPUT_ERROR_ORDERS:
             orders = Orders(nb=(n,) * len(tried), nf=(n,) * len(tried), nk=tried)
             try:
-                found = fit(alone, orders, models=models, stages=FOLD_STAGES)
+                fitted = fit(alone, orders, models=models, stages=FOLD_STAGES)
             except NoModelError:
                 continue
-            assert isinstance(found.model, PolynomialModel)
-            models.append(found.model)
-            errors = found.residuals_from(first)
+            assert isinstance(fitted.model, PolynomialModel)
+            models.append(fitted.model)
+            errors = fitted.residuals_from(first)
             loss = len(errors) * log_loss(errors, "quadratic")
-            values.append(loss + found.parameters * np.log(len(errors)))
+            values.append(loss + fitted.parameters * np.log(len(errors)))
         return min(values, default=np.inf)
 
     def with_delay(nk: int) -> tuple[int, ...]:
@@ -352,7 +352,7 @@ def _shortest_as_likely(
         """BIC of the best output-error models and of the best ARX model."""
         if nk not in totals:
             outputs = range(segments[0].outputs.shape[1])
-            of_outputs = sum(likeliest(each, with_delay(nk)) for each in outputs)
+            of_outputs = sum(likeliest(output, with_delay(nk)) for output in outputs)
             totals[nk] = of_outputs + share * samples * float(criterion[nk - low])
         return totals[nk]
 

@@ -73,7 +73,7 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
         current, kept = _with_another_noise_model(scorer, current, choice, trials)
     remaining = scorer.checks(current).failed
     statements = tuple(
-        _statement(scorer, check, current, [each for name, each in tried if name == check], choice)
+        _statement(scorer, check, current, [c for name, c in tried if name == check], choice)
         for check in remaining
     )
     if not kept:
@@ -92,8 +92,8 @@ def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
 
 def _is_better(scorer: Scorer, candidate: Candidate, best: Candidate) -> bool:
     """Whether some of the failed checks hold and the others hold still, or the BIC is lower."""
-    found, known = (set(scorer.checks(each).failed) for each in (candidate, best))
-    return found < known or (found == known and candidate.bic < best.bic)
+    failed, known = (set(scorer.checks(model).failed) for model in (candidate, best))
+    return failed < known or (failed == known and candidate.bic < best.bic)
 
 
 def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: Choice) -> bool:
@@ -118,11 +118,11 @@ def _statement(
 ) -> str:
     """Why a check stays failed, in a sentence."""
     score = score_of(choice.kind)
-    holding = [each for each in tried if check not in scorer.checks(each).failed]
+    holding = [candidate for candidate in tried if check not in scorer.checks(candidate).failed]
     if holding:
         best = min(holding, key=score)
         others = sorted(set(scorer.checks(best).failed) - set(scorer.checks(current).failed))
-        fails = f", and of which {' and '.join(f'“{each}”' for each in others)} fails"
+        fails = f", and of which {' and '.join(f'“{other}”' for other in others)} fails"
         return (
             f"“{check}” holds for {best.name}, whose error on held-out samples is"
             f" {score(best):.3g} % instead of {score(current):.3g} %{fails if others else ''}."
@@ -138,8 +138,8 @@ def _statement(
 def _trial(
     scorer: Scorer, check: str, remedy: str, candidate: Candidate, choice: Choice, taken: bool
 ) -> Trial:
-    found, score = scorer.checks(candidate), score_of(choice.kind)(candidate)
-    return Trial(check, remedy, candidate.name, score, found.whiteness, found.correlation, taken)
+    checks, score = scorer.checks(candidate), score_of(choice.kind)(candidate)
+    return Trial(check, remedy, candidate.name, score, checks.whiteness, checks.correlation, taken)
 
 
 def _has_coloured_plant(scorer: Scorer, candidate: Candidate) -> bool:

@@ -52,11 +52,11 @@ def _with(
     """A candidate of other orders, from the best model so far and the current one."""
     orders = changed(current.orders, place, **differences)
 
-    def found(best: Candidate) -> Candidate | None:
-        models = [each.polynomials for each in (best, current) if each.polynomials is not None]
+    def candidate_of(best: Candidate) -> Candidate | None:
+        models = [c.polynomials for c in (best, current) if c.polynomials is not None]
         return scorer.candidate(structure or current.structure, orders, models)
 
-    return found
+    return candidate_of
 
 
 def _later(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
@@ -119,35 +119,35 @@ def _longer_b(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remed
 
 
 def _earlier(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
-    def found(_: Candidate) -> Candidate | None:
+    def candidate_of(_: Candidate) -> Candidate | None:
         delays, given = earlier_delays(scorer, current), (scorer.stretches, current.structure)
         fits = fits_in_state_space(*given, (current.order,), delays, scorer.settings)
-        for _number, each in fits:
-            described = scorer.described(current.structure, each, current.order)
+        for _number, fitted in fits:
+            described = scorer.described(current.structure, fitted, current.order)
             return replace(scorer.scored(described), delays=delays)
         return None
 
-    yield "earlier delays", found
+    yield "earlier delays", candidate_of
 
 
 def _smaller_order(scorer: Scorer, current: Candidate, searched: Searched) -> Iterator[Remedy]:
-    smaller = [each for each in _same_structure(current, searched) if each.order < current.order]
+    smaller = [c for c in _same_structure(current, searched) if c.order < current.order]
     yield from _of_search(scorer, "smaller order", smaller[-1:])
 
 
 def _other_models(scorer: Scorer, current: Candidate, searched: Searched) -> Iterator[Remedy]:
     """Larger orders, and the likeliest candidate of each other structure with a noise model."""
-    larger = [each for each in _same_structure(current, searched) if each.order > current.order]
+    larger = [c for c in _same_structure(current, searched) if c.order > current.order]
     yield from _of_search(scorer, "larger order", larger[:LARGER_ORDERS])
     likeliest: dict[str, Candidate] = {}
-    for each in sorted(searched, key=lambda each: each.bic):
-        if each.structure not in (current.structure, *OF_SIMULATION):
-            likeliest.setdefault(each.structure, each)
+    for candidate in sorted(searched, key=lambda candidate: candidate.bic):
+        if candidate.structure not in (current.structure, *OF_SIMULATION):
+            likeliest.setdefault(candidate.structure, candidate)
     yield from _of_search(scorer, "other structure", likeliest.values())
 
 
 def _same_structure(current: Candidate, searched: Searched) -> list[Candidate]:
-    return [each for each in searched if each.structure == current.structure]
+    return [candidate for candidate in searched if candidate.structure == current.structure]
 
 
 def _of_search(scorer: Scorer, name: str, candidates: Iterable[Candidate]) -> Iterator[Remedy]:
@@ -171,7 +171,7 @@ def earlier_delays(scorer: Scorer, candidate: Candidate) -> tuple[int, ...]:
     """The delays that residuals ask for, within the limits of the configuration."""
     delays = scorer.checks(candidate).earlier_delays
     given = of_each(scorer.limits.ranges.nk, scorer.limits.names, "delay.nk") if delays else ()
-    least = [each[0] if each else 0 for each in given]
+    least = [limits[0] if limits else 0 for limits in given]
     return tuple(map(max, delays, least))
 
 
@@ -183,24 +183,24 @@ def with_noise_models(scorer: Scorer, candidate: Candidate) -> Iterator[tuple[in
     plant = candidate.polynomials
     assert plant is not None
     errors = [
-        Segment(np.empty((each.samples, 0)), each.outputs - simulated(plant, each), each.recording)
-        for each in scorer.stretches
+        Segment(np.empty((s.samples, 0)), s.outputs - simulated(plant, s), s.recording)
+        for s in scorer.stretches
     ]
     count, objective = total_samples(errors), scorer.settings.objective
-    own = sum(candidate.orders.nb) + sum(candidate.orders.nf) + 1
+    of_plant = sum(candidate.orders.nb) + sum(candidate.orders.nf) + 1
     for n in NOISE_ORDERS:
         orders = Orders(na=n, nc=n)
         if candidate.parameters + orders.parameters > scorer.most_parameters:
             return
         try:
-            found = fit(errors, orders, objective, level=False)
+            fitted = fit(errors, orders, objective, level=False)
         except NoModelError:
             continue
-        noise, parameters = found.model, own + orders.parameters
+        noise, parameters = fitted.model, of_plant + orders.parameters
         assert isinstance(noise, PolynomialModel)
         variance = noise.noise_variance
         model = replace(plant, C=noise.C, D=noise.A, noise_variance=variance, structure="bj")
-        loss = log_loss(found.residuals_from(), objective)
+        loss = log_loss(fitted.residuals_from(), objective)
         bic = float(loss + parameters * np.log(count) / count)
         if scorer.limits.allow("bj", model.orders):
             given = replace(candidate, structure="bj", model=model)

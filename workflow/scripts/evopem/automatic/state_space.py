@@ -91,9 +91,9 @@ def fits_in_state_space(
         log=log,
     )
     first = max(delays, default=0)
-    for each in until_bic_rises(estimates, driven):
-        residuals = tuple(e[np.isfinite(e).all(axis=1)] for e in each.residuals)
-        yield each.order, Fit(each.model, each.parameters, residuals, first)
+    for fitted in until_bic_rises(estimates, driven):
+        residuals = tuple(e[np.isfinite(e).all(axis=1)] for e in fitted.residuals)
+        yield fitted.order, Fit(fitted.model, fitted.parameters, residuals, first)
 
 
 def until_bic_rises(

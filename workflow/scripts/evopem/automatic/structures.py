@@ -74,7 +74,7 @@ class Comparison:
 
     def choice(self, purpose: Purpose) -> Choice:
         """The choice for a purpose; ``auto``, and what there is none for, is the first one."""
-        return next((each for each in self.choices if each.purpose == purpose), self.choices[0])
+        return next((c for c in self.choices if c.purpose == purpose), self.choices[0])
 
 
 def _kind_of(level: Level) -> Kind:
@@ -83,7 +83,7 @@ def _kind_of(level: Level) -> Kind:
 
 def score_of(kind: Kind) -> Score:
     """The error of a candidate on held-out samples."""
-    return lambda each: float(getattr(each.scores, kind))
+    return lambda candidate: float(getattr(candidate.scores, kind))
 
 
 def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> Comparison:
@@ -97,8 +97,8 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
 
     Raises NoModelError when no structure has a candidate.
     """
-    eligible = [each for search in searches for each in _eligible(search)]
-    others = [each for search in searches for each in search.candidates if each not in eligible]
+    eligible = [candidate for search in searches for candidate in _eligible(search)]
+    others = [c for search in searches for c in search.candidates if c not in eligible]
     candidates = [*scorer.with_scores(eligible), *others]
     if not candidates:
         if all(search.too_short for search in searches):
@@ -124,7 +124,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     best = min(candidates, key=score_of("prediction"))
     prediction, sentence = _smallest_as_good(scorer, candidates, best, "prediction")
     choices.append(Choice("prediction", scorer.on_all_samples(prediction), "constant"))
-    modes = min([each for each in candidates if each.has_poles] or candidates, key=BIC)
+    modes = min([c for c in candidates if c.has_poles] or candidates, key=BIC)
     choices.append(Choice("modes", scorer.on_all_samples(modes), "constant"))
     decisions += [
         _named(
@@ -145,13 +145,13 @@ def _eligible(search: StructureSearch) -> Sequence[Candidate]:
     if not known or known[0].polynomials is not None:
         return known
     likeliest = min(known, key=BIC)
-    return [each for each in known if each.order <= likeliest.order]
+    return [candidate for candidate in known if candidate.order <= likeliest.order]
 
 
 def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
     """A level of held-out samples of their own, where the best simulations gain clearly by it."""
-    constant = min(each.scores.simulation for each in candidates)
-    fitted = min(each.scores.fitted_level for each in candidates)
+    constant = min(candidate.scores.simulation for candidate in candidates)
+    fitted = min(candidate.scores.fitted_level for candidate in candidates)
     level: Level = "state" if fitted < (1.0 - CLEAR_GAIN) * constant else "constant"
     sentence = (
         "The level drifts: held-out samples are simulated better when their level is fitted to "
@@ -169,8 +169,8 @@ def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]
 
     Several inputs begin with the same orders, also in a model that is taken for its likelihood.
     """
-    polynomials = [each for each in candidates if each.polynomials is not None]
-    names = dict.fromkeys(each.structure for each in polynomials)
+    polynomials = [candidate for candidate in candidates if candidate.polynomials is not None]
+    names = dict.fromkeys(polynomial.structure for polynomial in polynomials)
     best = (min((c for c in polynomials if c.structure == n), key=score) for n in names)
     finalists = sorted(best, key=score)[:FINALISTS]
     if polynomials and polynomials[0].orders.inputs > 1:
@@ -210,7 +210,7 @@ def _by_likelihood(
         and heaviness(likeliest.model, scorer.stretches) >= HEAVY
         and ratio < MOST_UNDER_HEAVY_TAILS
     ):
-        passing = [each for each in candidates if _passes_through_plant(each)]
+        passing = [candidate for candidate in candidates if _passes_through_plant(candidate)]
         return _smallest(scorer, passing, BIC), (
             "The disturbances are heavy-tailed and pass through the poles of the plant: simulation "
             f"errors are not robust against them. {likeliest.name} has the lowest BIC, of the "
@@ -231,7 +231,7 @@ def _by_likelihood(
         return None
     near = _without_evidence(scorer, candidates, *_criteria(likeliest))
     best = min(near, key=score)
-    equal = [each for each in near if as_good(each, best, kind)]
+    equal = [candidate for candidate in near if as_good(candidate, best, kind)]
     chosen = _smallest(scorer, equal, *_criteria(likeliest))
     sentence = (
         f"{likeliest.name} has the lowest BIC, and its residuals are white and independent of the "
@@ -265,11 +265,11 @@ def _without_evidence(
     scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score
 ) -> list[Candidate]:
     """The models against which one of some criteria gives no strong evidence."""
-    found = []
+    left = []
     for criterion in criteria:
         most = min(map(criterion, candidates)) + STRONG / scorer.independent_samples
-        found += [each for each in candidates if criterion(each) < most]
-    return list(dict.fromkeys(found))
+        left += [candidate for candidate in candidates if criterion(candidate) < most]
+    return list(dict.fromkeys(left))
 
 
 def _smallest(scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score) -> Candidate:
@@ -279,9 +279,9 @@ def _smallest(scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score)
     """
     return min(
         _without_evidence(scorer, candidates, *criteria),
-        key=lambda each: (
-            *(len(scorer.checks(each).failed), each.parameters, each.polynomials is None),
-            criteria[0](each),
+        key=lambda c: (
+            *(len(scorer.checks(c).failed), c.parameters, c.polynomials is None),
+            criteria[0](c),
         ),
     )
 
@@ -293,7 +293,7 @@ def _smallest_as_good(
     does = "predicts" if kind == "prediction" else "simulates"
     equal = list(candidates)
     if np.isfinite(score_of(kind)(best)):
-        equal = [each for each in candidates if as_good(each, best, kind)]
+        equal = [candidate for candidate in candidates if as_good(candidate, best, kind)]
     errors = "one-step"
     if kind == "prediction":
         chosen = _smallest(scorer, equal, BIC)
@@ -319,7 +319,7 @@ def as_good(
     Within some standard errors of the mean difference of the folds, and within 10 %.
     """
     score = score_of(kind)
-    folds = [getattr(each.scores, f"{kind}_folds") for each in (candidate, best)]
+    folds = [getattr(model.scores, f"{kind}_folds") for model in (candidate, best)]
     if len(folds[0]) != len(folds[1]) or not np.isfinite(score(candidate)):
         return candidate is best
     largest = AS_GOOD
@@ -337,10 +337,8 @@ def _named(
     criterion: str,
     sentence: str = "",
 ) -> Decision:
-    best = {each.structure: each for each in sorted(candidates, key=score, reverse=True)}
+    best = {c.structure: c for c in sorted(candidates, key=score, reverse=True)}
     best[chosen.structure] = chosen
-    alternatives = tuple(
-        Alternative(each.name, score(each)) for each in sorted(best.values(), key=score)
-    )
+    alternatives = tuple(Alternative(c.name, score(c)) for c in sorted(best.values(), key=score))
     sentence = sentence or f"{chosen.name} has the lowest score."
     return Decision(subject, chosen.name, alternatives, criterion, sentence)

@@ -93,11 +93,11 @@ class Kind:
             (self.is_polynomial, ("form", "weighting"), f"{self} has no such key"),
             (not self.inputs, ("delay", "input_unit"), "there is no input"),
         )
-        found = {path: (why, remove) for applies, paths, why in table if applies for path in paths}
+        reason = {path: (why, remove) for applies, paths, why in table if applies for path in paths}
         if not self.by_chapter:
-            found["level"] = (found["level"][0], f"{remove}, or write recipe: chapter")
+            reason["level"] = (reason["level"][0], f"{remove}, or write recipe: chapter")
         of_orders = (f"{self} has no such range", f"remove it, or give one of {orders}")
-        return found | {
+        return reason | {
             f"orders.{name}": of_orders for name in _fields("orders") if name not in self.orders
         }
 
@@ -187,7 +187,7 @@ def check_settings(settings: DatasetSettings, keys: Keys, at: Place) -> None:
 def _check_ranges(keys: Keys, kind: Kind, at: Place) -> None:
     """Refuse ranges of other inputs, as far as these are known by name before the recording is."""
     inputs = kind.inputs
-    by_name = all(isinstance(each, str) for each in inputs)
+    by_name = all(isinstance(reference, str) for reference in inputs)
     for group, key in (("delay", "nk"), ("orders", "nb"), ("orders", "nf")):
         if key in keys.get(group, {}) and not any(map(is_pattern, inputs)):
             given = keys[group][key]
@@ -197,7 +197,7 @@ def _check_ranges(keys: Keys, kind: Kind, at: Place) -> None:
 
 def _check_constraints(constraints: Constraints, kind: Kind, of_states: bool, at: Place) -> None:
     """Refuse constraints that do not say what they are of."""
-    names = [each for each in kind.inputs if isinstance(each, str) and not is_pattern(each)]
+    names = [r for r in kind.inputs if isinstance(r, str) and not is_pattern(r)]
     known = are_one(kind.inputs) or len(names) == len(kind.inputs)
     rules = [*gains_of_other_inputs(constraints, names)] if known else []
     if len(kind.inputs) > 1 or any(map(is_pattern, kind.inputs)):
@@ -215,7 +215,7 @@ def _check_constraints(constraints: Constraints, kind: Kind, of_states: bool, at
 def _check_geometry(geometry: Geometry, at: Place) -> None:
     """Refuse lines and channels at points that do not exist, and directions of no length."""
     ends = [(f"lines[{index}]", end) for index, line in enumerate(geometry.lines) for end in line]
-    ends += [(f"channels.{name}", each.point) for name, each in geometry.channels.items()]
+    ends += [(f"channels.{name}", channel.point) for name, channel in geometry.channels.items()]
     for key, point in ends:
         if point not in geometry.points:
             remedy = f"give one of {', '.join(list(geometry.points)[:20])}"

@@ -59,12 +59,12 @@ def order_of(
     conditions: Mapping[str, Mapping[str, float | str]], follow: str, source: str
 ) -> Positions:
     """Order recordings by one of their conditions, which all have, as numbers or as dates."""
-    for name, own in conditions.items():
-        if follow not in own:
+    for name, recorded in conditions.items():
+        if follow not in recorded:
             problem = f"{name} has no condition {follow}, which `follow` names"
             remedy = f"give it, as conditions: {{{follow}: 21.5}}, or correct `follow`"
             raise InputError(source, problem, remedy, f"datasets.{name}.conditions")
-    values = {name: own[follow] for name, own in conditions.items()}
+    values = {name: recorded[follow] for name, recorded in conditions.items()}
     if not any(isinstance(value, str) for value in values.values()):
         return Positions(follow, {name: float(value) for name, value in values.items()})
     dates = {}
@@ -198,8 +198,8 @@ def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> 
     processes = threads + 1 if threads > 1 else 1
     samples = max_samples(settings)
     # The least squares of many parameters work in stretches: long records need no more for them.
-    each = min(250 + 80e-6 * _largest_fit(settings), 400 + 400e-6 * samples)
-    return int(attempt * (400 + processes * each))
+    per_process = min(250 + 80e-6 * _largest_fit(settings), 400 + 400e-6 * samples)
+    return int(attempt * (400 + processes * per_process))
 
 
 def recording_seconds(settings: DatasetSettings) -> float:
@@ -210,7 +210,7 @@ def recording_seconds(settings: DatasetSettings) -> float:
     if settings.automatic is not None:
         return SECONDS_OF_RECIPE + 2e-3 * max_samples(settings)
     structure, grid = settings.order_grid.structure, settings.order_grid
-    count = sum(max_candidates_per_part(each, grid, "auto") for each in phases_of(structure))
+    count = sum(max_candidates_per_part(phase, grid, "auto") for phase in phases_of(structure))
     return 1.0 + count * (0.05 + 6e-8 * _largest_fit(settings))
 
 
@@ -225,8 +225,8 @@ def estimation_time(
     if settings.automatic is not None:
         return int(attempt * (60 + 60e-6 * recording_bytes(settings)))
     count = sum(
-        max_candidates_per_part(each, settings.order_grid, candidates_per_job)
-        for each in ([phase] if phase else phases_of(settings.order_grid.structure))
+        max_candidates_per_part(one_phase, settings.order_grid, candidates_per_job)
+        for one_phase in ([phase] if phase else phases_of(settings.order_grid.structure))
     )
     seconds = 2 + 2e-9 * settings.search.evaluations * _largest_fit(settings)
     return int(attempt * (MARGIN_MINUTES + 3 * count * seconds / threads / 60))

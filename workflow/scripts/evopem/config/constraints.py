@@ -106,7 +106,7 @@ class Constraints:
     def of_coefficients(self) -> list[tuple[str, str]]:
         """Keys of fixed coefficients and priors, with what they are of."""
         fixed = [(f"fixed_coefficients.{name}", name) for name in self.fixed_coefficients]
-        return fixed + [(f"priors[{k}]", each.quantity) for k, each in enumerate(self.priors)]
+        return fixed + [(f"priors[{k}]", prior.quantity) for k, prior in enumerate(self.priors)]
 
     def gain_of(self, name: str = "") -> float | None:
         """The given static gain from an input."""

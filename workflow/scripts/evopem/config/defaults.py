@@ -93,13 +93,13 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
 
 def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSettings:
     """Lay the keys of a data set over those of ``defaults:`` that it has, and check them."""
-    written = {key: each for key, each in entry.items() if key != "conditions"}
+    written = {key: value for key, value in entry.items() if key != "conditions"}
     decisive = {key: defaults[key] for key in ("structure", "recipe") if key in defaults}
     kind, at = Kind.of(decisive | written), Place(source, f"datasets.{name}")
     kinds = [key for key in ("file", "synthesis") if key in written]
     if len(kinds) != 1:
-        found = "are both given" if kinds else "are both missing"
-        at.refuse("", f"file and synthesis {found}", "give exactly one of the two")
+        problem = "are both given" if kinds else "are both missing"
+        at.refuse("", f"file and synthesis {problem}", "give exactly one of the two")
     absent = kind.absent()
     for path in paths_of(written):
         if path in absent:
@@ -107,7 +107,7 @@ def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSett
     check_source(written, kind.inputs, kind.outputs, at)
     # Each data set takes the keys that it has.
     inherited = {
-        key: {name: each for name, each in value.items() if f"{key}.{name}" not in absent}
+        key: {name: setting for name, setting in value.items() if f"{key}.{name}" not in absent}
         if key in GROUPS
         else value
         for key, value in defaults.items()
@@ -187,8 +187,8 @@ def settings_of(name: str, written: Keys) -> DatasetSettings:
     keys = _laid_over(_built_in(kind, written), written)
     split, search, transforms = (keys.get(name, {}) for name in ("split", "search", "transforms"))
     orders, delay = keys.get("orders", {}), dict(keys.get("delay", {}))
-    ranges = {key: None if each == "auto" else each for key, each in orders.items()}
-    ranges |= {"delay" if key == "orders" else key: each for key, each in delay.items()}
+    ranges = {key: None if limits == "auto" else limits for key, limits in orders.items()}
+    ranges |= {"delay" if key == "orders" else key: limits for key, limits in delay.items()}
     grid, automatic = OrderGrid(), None
     if kind.by_chapter:
         grid = OrderGrid(replace(CHAPTER_RANGES, **ranges), keys["structure"], keys["level"])
@@ -222,10 +222,10 @@ def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:
     if "file" not in keys:
         return SyntheticSource(**{key: keys[key] for key in SYNTHESIS if key in keys})
     named = any(key in keys for key in ("input", "output", "sampling_rate", "time"))
-    own = {name: keys[name] for name in (*COLUMNS, "input_unit", "output_unit") if name in keys}
+    columns = {name: keys[name] for name in (*COLUMNS, "input_unit", "output_unit") if name in keys}
     return RecordedSource(
         listed(keys["file"]),
-        ChannelSettings(kind.inputs, kind.outputs, **own),
+        ChannelSettings(kind.inputs, kind.outputs, **columns),
         listed(keys.get("validation_file")),
         channels_from_file=bool(kind.inputs) and not named,
     )
@@ -234,7 +234,7 @@ def _source_of(keys: Keys, kind: Kind) -> RecordedSource | SyntheticSource:
 def _automatic_of(keys: Keys, orders: OrderRanges) -> AutomaticSettings:
     transforms = keys.get("transforms", {})
     # Differences are taken back sample by sample, so that differenced signals are not decimated.
-    differences = [each for key, each in transforms.items() if key.startswith("difference")]
+    differences = [t for key, t in transforms.items() if key.startswith("difference")]
     # Constraints are those of the model after the transforms, which must then be known.
     known = "constraints" in keys
     # Absolute errors have no covariance whose determinant could be taken.

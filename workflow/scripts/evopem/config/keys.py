@@ -58,7 +58,7 @@ Value = TypeVar("Value")
 
 def mapping(name: str, keys: Mapping[str, Any], required: Iterable[str] = ()) -> Any:
     """The type of a mapping with these keys, of which none but some have to be there."""
-    kinds = {key: Required[each] if key in required else each for key, each in keys.items()}
+    kinds = {key: Required[kind] if key in required else kind for key, kind in keys.items()}
     kind = TypedDict(name, kinds, total=False)
     strict = ConfigDict(extra="forbid", strict=True)
     kind.__pydantic_config__ = strict  # type: ignore[attr-defined]
@@ -94,7 +94,7 @@ def _said_of_fields(settings: type) -> dict[str, str]:
 
 def _without_none(hint: Any) -> Any:
     kind, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-    members = [each for each in get_args(kind) if each is not NoneType]
+    members = [alternative for alternative in get_args(kind) if alternative is not NoneType]
     if NoneType in get_args(kind):
         kind = Union[tuple(members)]  # noqa: UP007
     return Annotated[(kind, *notes)] if notes else kind
@@ -133,7 +133,7 @@ def _input_ranges(low: int, high: int) -> Any:
 
     def checked(value: Any) -> Any:
         if isinstance(value, list) and value:
-            nested = [isinstance(each, list) for each in value]
+            nested = [isinstance(item, list) for item in value]
             if any(nested) and not all(nested):
                 raise ValueError("it has numbers beside ranges: write a number n as [n, n]")
             if not any(nested) and len(value) != 2:

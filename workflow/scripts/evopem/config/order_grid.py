@@ -100,8 +100,8 @@ def candidate_orders(
     if phase == "plant":
         orders = inclusive(plant_range(grid, resonances))
         return [orders_of_plant(order, grid, selected.get("nk", 0)) for order in orders]
-    own = {name: selected[name] for name in STRUCTURES[grid.structure]}
-    return [own | {phase: order} for order in inclusive(range_of(grid, phase))]
+    selected_orders = {name: selected[name] for name in STRUCTURES[grid.structure]}
+    return [selected_orders | {phase: order} for order in inclusive(range_of(grid, phase))]
 
 
 def needs_resonances(phase: str, grid: OrderGrid) -> bool:
@@ -159,7 +159,7 @@ def scoring_window(settings: DatasetSettings) -> ScoringWindow:
     """
     grid = settings.order_grid
     candidates = _largest_candidates(grid)
-    largest = {name: max(each[name] for each in candidates) for name in candidates[0]}
+    largest = {name: max(candidate[name] for candidate in candidates) for name in candidates[0]}
     memory = largest.get("nb", 0) + (range_of(grid, "nk")[1] if "nk" in largest else 0) - 1
     memory = max(memory, *(order for name, order in largest.items() if name not in ("nb", "nk")), 0)
     return ScoringWindow(memory, memory + settings.search.n_initial_discard)
@@ -188,8 +188,8 @@ def sample_requirements(settings: DatasetSettings) -> SampleRequirements:
     candidates = _largest_candidates(grid)
     last = candidates[-1]
     counts = [
-        sum(order for name, order in each.items() if name != "nk") + each.get("nf", 0)
-        for each in candidates  # coefficients and plant states
+        sum(order for name, order in candidate.items() if name != "nk") + candidate.get("nf", 0)
+        for candidate in candidates  # coefficients and plant states
     ]
     states = last.get("nf", 0) + max(last.get("nc", 0), last.get("nd", 0))
     return SampleRequirements(

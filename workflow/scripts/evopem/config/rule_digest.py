@@ -62,7 +62,7 @@ def _imports(file: Path, roots: tuple[Path, ...]) -> frozenset[Path]:
     text = _FOR_TYPES.sub("", file.read_text(encoding="utf-8"))
     home = next(root for root in roots if file.is_relative_to(root))
     names = {*_names(text, file.relative_to(home)), *_AS_TEXT.findall(text)}
-    return frozenset(found for name in names for root in roots for found in _files(name, root))
+    return frozenset(module for name in names for root in roots for module in _files(name, root))
 
 
 def _names(text: str, file: Path) -> Iterator[str]:
@@ -81,11 +81,11 @@ def _files(name: str, root: Path) -> tuple[Path, ...]:
     candidates = [f"{path}.py"]
     if name.endswith("."):
         folder = name[:-1].replace(".", "/")
-        candidates += [each for each in _below(root) if each.rpartition("/")[0] == folder]
+        candidates += [file for file in _below(root) if file.rpartition("/")[0] == folder]
     for step in steps:
         path = f"{path}/{step}"
         candidates += (f"{path}.py", f"{path}/__init__.py")
-    return tuple(root / each for each in candidates if each in _below(root))
+    return tuple(root / candidate for candidate in candidates if candidate in _below(root))
 
 
 @cache

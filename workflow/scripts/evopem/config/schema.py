@@ -63,17 +63,17 @@ def normalized(value: Any, source: str, path: Steps = ()) -> Any:
         problem = f"it is nested more than {MAX_DEPTH} levels deep"
         refuse(problem, "remove what leads back to its own beginning", path[:3])
     for text in (value, *(value if isinstance(value, Mapping) else ())):
-        if isinstance(text, str) and (found := _NOT_TEXT.search(text)):
-            refuse(f"the character U+{ord(found[0]):04X} is no text", "remove it")
+        if isinstance(text, str) and (wrong := _NOT_TEXT.search(text)):
+            refuse(f"the character U+{ord(wrong[0]):04X} is no text", "remove it")
     if isinstance(value, Mapping):
         for key in value:
             if not isinstance(key, str):
                 refuse(f"the key {key!r} is not text", "put it in quotes")
             if len(key) > MAX_KEY:
                 refuse(f"the key {key[:40]}... has {len(key)} characters", "shorten it")
-        return {key: normalized(each, source, (*path, key)) for key, each in value.items()}
+        return {key: normalized(item, source, (*path, key)) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [normalized(each, source, (*path, index)) for index, each in enumerate(value)]
+        return [normalized(item, source, (*path, index)) for index, item in enumerate(value)]
     if isinstance(value, int | float) and not -MAX_NUMBER <= value <= MAX_NUMBER:
         if isinstance(value, float) and not math.isfinite(value):
             refuse(f"{value} is not a finite number", "give a finite one")
@@ -97,16 +97,16 @@ def checked(kind: Any, written: Any, source: str) -> Any:
     try:
         return adapter(kind).validate_json(json.dumps(written), strict=True)
     except ValidationError as error:
-        found = [(_path(each, written), each) for each in error.errors(include_url=False)]
-    found.sort(key=lambda each: (each[1]["type"] == "missing", len(each[0]), key_path(each[0])))
+        problems = [(_path(p, written), p) for p in error.errors(include_url=False)]
+    problems.sort(key=lambda p: (p[1]["type"] == "missing", len(p[0]), key_path(p[0])))
     # Every member of a union complains; that which has the kind of the value says more of it.
     path, details = next(
-        (path, each)
-        for path, each in found
-        if not _is_of_other_kind(each)
+        (path, problem)
+        for path, problem in problems
+        if not _is_of_other_kind(problem)
         or not any(
             other[: len(path)] == path and (len(other) > len(path) or not _is_of_other_kind(inner))
-            for other, inner in found
+            for other, inner in problems
         )
     )
     problem, remedy = _explained(details, path, adapter(kind).json_schema())
@@ -174,16 +174,18 @@ def _below(schema: Keys, path: Iterable[str | int]) -> dict[str, Any]:
     node = dict(schema)
     for step in path:
         known = [
-            (each.get("properties") or {}).get(step)
-            or each.get("additionalProperties")
-            or each.get("items")
-            or (each.get("prefixItems") or [None])[0]
-            for each in (node, *node.get("anyOf", []))
+            (choice.get("properties") or {}).get(step)
+            or choice.get("additionalProperties")
+            or choice.get("items")
+            or (choice.get("prefixItems") or [None])[0]
+            for choice in (node, *node.get("anyOf", []))
         ]
-        found = dict(next((each for each in known if each), {}))
-        if "$ref" in found:
-            found = schema["$defs"][found.pop("$ref").rpartition("/")[2]] | found
-        node = {"description": node.get("description", "")} | found
+        schema_below = dict(next((choice for choice in known if choice), {}))
+        if "$ref" in schema_below:
+            schema_below = (
+                schema["$defs"][schema_below.pop("$ref").rpartition("/")[2]] | schema_below
+            )
+        node = {"description": node.get("description", "")} | schema_below
     return node
 
 
@@ -191,9 +193,9 @@ def described(node: Keys) -> tuple[str, str]:
     """The clause about a value with what it may be, and what else the documentation says of it."""
     clause, _, more = node.get("description", "").partition(". ")
     members = _members(node)
-    listed = [_member_in_words(each) for each in members]
-    words = [word for each in listed for word in each]
-    kinds = {each.get("type") for each in members}
+    listed = [_member_in_words(member) for member in members]
+    words = [word for words in listed for word in words]
+    kinds = {member.get("type") for member in members}
     plain = kinds == {"object"} or kinds >= {"integer", "number"}  # a mapping, a share of samples
     if all(listed) and words and not plain:
         clause += ", " + " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
@@ -202,9 +204,7 @@ def described(node: Keys) -> tuple[str, str]:
 
 def _members(node: Keys) -> list[Keys]:
     """The types of a union, and of the unions in it; else the type itself."""
-    return (
-        [inner for each in node["anyOf"] for inner in _members(each)] if "anyOf" in node else [node]
-    )
+    return [inner for c in node["anyOf"] for inner in _members(c)] if "anyOf" in node else [node]
 
 
 def _member_in_words(node: Keys) -> list[str]:
@@ -235,7 +235,7 @@ def _member_in_words(node: Keys) -> list[str]:
 
 def _words(node: Keys) -> list[str]:
     inner = [node, *node.get("anyOf", [])]
-    return [word for each in inner for word in each.get("enum", [each.get("const")]) if word]
+    return [word for choice in inner for word in choice.get("enum", [choice.get("const")]) if word]
 
 
 def key_path(parts: Iterable[str | int]) -> str:
@@ -253,6 +253,6 @@ def _shown(value: object) -> str:
 
 
 def _nearest(word: str, known: Iterable[str]) -> str:
-    lowered = {each.lower(): each for each in known}
+    lowered = {choice.lower(): choice for choice in known}
     close = difflib.get_close_matches(word.lower(), lowered, n=1)
     return f" (did you mean {lowered[close[0]]}?)" if close else ""

@@ -88,7 +88,7 @@ class Place:
     def of_key(self, key: str) -> str:
         """Where a key stands."""
         above = [key, *(key.rsplit(".", count)[0] for count in range(1, key.count(".") + 1))]
-        name = "defaults" if key and any(each in self.inherited for each in above) else self.name
+        name = "defaults" if key and any(p in self.inherited for p in above) else self.name
         return f"{name}.{key}".rstrip(".")
 
 
@@ -158,6 +158,6 @@ def check_no_results(datasets: Mapping[str, Keys], source: str) -> None:
 def _identity(path: str) -> tuple[int, int] | None:
     """What all paths to one file have in common, hard links too; None where there is no file."""
     with suppress(OSError, ValueError):
-        found = os.stat(path)  # noqa: PTH116
-        return found.st_dev, found.st_ino
+        status = os.stat(path)  # noqa: PTH116
+        return status.st_dev, status.st_ino
     return None

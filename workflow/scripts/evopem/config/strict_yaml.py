@@ -106,10 +106,10 @@ class _Checker:
         if id(node) not in self.known:
             self.known[id(node)] = None
             self.known[id(node)] = self._inside(node)
-        found = self.known[id(node)]
-        if found is None:
+        place = self.known[id(node)]
+        if place is None:
             self.refuse(node, "an alias leads back to what contains it", "remove it")
-        return found
+        return place
 
     def _inside(self, node: yaml.Node) -> tuple[int, int]:
         kind, children = node.tag.removeprefix(_TAG), []
@@ -123,7 +123,7 @@ class _Checker:
         else:
             self._refuse_tag(node)
         inner = [(0, 0), *map(self.check, children)]
-        size, depth = 1 + sum(each[0] for each in inner), 1 + max(each[1] for each in inner)
+        size, depth = 1 + sum(pair[0] for pair in inner), 1 + max(pair[1] for pair in inner)
         if size > MAX_VALUES:
             problem = f"it holds more than {MAX_VALUES} values once its aliases are written out"
             self.refuse(node, problem, "use fewer aliases")
@@ -141,7 +141,7 @@ class _Checker:
         for key, value in node.value:
             if key.tag == f"{_TAG}merge":
                 merged = value.value if isinstance(value, yaml.SequenceNode) else [value]
-                if not all(isinstance(each, yaml.MappingNode) for each in merged):
+                if not all(isinstance(mapping, yaml.MappingNode) for mapping in merged):
                     problem = "only a mapping can be merged by <<"
                     self.refuse(value, problem, "give an alias of a mapping")
                 continue
@@ -158,19 +158,19 @@ class _Checker:
         """Refuse a tag that changes what a text is, and a text that YAML 1.1 takes for another."""
         self._check_text(node)
         plain = node.style is None
-        found = _RESOLVER.resolve(yaml.ScalarNode, node.value, (True, False)) if plain else None
-        own = found.removeprefix(_TAG) if found else "str"
-        if kind not in (own, "str") or own in ("value", "merge"):
+        tag = _RESOLVER.resolve(yaml.ScalarNode, node.value, (True, False)) if plain else None
+        written_kind = tag.removeprefix(_TAG) if tag else "str"
+        if kind not in (written_kind, "str") or written_kind in ("value", "merge"):
             self._refuse_tag(node)
         expected = _UNMISTAKABLE.get(kind)
-        if plain and own == kind and not (expected and expected.fullmatch(node.value)):
+        if plain and written_kind == kind and not (expected and expected.fullmatch(node.value)):
             problem = f"YAML reads {_written(node)} as {_reading(node)}"
             remedy = "write a number in decimal digits, or put it in quotes if it is text"
             self.refuse(node, problem, remedy)
 
     def _check_text(self, node: yaml.ScalarNode) -> None:
-        if found := _NOT_TEXT.search(node.value):
-            self.refuse(node, f"the character U+{ord(found[0]):04X} is no text", "remove it")
+        if wrong := _NOT_TEXT.search(node.value):
+            self.refuse(node, f"the character U+{ord(wrong[0]):04X} is no text", "remove it")
 
 
 def _written(node: yaml.Node) -> str:

@@ -56,7 +56,7 @@ def searched_structures(wanted: str) -> tuple[str, ...]:
     for structure in reversed(AUTOMATIC_STRUCTURES):
         if structure in needed:
             needed.update(NESTED[structure])
-    return (*(each for each in AUTOMATIC_STRUCTURES if each in needed - {wanted}), wanted)
+    return (*(s for s in AUTOMATIC_STRUCTURES if s in needed - {wanted}), wanted)
 
 
 def has_input(structure: str) -> bool:
@@ -169,7 +169,7 @@ def searched_forms(dataset: DatasetSettings) -> tuple[str, ...]:
     elif structures and are_one(channels.inputs):
         forms = ("ss",)  # of one input the models of the others are those of oe and bj
     forms = tuple(form for form in forms if given.form in (None, form))
-    return tuple(each for each in (*structures, *forms) if _can_meet(each, dataset.fit))
+    return tuple(s for s in (*structures, *forms) if _can_meet(s, dataset.fit))
 
 
 def _can_meet(structure: str, fit: FitSettings) -> bool:

@@ -100,14 +100,14 @@ def _matching(name: str, entry: Any, source: str) -> dict[str, Any]:
         remedy = f"write one * in the name and one in `file`, as in `{name}: {{file: data/*.csv}}`"
         raise InputError(source, problem, remedy, f"datasets.{name}")
     before, after = pattern.split("*")
-    found = {}
+    entries = {}
     for file in _files(pattern, source, f"datasets.{name}.file"):
-        own = file[len(before) : len(file) - len(after)]
-        found[name.replace("*", own)] = {
-            key: value.replace("*", own) if key in _PATHS and isinstance(value, str) else value
+        middle = file[len(before) : len(file) - len(after)]
+        entries[name.replace("*", middle)] = {
+            key: value.replace("*", middle) if key in _PATHS and isinstance(value, str) else value
             for key, value in entry.items()
         }
-    return found
+    return entries
 
 
 def with_matching_files(datasets: Any, source: str) -> Any:
@@ -130,10 +130,10 @@ def _files(written: Any, source: str, place: str) -> Any:
     if not isinstance(written, str) or "*" not in written:
         return written
     literally = "*".join(map(glob.escape, written.split("*")))
-    found = sorted(glob.glob(literally))  # noqa: PTH207
-    if not found:
+    matching = sorted(glob.glob(literally))  # noqa: PTH207
+    if not matching:
         raise InputError(source, f"no file matches {written}", "correct the pattern", place)
-    return found
+    return matching
 
 
 def shard_of(datasets: Mapping[str, T], shard: str, source: str) -> dict[str, T]:
@@ -183,12 +183,12 @@ def _rows(path: str) -> tuple[str, Row, list[Row]]:
         text = text[stated.end() :]
     try:
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-        found = [(reader.line_num + skipped, row) for row in reader if any(map(str.strip, row))]
+        numbered = [(reader.line_num + skipped, row) for row in reader if any(map(str.strip, row))]
     except csv.Error as error:
         raise InputError(path, f"this is not a table ({error})", "save it as CSV") from None
-    if len(found) < 2:
+    if len(numbered) < 2:
         raise InputError(path, "there are no data sets in it", "give a header and a row for each")
-    header, *rows = found
+    header, *rows = numbered
     width = len(header[1])
     for line, row in rows:
         if len(row) < width or any(map(str.strip, row[width:])):
@@ -266,7 +266,7 @@ def _columns(header: list[str], rows: list[Row], path: str, place: str) -> list[
 
 def _decimal_comma(columns: list[tuple[int, str]], rows: list[Row]) -> str:
     """The first cell with a decimal comma; or no text."""
-    numbers = [each for each in columns if each[1] not in (*_TEXT_COLUMNS, *_CHANNEL_COLUMNS)]
+    numbers = [column for column in columns if column[1] not in (*_TEXT_COLUMNS, *_CHANNEL_COLUMNS)]
     for line, row in rows:
         for index, column in numbers:
             if _DECIMAL_COMMA.fullmatch(row[index].strip()):

@@ -83,12 +83,12 @@ def limited(errors: Array) -> Array:
 
 def sample_autocovariances(errors: Array, bounds: Integers, lags: int) -> Array:
     """Biased estimates of ``E e_(t+k) e_t'`` for k = 0 ... lags, (lags + 1, l, l)."""
-    found = np.zeros((lags + 1, errors.shape[1], errors.shape[1]))
+    covariances = np.zeros((lags + 1, errors.shape[1], errors.shape[1]))
     for first, stop in pairwise(bounds):
         part = errors[first:stop]
         for lag in range(min(lags + 1, len(part))):
-            found[lag] += part[lag:].T @ part[: len(part) - lag]
-    return found / len(errors)
+            covariances[lag] += part[lag:].T @ part[: len(part) - lag]
+    return covariances / len(errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,13 +121,13 @@ def coloured_autocovariances(errors: Array, bounds: Integers) -> Array:
     """``E e_(t+k) e_t'`` of :func:`autoregression_of` until they are negligible, (lags, l, l)."""
     samples, ny = errors.shape
     fitted = autoregression_of(errors, bounds)
-    chosen, found = fitted.coefficients, list(fitted.autocovariances)
-    limit = NEGLIGIBLE * np.trace(found[0])
-    while len(chosen) and len(found) <= min(LONGEST, samples // 2):
-        found.append(sum(chosen[k] @ found[-1 - k] for k in range(len(chosen))))
-        if max(np.abs(each).max() for each in found[-len(chosen) - 5 :]) < limit / ny:
+    chosen, covariances = fitted.coefficients, list(fitted.autocovariances)
+    limit = NEGLIGIBLE * np.trace(covariances[0])
+    while len(chosen) and len(covariances) <= min(LONGEST, samples // 2):
+        covariances.append(sum(chosen[k] @ covariances[-1 - k] for k in range(len(chosen))))
+        if max(np.abs(c).max() for c in covariances[-len(chosen) - 5 :]) < limit / ny:
             break
-    return np.array(found)
+    return np.array(covariances)
 
 
 def _recursion(gamma: Array, most: int) -> Iterator[tuple[Array, Array]]:
@@ -170,8 +170,8 @@ def check_returned(
     searched += np.finfo(float).tiny  # of samples at rest
     plain = replace(model, input_delays=(), noise_covariance=np.diag(searched), covariance=None)
     with np.errstate(all="ignore"):
-        found = plain.residuals(u, y, plain.prediction_state(u, y))
-        excess = float(np.mean(np.sum(found**2, axis=0) / searched)) - 1.0
+        returned = plain.residuals(u, y, plain.prediction_state(u, y))
+        excess = float(np.mean(np.sum(returned**2, axis=0) / searched)) - 1.0
     if not excess <= LOST:
         raise lost_model(text, f"their squares are {excess:.2g} times above those of its search")
 

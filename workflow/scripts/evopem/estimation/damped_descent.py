@@ -227,36 +227,36 @@ def descend_absolute(
     problem: AbsoluteErrors, start: Array, last_width: float, first_width: float = FIRST_WIDTH
 ) -> Optimum:
     """Minimise the criterion from a point; widths are relative to the mean absolute errors."""
-    found = _Descent(problem, start)
+    descent = _Descent(problem, start)
     width, converged = first_width, False
-    while np.isfinite(found.errors).all():
-        converged = found.at_width(width)
+    while np.isfinite(descent.errors).all():
+        converged = descent.at_width(width)
         if width <= last_width * (1.0 + 1e-9):
             break
         width *= NARROWER
-    value = absolute_criterion(found.errors, problem.weighing) if found.stable else float("inf")
-    return Optimum(found.point, value, converged, found.evaluations)
+    value = absolute_criterion(descent.errors, problem.weighing) if descent.stable else float("inf")
+    return Optimum(descent.point, value, converged, descent.evaluations)
 
 
 def linear_coefficients(regressors: Array, outputs: Array) -> Array:
     """Coefficients of nearly the least sum of absolute errors, (q, l), of orthonormal (N, q). By
     iteratively reweighted least squares, each output with weights of its own."""
-    found = regressors.T @ outputs
+    coefficients = regressors.T @ outputs
     ridge = 1e-12 * np.eye(regressors.shape[1])
     width = FIRST_WIDTH
     for _ in range(PASSES):
         width *= 0.5
-        errors = outputs - regressors @ found
+        errors = outputs - regressors @ coefficients
         for k, column in enumerate(errors.T):
             size = float(np.mean(np.abs(column)))
             if not size > 0.0:
                 continue
             weights = size / np.hypot(column, width * size)
             weighted = regressors * weights[:, None]
-            found[:, k] = np.linalg.solve(
+            coefficients[:, k] = np.linalg.solve(
                 regressors.T @ weighted + ridge, weighted.T @ outputs[:, k]
             )
-    return np.asarray(found)
+    return np.asarray(coefficients)
 
 
 class _Descent:

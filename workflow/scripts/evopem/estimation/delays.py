@@ -38,7 +38,7 @@ ROUNDS = 5
 
 def longest_delay(segments: Sequence[Segment]) -> int:
     """The longest delay that segments can tell, in samples."""
-    return min(LONGEST_DELAY, max(each.samples for each in segments) // LONGEST_SHARE)
+    return min(LONGEST_DELAY, max(segment.samples for segment in segments) // LONGEST_SHARE)
 
 
 def estimate_delays(
@@ -69,8 +69,8 @@ def estimate_delays(
     high = longest_delay(recording.segments) if largest is None else largest
     low = np.broadcast_to(smallest, count).tolist()
     limits = list(zip(low, np.broadcast_to(high, count).tolist(), strict=True))
-    found = delays_by_criterion(recording.segments, limits)
-    return tuple(delay for delay, _ in found)
+    chosen = delays_by_criterion(recording.segments, limits)
+    return tuple(delay for delay, _ in chosen)
 
 
 def delays_by_criterion(
@@ -86,7 +86,7 @@ def delays_by_criterion(
     lowest BIC of a sample at each of its M delays."""
     lags = max((high for _, high in limits), default=0) + max(ORDERS)
     # As many rows as lags are left, whatever delays are asked for.
-    lags = max(min(lags, max(each.samples for each in segments) // 2), 1)
+    lags = max(min(lags, max(segment.samples for segment in segments) // 2), 1)
     delays = [low for low, _ in limits]
     criteria = [np.zeros(1) for _ in limits]
     with one_blas_thread():
@@ -121,12 +121,12 @@ class _Regression:
         self.orders = [
             n for n in ORDERS if n <= lags and n * (self.outputs + self.m) <= affordable
         ] or [1]
-        recordings = sorted({each.recording for each in segments})
-        self.count = sum(max(each.samples - lags, 0) for each in segments)
+        recordings = sorted({segment.recording for segment in segments})
+        self.count = sum(max(segment.samples - lags, 0) for segment in segments)
         self.triangle = triangle_of(
-            self._rows(each, recordings, first, stop)
-            for each in segments
-            for first, stop in chunks(lags, each.samples)
+            self._rows(segment, recordings, first, stop)
+            for segment in segments
+            for first, stop in chunks(lags, segment.samples)
         )
         self.constants = len(recordings)
         self.fewest = self.outputs + self.m + self.constants
@@ -149,11 +149,11 @@ class _Regression:
         stop = self.triangle.shape[1] - self.outputs
         penalty = np.log(self.count) / self.count * self.outputs
         power = np.mean(self.triangle[:, stop:] ** 2, axis=0) + np.finfo(float).tiny
-        found, without = [], []
+        lowest, without = [], []
         for n in self.orders:
             others = (self._columns(i, delays[i], n) for i in range(self.m) if i != j)
-            own = range(stop - self.constants, stop)
-            base = self.triangle[:, [*own, *range(n * self.outputs), *chain(*others)]]
+            constants = range(stop - self.constants, stop)
+            base = self.triangle[:, [*constants, *range(n * self.outputs), *chain(*others)]]
             lagged = self.triangle[:, [*self._columns(j, 0, self.lags + 1)]]
             basis = np.linalg.qr(base)[0]
             whole = np.column_stack([lagged, self.triangle[:, stop:]])
@@ -174,8 +174,8 @@ class _Regression:
             values += penalty * base.shape[1]
             without.append(values[0])
             terms = penalty * np.arange(1, n + 1)
-            found.append(np.min(values[1:].reshape(-1, n) + terms, axis=1))
-        return np.min(found, axis=0), float(np.min(without))
+            lowest.append(np.min(values[1:].reshape(-1, n) + terms, axis=1))
+        return np.min(lowest, axis=0), float(np.min(without))
 
 
 class Fit(NamedTuple):

@@ -128,7 +128,7 @@ def estimate(
         raise ValueError("orders are missing, such as orders=(2, 2, 2, 1)")
     recording = recording_of(input, output, sampling_rate)
     given = {"window": window, "earlier": earlier, "target": target}
-    expert = [name for name, each in given.items() if each is not None]
+    expert = [name for name, value in given.items() if value is not None]
     if not level:
         _warn_of_level(recording.outputs)
     _warn_of_inputs(recording)
@@ -185,8 +185,8 @@ def _warn_of_inputs(recording: Recording) -> None:
     moving = recording.inputs - recording.inputs.mean(axis=0)
     sizes = np.linalg.norm(recording.inputs, axis=0)
     triangle = np.linalg.qr(moving / np.where(sizes > 0.0, sizes, 1.0), mode="r")
-    for name, own in zip(recording.input_names, np.abs(np.diag(triangle)), strict=True):
-        if own < DEPENDENT:
+    for name, size in zip(recording.input_names, np.abs(np.diag(triangle)), strict=True):
+        if size < DEPENDENT:
             warnings.warn(
                 f"input {name!r} is constant, or follows from the inputs before it: what a model"
                 " says of it is chance, so leave it out",
@@ -232,12 +232,12 @@ def estimate_polynomial(
         task = EstimationTask(errors, rate, settings, given, names, log, optimum, earlier, target)
         if plain:
             result = searched(task, *scaled_problem(errors))
-            found = describe(errors, result, rate, shortest=True)
+            fitted = describe(errors, result, rate, shortest=True)
         elif earlier is not None:
             raise ValueError("an earlier search is not continued with a focus or constraints")
         elif horizon is None:
-            found = simulation_estimate(task)
+            fitted = simulation_estimate(task)
         else:
-            found = prediction_estimate(task, horizon)[0]
-    effect = found.constraints if constraints is not None else None
-    return replace(found, model=of_signals(found.model, data), focus=focus, constraints=effect)
+            fitted = prediction_estimate(task, horizon)[0]
+    effect = fitted.constraints if constraints is not None else None
+    return replace(fitted, model=of_signals(fitted.model, data), focus=focus, constraints=effect)

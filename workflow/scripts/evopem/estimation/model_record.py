@@ -278,7 +278,7 @@ def _check_model(model: Model, samples: int) -> Array:
         raise ValueError("a coefficient or level is not finite")
     more = 0
     if isinstance(model, PolynomialModel):
-        if any(each[0] != 1.0 for each in (model.A, model.C, model.D, *model.F)):
+        if any(polynomial[0] != 1.0 for polynomial in (model.A, model.C, model.D, *model.F)):
             raise ValueError("A, C, D or F does not begin with 1")
         reach, samples, more = model.orders.first_residual, min(samples, _FARTHEST), 1
         if reach >= samples:
@@ -300,13 +300,13 @@ def _check_model(model: Model, samples: int) -> Array:
 def _check_lengths(record: ModelRecord) -> None:
     """Raise ValueError where a list has not one entry for each channel, root or coefficient."""
     model = record.model
-    expected = {f"input_{each}": model.inputs for each in ("names", "units")}
+    expected = {f"input_{property_name}": model.inputs for property_name in ("names", "units")}
     expected |= dict.fromkeys(("output_names", "output_units", "fit_percent"), model.outputs)
     for name, values in _lists_of(model, record.plant_states).items():
         expected[name] = 0 if values is None else len(values)
     for name, count in expected.items():
-        found = getattr(record, name)
-        if (0 if found is None else len(found)) != count:
+        value = getattr(record, name)
+        if (0 if value is None else len(value)) != count:
             raise ValueError(f"{name} has not {count} entries")
 
 
@@ -347,8 +347,8 @@ def load_model(path: str | Path) -> Model:
     >>> model.A
     array([ 1. , -0.5])
     """
-    found = read_model(checked_path("load", path))
-    return found.model if isinstance(found, ModelRecord) else found
+    result = read_model(checked_path("load", path))
+    return result.model if isinstance(result, ModelRecord) else result
 
 
 def read_model(path: Path) -> ModelRecord | PolynomialModel:

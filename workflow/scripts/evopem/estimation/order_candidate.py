@@ -95,7 +95,7 @@ class PhaseSelection:
     @property
     def selected(self) -> Candidate:
         """The selected candidate."""
-        return next(each for each in self.candidates if each.orders == self.orders)
+        return next(candidate for candidate in self.candidates if candidate.orders == self.orders)
 
 
 def select_delay(candidates: Sequence[Candidate]) -> tuple[Orders, str]:
@@ -161,12 +161,12 @@ def race(
     takes a candidate and what its search is made for; ``settle`` returns the candidates, none
     higher than a nested one."""
     settled = list(candidates)
-    finished = [_finished(each, settings) for each in settled]
+    finished = [_finished(candidate, settings) for candidate in settled]
     while True:
         settled = settle(settled)
         gains = [
-            0.0 if done else _likely_gain(each, samples)
-            for each, done in zip(settled, finished, strict=True)
+            0.0 if done else _likely_gain(candidate, samples)
+            for candidate, done in zip(settled, finished, strict=True)
         ]
         excesses = _excesses(settled, phase, gains)
         contending = [
@@ -180,14 +180,14 @@ def race(
         )
         settled[row], finished[row] = search_on(settled[row], target), True
     return [
-        each if _finished(each, settings) else replace(each, pruned=_reason(phase, excess, gain))
-        for each, excess, gain in zip(settled, excesses, gains, strict=True)
+        c if _finished(c, settings) else replace(c, pruned=_reason(phase, excess, gain))
+        for c, excess, gain in zip(settled, excesses, gains, strict=True)
     ]
 
 
 def _finished(candidate: Candidate, settings: SearchSettings) -> bool:
-    found = candidate.diagnostics
-    return is_certified(found) or found.evaluations >= settings.evaluations
+    diagnostics = candidate.diagnostics
+    return is_certified(diagnostics) or diagnostics.evaluations >= settings.evaluations
 
 
 def _likely_gain(candidate: Candidate, samples: int) -> float:
@@ -206,14 +206,14 @@ def _excesses(candidates: Sequence[Candidate], phase: str, gains: Sequence[float
     """How far each candidate's BIC lies above the lowest. Of delays 0 or infinite: a delay has to
     be searched only when another one may overtake it."""
     if phase != "delay":
-        lowest = min(each.criteria.bic for each in candidates)
-        return [each.criteria.bic - lowest for each in candidates]
+        lowest = min(candidate.criteria.bic for candidate in candidates)
+        return [candidate.criteria.bic - lowest for candidate in candidates]
     means, rows = _mean_criteria(candidates)
     reach = {nk: float(np.mean([gains[row] for row in rows[nk]])) for nk in rows}
     leader = min(sorted(means), key=lambda nk: means[nk])
     rivals = [nk for nk in means if nk != leader and means[nk] - means[leader] <= reach[nk]]
     may_win = {*rivals, leader} if rivals else set()
-    return [0.0 if each.orders.single.nk in may_win else np.inf for each in candidates]
+    return [0.0 if candidate.orders.single.nk in may_win else np.inf for candidate in candidates]
 
 
 def _reason(phase: str, excess: float, gain: float) -> str:

@@ -62,19 +62,19 @@ def estimate_candidates(
             )
         if log is not None:
             log(f"{phase}: {order}, candidate {position + 1} of {len(orders)}")
-        found = estimate_polynomial(
+        estimate = estimate_polynomial(
             data, order, settings=settings, window=window, level=level, log=log
         )
-        candidates.append(Candidate.of(found, phase))
+        candidates.append(Candidate.of(estimate, phase))
         if log is not None:
-            criteria = found.criteria
+            criteria = estimate.criteria
             log(f"{phase}: {order} objective {criteria.objective:.9g}, BIC {criteria.bic:.6f}")
     return candidates
 
 
 def scored_samples(data: Recording, window: ScoringWindow) -> int:
     """Residuals that count, over all stretches."""
-    return sum(max(each.samples - window.loss_start, 0) for each in data.segments)
+    return sum(max(segment.samples - window.loss_start, 0) for segment in data.segments)
 
 
 def repeated(settings: SearchSettings) -> SearchSettings:
@@ -91,7 +91,7 @@ def continue_search(
     target: Target | None = None,
 ) -> Candidate:
     """Search on, independently of what was found so far, and keep the better."""
-    found = estimate_polynomial(
+    estimate = estimate_polynomial(
         data,
         candidate.orders,
         settings=settings,
@@ -101,7 +101,7 @@ def continue_search(
         log=log,
         target=target,
     )
-    return Candidate.of(found, candidate.phase)
+    return Candidate.of(estimate, candidate.phase)
 
 
 def reoptimize_from(
@@ -118,8 +118,8 @@ def reoptimize_from(
         errors = prediction_errors(data, candidate.orders, settings, window, level)
         ended = optimum_next_to(nested.model, errors)
         earlier = earlier if ended is None else pooled(earlier, ended)
-        found = describe(errors, earlier, data.sampling_rate, shortest=True)
-    return Candidate.of(found, candidate.phase)
+        estimate = describe(errors, earlier, data.sampling_rate, shortest=True)
+    return Candidate.of(estimate, candidate.phase)
 
 
 def complete_estimate(
@@ -179,8 +179,8 @@ def select_candidate(
             phase,
             samples,
             settings,
-            lambda each, target: continue_search(each, data, settings, window, log, target),
-            lambda each: _no_worse_than_nested(each, reoptimize),
+            lambda c, target: continue_search(c, data, settings, window, log, target),
+            lambda candidate: _no_worse_than_nested(candidate, reoptimize),
         )
     selection = settle(ordered, phase, repeat, reoptimize, last=min_delay is not None)
     if min_delay is None:
@@ -197,7 +197,7 @@ def _with_refined_delay(
     log: Callable[[str], None] | None,
 ) -> PhaseSelection:
     """Compare the selected model with others of neighbouring lags of B."""
-    found: dict[Orders, Candidate] = {}
+    candidates: dict[Orders, Candidate] = {}
 
     def fit(orders: Orders) -> Fit:
         level = selection.selected.with_level
@@ -206,7 +206,7 @@ def _with_refined_delay(
         )
         if _is_doubtful(candidate, last=True):
             candidate = continue_search(candidate, data, repeated(settings), window, log)
-        found[orders] = candidate
+        candidates[orders] = candidate
         return with_covariance(candidate)
 
     def with_covariance(candidate: Candidate) -> Fit:
@@ -216,7 +216,7 @@ def _with_refined_delay(
     samples = scored_samples(data, window)
     refined = refine_delay(with_covariance(selection.selected), samples, min_delay, fit)
     known = {candidate.orders for candidate in selection.candidates}
-    added = [candidate for orders, candidate in found.items() if orders not in known]
+    added = [candidate for orders, candidate in candidates.items() if orders not in known]
     orders = refined.model.orders
     reason = selection.reason
     if orders != selection.orders:
@@ -248,13 +248,12 @@ def settle(
         orders, reason = select(settled)
         # The selection of a delay rests on all orders with it.
         deciding = [
-            each.orders.nk == orders.nk if phase == "delay" else each.orders == orders
-            for each in settled
+            c.orders.nk == orders.nk if phase == "delay" else c.orders == orders for c in settled
         ]
         doubtful = {
             row
-            for row, each in enumerate(settled)
-            if deciding[row] and not each.pruned and _is_doubtful(each, last)
+            for row, candidate in enumerate(settled)
+            if deciding[row] and not candidate.pruned and _is_doubtful(candidate, last)
         }
         if doubtful <= repeated:
             return PhaseSelection(phase, orders, reason, tuple(settled))
@@ -269,21 +268,22 @@ def _no_worse_than_nested(
     """Re-optimise each candidate that a nested one beats, from the smallest up."""
     settled = list(candidates)
     for row in sorted(range(len(settled)), key=lambda row: settled[row].orders.parameters):
-        own = settled[row]
+        settled_one = settled[row]
         nested = [
             other
             for other in settled
-            if own.orders.contains(other.orders) and not same_optimum(own.minimum, other.minimum)
+            if settled_one.orders.contains(other.orders)
+            and not same_optimum(settled_one.minimum, other.minimum)
         ]
         if nested:
-            settled[row] = reoptimize(min(nested, key=lambda each: each.minimum), own)
+            settled[row] = reoptimize(min(nested, key=lambda c: c.minimum), settled_one)
     return settled
 
 
 def _is_doubtful(candidate: Candidate, last: bool) -> bool:
     """Whether a selection that rests on a candidate has its search repeated."""
-    found = candidate.diagnostics
-    return not is_certified(found) if last else found.n_confirming == 0
+    diagnostics = candidate.diagnostics
+    return not is_certified(diagnostics) if last else diagnostics.n_confirming == 0
 
 
 def estimate_in_parallel(
@@ -307,7 +307,7 @@ def estimate_in_parallel(
     # estimated here: it loads the compiled kernels, which forked processes then share.
     smallest, *others = sorted(range(len(orders)), key=lambda index: orders[index].parameters)
     first = estimate_candidates(data, [orders[smallest]], phase, settings, window, log, level)
-    found = {smallest: first}
+    estimates = {smallest: first}
     # Elsewhere than on Linux forking is unsafe.
     start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
     given = phase, settings, window, logging.getLogger("evopem").info, level
@@ -317,11 +317,11 @@ def estimate_in_parallel(
                 index: pool.submit(estimate_candidates, data, [orders[index]], *given)
                 for index in reversed(others)
             }
-            found |= {index: estimate.result() for index, estimate in running.items()}
+            estimates |= {index: estimate.result() for index, estimate in running.items()}
     except BrokenProcessPool:
         raise InputError(
             f"the candidates of phase {phase}",
             "a process that estimates them was killed, as a system without memory does",
             "run again with fewer cores or jobs, or with more memory",
         ) from None
-    return [candidate for index in range(len(orders)) for candidate in found[index]]
+    return [candidate for index in range(len(orders)) for candidate in estimates[index]]

@@ -129,15 +129,15 @@ def describe(
     point, parts = result.point, errors.parts()
     triangle = triangle_of(errors.jacobian_blocks(point))
     if shortest:
-        found = minimum_norm_point(errors, point, triangle)
-        before, after = (searched_objective(errors, each) for each in (point, found))
-        if after <= before * (1.0 + SAME_OPTIMUM) and not np.array_equal(found, point):
-            point, triangle = found, triangle_of(errors.jacobian_blocks(found))
+        shortest_point = minimum_norm_point(errors, point, triangle)
+        before, after = (searched_objective(errors, c) for c in (point, shortest_point))
+        if after <= before * (1.0 + SAME_OPTIMUM) and not np.array_equal(shortest_point, point):
+            point, triangle = shortest_point, triangle_of(errors.jacobian_blocks(shortest_point))
     window, outputs = errors.window, errors.scored_outputs()
-    residuals = [own.residuals(at) for own, at in errors.of_stretches(point)]
-    counted = np.concatenate([each[window.loss_start :] for each in residuals])
-    for each in residuals:
-        each[: window.residual_start] = np.nan
+    residuals = [stretch.residuals(at) for stretch, at in errors.of_stretches(point)]
+    counted = np.concatenate([residual[window.loss_start :] for residual in residuals])
+    for residual in residuals:
+        residual[: window.residual_start] = np.nan
     levels = tuple(point[parts["level"]].tolist())
     counts = errors.residual_counts()
     criteria = criteria_of(counted, outputs, errors.objective, errors.parameters)
@@ -154,9 +154,9 @@ def describe(
         noise_variance=innovation_variance(counted, errors.dimension),
         covariance=covariance,
     )
-    own, scored = errors.stretches[0], residuals[0][window.loss_start :, None]
-    inputs = own.inputs[:, : errors.orders.inputs]
-    check_returned(model.state_space(), inputs, own.outputs, scored, str(errors.orders))
+    stretch, scored = errors.stretches[0], residuals[0][window.loss_start :, None]
+    inputs = stretch.inputs[:, : errors.orders.inputs]
+    check_returned(model.state_space(), inputs, stretch.outputs, scored, str(errors.orders))
     if covariance is not None and _plant_at_bound(errors, model):
         step = _step_beyond(errors, point, counted, triangle)[: errors.orders.parameters]
         factor = np.column_stack([covariance.factor, step])
@@ -218,12 +218,12 @@ def minimum_norm_point(errors: PolynomialErrors, point: Array, triangle: Array) 
 
 def roots_at_bound(errors: PolynomialErrors, model: PolynomialModel) -> bool:
     """Whether a root of A, F, C or D lies at the bound of the search."""
-    noise = max(max_root_radius(each[1:]) for each in (model.C, model.D))
+    noise = max(max_root_radius(polynomial[1:]) for polynomial in (model.C, model.D))
     return _plant_at_bound(errors, model) or lies_at_bound(noise, errors.noise_radius)
 
 
 def _plant_at_bound(errors: PolynomialErrors, model: PolynomialModel) -> bool:
-    plant = max(max_root_radius(each[1:]) for each in (model.A, *model.F))
+    plant = max(max_root_radius(polynomial[1:]) for polynomial in (model.A, *model.F))
     return lies_at_bound(plant, errors.plant_radius)
 
 

@@ -80,15 +80,15 @@ def _check_signals(data: Recording) -> None:
 def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states: int) -> None:
     """Refuse a record that no model of the orders can be estimated from."""
     first = window.loss_start
-    kept = [each for each in data.segments if each.samples > first + states or not data.is_joined]
-    counted = sum(each.samples - first for each in kept)
+    kept = [s for s in data.segments if s.samples > first + states or not data.is_joined]
+    counted = sum(segment.samples - first for segment in kept)
     estimated = orders.parameters + states * len(kept)
     if counted <= estimated and kept:
         raise NoModelError(
             f"{orders} needs more than {estimated} residuals for its coefficients and initial "
             f"states; {data.samples} samples less the first {first} leave {counted}"
         )
-    if not any(np.any(each.output[first:]) for each in kept) and kept:
+    if not any(np.any(segment.output[first:]) for segment in kept) and kept:
         raise NoModelError("the output is zero throughout")
 
 
@@ -136,11 +136,11 @@ class Units:
 
 def scaled_errors(errors: PolynomialErrors) -> tuple[PolynomialErrors, Units]:
     """The problem with signals scaled by powers of two, beside levels without input means."""
-    inputs = np.concatenate([each.inputs for each, _ in errors.places])
-    outputs = np.concatenate([each.output for each in errors.stretches])
+    inputs = np.concatenate([stretch_errors.inputs for stretch_errors, _ in errors.places])
+    outputs = np.concatenate([stretch.output for stretch in errors.stretches])
     output_scale = power_of_two_scale(outputs)
     means = inputs.mean(axis=0) if errors.level else np.zeros(inputs.shape[1])
-    input_scales = np.array([power_of_two_scale(each) for each in (inputs - means).T])
+    input_scales = np.array([power_of_two_scale(signal) for signal in (inputs - means).T])
     scales, parts = np.ones(errors.dimension), errors.parts()
     scales[parts["b"]] = output_scale / np.repeat(input_scales, errors.orders.nb)
     for name in ("level", "plant", "noise"):

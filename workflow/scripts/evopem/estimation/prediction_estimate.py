@@ -71,7 +71,7 @@ class EstimationTask:
     def generator(self, *purpose: int) -> np.random.Generator:
         """Random draws of one purpose; without one those of the search of one-step prediction."""
         o = self.errors.orders
-        nb, nf, nk = (each or (0,) for each in (o.nb, o.nf, o.nk))
+        nb, nf, nk = (orders or (0,) for orders in (o.nb, o.nf, o.nk))
         key = (o.na, *nb, o.nc, o.nd, *nf, *nk, int(self.errors.level), *purpose)
         return np.random.default_rng(np.random.SeedSequence(self.settings.seed, spawn_key=key))
 
@@ -100,9 +100,9 @@ def searched(task: EstimationTask, problem: PolynomialProblem, units: Units) -> 
     lowest = np.inf if known is None else known.value
     # An earlier search and this one draw independently.
     generator = task.generator(*([] if known is None else [known.diagnostics.n_restarts]))
-    found = global_search(problem, task.settings, generator, task.log, lowest, task.target)
-    found = replace(found, point=units.restored(found.point))
-    return found if known is None else pooled(known, found)
+    result = global_search(problem, task.settings, generator, task.log, lowest, task.target)
+    result = replace(result, point=units.restored(result.point))
+    return result if known is None else pooled(known, result)
 
 
 def optimum_next_to(model: PolynomialModel, errors: PolynomialErrors) -> SearchResult | None:
@@ -175,19 +175,19 @@ def prediction_estimate(
     parameters, priors = coordinates_of(task, scaled, task.constraints, scales, tied=tied)
     free = _unconstrained(task, problem, horizon, units)
     weight = weight_of_priors(scaled, priors, k_errors.residuals(free.point))
-    found, active, tangent = _constrained_optimum(
+    optimum, active, tangent = _constrained_optimum(
         *(task, problem, horizon, free, parameters, priors, weight)
     )
-    prior_rows = priors.deviations(found.point)[1]
-    fitted = Fitted(k_errors.jacobian(found.point), tangent, prior_rows, scaled.residual_counts())
-    covariance = _covariance(scaled, horizon, found.point, fitted)
+    prior_rows = priors.deviations(optimum.point)[1]
+    fitted = Fitted(k_errors.jacobian(optimum.point), tangent, prior_rows, scaled.residual_counts())
+    covariance = _covariance(scaled, horizon, optimum.point, fitted)
     objective, without = (
-        scaled.loss(k_errors.residuals(point)) for point in (found.point, free.point)
+        scaled.loss(k_errors.residuals(point)) for point in (optimum.point, free.point)
     )
-    unscaled = replace(found, point=units.restored(found.point))
+    unscaled = replace(optimum, point=units.restored(optimum.point))
     result = describe(task.errors, unscaled, task.sampling_rate)
     covariance = covariance and of_coefficients(covariance, task.errors.orders.parameters, scales)
-    if found is free and not active and horizon == 1:
+    if optimum is free and not active and horizon == 1:
         covariance = result.model.covariance
     estimate = replace(
         result,
@@ -215,37 +215,37 @@ def _constrained_optimum(
     wide = without_plant_radius(problem.errors)
     constrained = CoordinateErrors(errors_ahead(wide, horizon), parameters, priors, weight)
     starts = _starts(task, problem, constrained, parameters, priors, free.point)
-    found = multistart(constrained, starts, max(free.value, 1e-300))
-    z = parameters.snapped(found.point)
-    if not constrained.values(z[None, :])[0] <= found.value * (1.0 + 1e-6):
-        z = found.point
+    optimum = multistart(constrained, starts, max(free.value, 1e-300))
+    z = parameters.snapped(optimum.point)
+    if not constrained.values(z[None, :])[0] <= optimum.value * (1.0 + 1e-6):
+        z = optimum.point
     point = parameters.point(parameters.bounded(z)[0])[0]
-    return replace(found, point=point), *parameters.active(z)
+    return replace(optimum, point=point), *parameters.active(z)
 
 
 def _unconstrained(
     task: EstimationTask, problem: PolynomialProblem, horizon: int | None, units: Units
 ) -> SearchResult:
     """The optimum without constraints, but with unstable plants where these are allowed."""
-    found = searched(task, problem, units)
-    found = replace(found, point=units.taken(found.point))
+    optimum = searched(task, problem, units)
+    optimum = replace(optimum, point=units.taken(optimum.point))
     stability, scaled = task.constraints.stability, problem.errors
     if horizon == 1 and stability == "required":
-        return found
+        return optimum
     free, tied = Constraints(stability=stability), horizon is None
     parameters, priors = coordinates_of(task, scaled, free, units.scales, tied=tied)
     wide = without_plant_radius(scaled)
     constrained = CoordinateErrors(errors_ahead(wide, horizon), parameters, priors)
     random = problem.spread(task.random_starts, task.generator(0, 1))[0]
-    starts = np.concatenate([found.point[None, :], problem.estimates[0], random])
+    starts = np.concatenate([optimum.point[None, :], problem.estimates[0], random])
     if stability == "free":
         # The ARX model of least squares, its poles wherever they are.
         linear, steps = ~wide.linear("c", "d", "f", "plant"), LINEAR_STEPS[wide.objective]
         arx = solve_linear(wide, np.zeros((1, wide.dimension)), linear, steps)
         starts = np.concatenate([starts, arx])
     z = np.array([parameters.unbounded(parameters.coordinates(point)) for point in starts])
-    found = multistart(constrained, z, found.value)
-    return replace(found, point=constrained.points(found.point[None, :])[0])
+    optimum = multistart(constrained, z, optimum.value)
+    return replace(optimum, point=constrained.points(optimum.point[None, :])[0])
 
 
 def _starts(

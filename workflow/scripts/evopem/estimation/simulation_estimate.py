@@ -69,9 +69,9 @@ def simulation_estimate(task: EstimationTask) -> PolynomialEstimate:
     best: SearchResult | None = None
     for row in np.argsort(values, kind="stable")[:REFINED_DIVISIONS]:
         point, divided = fitted[int(row)]
-        found = _noise_fit(task, problem, of_noise, point)
-        if best is None or found.value < best.value:
-            best, division = found, divided
+        noise = _noise_fit(task, problem, of_noise, point)
+        if best is None or noise.value < best.value:
+            best, division = noise, divided
     assert best is not None
     unscaled = replace(plant.search, point=units.restored(best.point), value=plant.search.value)
     result = describe(errors, unscaled, task.sampling_rate)
@@ -162,8 +162,8 @@ def _noise_start(
     errors, model, (a, f) = problem.errors, plant.model, division
     parts, point, o = errors.parts(), np.zeros(errors.dimension), errors.orders
     point[parts["a"]] = a[1:]
-    for i, own in enumerate(f):
-        point[o.part("f", i)] = own[1:]
+    for i, coefficients in enumerate(f):
+        point[o.part("f", i)] = coefficients[1:]
     point[parts["b"]] = np.concatenate(model.B)
     levels = plant.levels or (model.level,) * errors.levels
     at_one = float(np.sum(a)) / float(np.sum(model.A))
@@ -202,7 +202,7 @@ def _noise_fit(
     white = point.copy()
     white[parts["c"]] = white[parts["d"]] = 0.0
     random = problem.spread(task.random_starts, task.generator(0, 3))[0]
-    starts = np.array([parameters.coordinates(each) for each in (point, white, *random)])
+    starts = np.array([parameters.coordinates(start) for start in (point, white, *random)])
     starts[:, parameters.linear] = 0.0
     starts = starts[np.isfinite(constrained.values(starts))]
     if not len(starts):
@@ -220,8 +220,8 @@ def _noise_fit(
         value = float(errors.values(point[None, :])[0])
         return SearchResult(point, value, SearchDiagnostics.none())
     largest = float(np.min(constrained.values(starts)))
-    found = multistart(constrained, starts, largest)
-    return replace(found, point=constrained.points(found.point[None, :])[0])
+    optimum = multistart(constrained, starts, largest)
+    return replace(optimum, point=constrained.points(optimum.point[None, :])[0])
 
 
 def _simulation_covariance(
@@ -247,7 +247,7 @@ def _simulation_covariance(
     held = np.r_[parts["a"], parts["b"], parts["f"], parts["level"]]
     # C and D are linear in their coordinates, wherever these are.
     none = np.zeros(len(parameters.codes))
-    bases = [parameters.polynomials[name].part(none[parameters.own[name]])[1] for name in "cd"]
+    bases = [parameters.polynomials[name].part(none[parameters.columns[name]])[1] for name in "cd"]
     second = Fitted(
         jacobian[:, columns],
         block_diag(*bases, np.eye(len(columns) - o.nc - o.nd)),

@@ -56,19 +56,19 @@ class Exported:
         if isinstance(source, PolynomialModel | StateSpaceModel):
             return cls._of_model(source, "model", "a model")
         path = checked_path("export", source)
-        found = read_model(path)
+        read = read_model(path)
         first, *purpose = path.stem.split(".")
         if first == "model":
             first = path.absolute().parent.name
         name = identifier("_for_".join([first, *purpose]))
-        if not isinstance(found, ModelRecord):
-            return cls._of_model(found, name, str(path))
+        if not isinstance(read, ModelRecord):
+            return cls._of_model(read, name, str(path))
         try:
-            signals = Signals.of_record(found)
+            signals = Signals.of_record(read)
         except ValueError as error:
             remedy = "give the model.json of a results folder"
             raise InputError(str(path), str(error), remedy) from None
-        return cls(found.model, signals, name, str(path), found.text, found.poles)
+        return cls(read.model, signals, name, str(path), read.text, read.poles)
 
     @classmethod
     def _of_model(cls, model: Model, name: str, source: str) -> Self:
@@ -184,7 +184,7 @@ def _brackets(shape: Sequence[int]) -> str:
 
 def printed(text: str) -> str:
     """A text with blanks for line breaks and whatever else is not printed."""
-    return "".join(each if each.isprintable() else " " for each in text)
+    return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
 def plain(text: str) -> str:
@@ -230,7 +230,7 @@ def _context(exported: Exported) -> dict[str, Any]:
 def _poles_of_predictor(model: Model) -> Complex:
     """Roots of C and of all F_i, or eigenvalues of ``A - K C``."""
     f = model.F if isinstance(model, PolynomialModel) else ()
-    return np.concatenate([model.noise_zeros(), *(roots(each[1:]) for each in f)])
+    return np.concatenate([model.noise_zeros(), *(roots(denominator[1:]) for denominator in f)])
 
 
 def _fading(poles: Complex) -> str:
@@ -245,7 +245,7 @@ def _fading(poles: Complex) -> str:
 def _polynomials(model: PolynomialModel) -> dict[str, Any]:
     """The polynomials; those of all inputs as the rows of one table."""
     delayed = [model.delayed_b(place) for place in range(model.inputs)]
-    below = [np.convolve(model.A, each) for each in model.F]
+    below = [np.convolve(model.A, f) for f in model.F]
     b, f, noise, paths = map(_table, (delayed, model.F, (model.C, model.D), delayed + below))
     orders = {"a": len(model.A) - 1, "b": b.shape[1] - 1, "f": f.shape[1] - 1}
     return {

@@ -76,28 +76,28 @@ def _variables(exported: Exported) -> dict[str, Any]:
     """Names, units and start values; outputs depend on the inputs that act on the same sample."""
     signals = exported.signals
     channels = signals.inputs + signals.outputs
-    names = [printed(each.name) for each in channels]
+    names = [printed(channel.name) for channel in channels]
     if len({*names, "time"}) <= len(names):
         names = [f"{k} {name}" for k, name in enumerate(names, start=1)]
     start = signals.start if signals.has_trend else 0.0
     direct = _feedthrough(exported.model)
     variables = []
-    for k, (name, each) in enumerate(zip(names, channels, strict=True)):
+    for k, (name, channel) in enumerate(zip(names, channels, strict=True)):
         is_input = k < len(signals.inputs)
         variables.append(
             {
                 "name": name,
-                "unit": printed(each.unit),
+                "unit": printed(channel.unit),
                 "reference": k + 1,
                 "causality": "input" if is_input else "output",
-                "start": each.last[0] if each.last else each.level + each.trend * start,
+                "start": channel.last[0] if channel.last else channel.level + channel.trend * start,
                 "dependencies": []
                 if is_input
                 else 1 + np.flatnonzero(direct[k - len(signals.inputs)]),
             }
         )
-    units = dict.fromkeys(each["unit"] for each in variables if each["unit"])
-    starts = [each["start"] for each in variables[: len(signals.inputs)]]
+    units = dict.fromkeys(variable["unit"] for variable in variables if variable["unit"])
+    starts = [variable["start"] for variable in variables[: len(signals.inputs)]]
     return {"variables": variables, "units": [*units], "starts": starts, "begin": start}
 
 

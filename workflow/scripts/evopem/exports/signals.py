@@ -65,7 +65,7 @@ class Signals:
                 *(about.output_trends, origin.output_initial, about.difference),
             ),
             *(about.difference, times, about.box_cox, about.shift, origin.start),
-            *(about.resampled_from, len({each.recording for each in about.estimation})),
+            *(about.resampled_from, len({origin.recording for origin in about.estimation})),
             own_levels=record.level_of_simulation == "state",
         )
 
@@ -79,7 +79,7 @@ class Signals:
     @property
     def has_trend(self) -> bool:
         """Whether a slope is taken from a channel."""
-        return any(each.trend for each in (*self.inputs, *self.outputs))
+        return any(channel.trend for channel in (*self.inputs, *self.outputs))
 
     @property
     def lost(self) -> int:
@@ -104,4 +104,4 @@ def _channels(
         before = invert_difference(np.empty((0, len(names))), initial)
         last = [*zip(*(np.diff(before, k, axis=0)[-1] for k in range(times)), strict=True)]
     columns = zip(names, units, levels, slopes, last, strict=True)
-    return tuple(Channel(*each) for each in columns)
+    return tuple(Channel(*column) for column in columns)

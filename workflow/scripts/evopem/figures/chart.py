@@ -104,7 +104,7 @@ class Chart:
 
     def only(self, kind: str) -> Self:
         """The panels of one kind of column, one above the other."""
-        kept = tuple(each for each in self.panels if each.curves[0].column.endswith(kind))
+        kept = tuple(panel for panel in self.panels if panel.curves[0].column.endswith(kind))
         return replace(self, panels=kept, columns=1)
 
     def page_form(self) -> list[dict[str, Any]]:
@@ -127,8 +127,8 @@ def nothing(sentence: str) -> Chart:
 
 def of_pair(output: Channel, source: Channel | None = None) -> Where:
     """The rows of an output, or of an output and an input, in a table."""
-    found = (("output", output.name),)
-    return found if source is None else (*found, ("input", source.name))
+    pair = (("output", output.name),)
+    return pair if source is None else (*pair, ("input", source.name))
 
 
 def rows_of(table: pd.DataFrame, where: Where) -> pd.DataFrame:

@@ -27,8 +27,8 @@ MOST = 6
 
 def spread_percent(modes: Sequence[Mode | None]) -> float:
     """Largest less smallest frequency, in percent of their mean; NaN for one model."""
-    found = [mode.frequency_hz for mode in modes if mode is not None]
-    return 100.0 * (max(found) - min(found)) / fmean(found) if len(found) > 1 else float("nan")
+    hertz = [mode.frequency_hz for mode in modes if mode is not None]
+    return 100.0 * (max(hertz) - min(hertz)) / fmean(hertz) if len(hertz) > 1 else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,21 +61,21 @@ class Comparison:
     @cached_property
     def outputs(self) -> list[tuple[Channel, ...]]:
         """Each common output as every model has it, found by name; a single one by whatever."""
-        return _common([{output.name: output for output in each.outputs} for each in self.models])
+        return _common([{output.name: output for output in model.outputs} for model in self.models])
 
     @cached_property
     def pairs(self) -> list[tuple[Pair, ...]]:
         """Each common pair of output and input as every model has it."""
         return _common(
-            [{(o.name, s.name if s else ""): (o, s) for o, s in each.pairs} for each in self.models]
+            [{(o.name, s.name if s else ""): (o, s) for o, s in m.pairs} for m in self.models]
         )
 
     @property
     def has_same_validation(self) -> bool:
         """Whether all models were validated on the same samples, at the same rate."""
         first, *others = (
-            each.validation_tables.simulation[["time_s", *(f"output_{o.name}" for o in outputs)]]
-            for each, outputs in zip(self.models, zip(*self.outputs, strict=True), strict=True)
+            model.validation_tables.simulation[["time_s", *(f"output_{o.name}" for o in outputs)]]
+            for model, outputs in zip(self.models, zip(*self.outputs, strict=True), strict=True)
         )
         return all(
             first.shape == other.shape and np.allclose(first, other, rtol=1e-9, equal_nan=True)
@@ -85,29 +85,29 @@ class Comparison:
     @cached_property
     def matched(self) -> list[tuple[Mode | None, ...]]:
         """Each mode as every model has it, matched by frequency, in its order."""
-        return matched_modes([each.modes for each in self.models])
+        return matched_modes([model.modes for model in self.models])
 
     @cached_property
     def trusted(self) -> set[Mode]:
         """The modes of all models that nothing speaks against."""
-        return {mode for each in self.models for mode in each.validation.modes.trusted}
+        return {mode for model in self.models for mode in model.validation.modes.trusted}
 
     @property
     def table(self) -> pd.DataFrame:
         """A row for each model: its orders, errors, criteria and checks."""
         rows = [
             {
-                "model": each.model.text,
-                "parameters": each.model.model.parameters.size,
-                "estimation_samples": each.model.transforms.estimation_samples,
-                "sampling_rate_hz": each.model.sampling_rate,
-                "simulation_error_percent": each.validation.simulation_error_percent,
-                "prediction_error_percent": each.validation.prediction_error_percent,
-                "bic": each.model.bic,
-                "failed_checks": len(failed_checks(each.checks)),
-                "trusted_modes": len(each.validation.modes.trusted),
+                "model": model.model.text,
+                "parameters": model.model.model.parameters.size,
+                "estimation_samples": model.model.transforms.estimation_samples,
+                "sampling_rate_hz": model.model.sampling_rate,
+                "simulation_error_percent": model.validation.simulation_error_percent,
+                "prediction_error_percent": model.validation.prediction_error_percent,
+                "bic": model.model.bic,
+                "failed_checks": len(failed_checks(model.checks)),
+                "trusted_modes": len(model.validation.modes.trusted),
             }
-            for each in self.models
+            for model in self.models
         ]
         return pd.DataFrame(rows, index=pd.Index(self.labels, name="data set"))
 
@@ -116,8 +116,8 @@ class Comparison:
         """A row for each mode of each model: number of the matched mode, values and errors."""
         rows = [
             (number, label, *mode_values(mode), mode in self.trusted)
-            for number, each in enumerate(self.matched, start=1)
-            for label, mode in zip(self.labels, each, strict=True)
+            for number, modes in enumerate(self.matched, start=1)
+            for label, mode in zip(self.labels, modes, strict=True)
             if mode is not None
         ]
         return pd.DataFrame(rows, columns=["mode", "data set", *MODE_COLUMNS, "trusted"])
@@ -125,17 +125,17 @@ class Comparison:
 
 def _common(named: Sequence[Mapping[Any, T]]) -> list[tuple[T, ...]]:
     """The values of the keys that all have, in the order of the first; of one each, these."""
-    if all(len(each) == 1 for each in named):
-        return [tuple(next(iter(each.values())) for each in named)]
-    keys = [key for key in named[0] if all(key in each for each in named)]
-    return [tuple(each[key] for each in named) for key in keys]
+    if all(len(by_name) == 1 for by_name in named):
+        return [tuple(next(iter(by_name.values())) for by_name in named)]
+    keys = [key for key in named[0] if all(key in by_name for by_name in named)]
+    return [tuple(by_name[key] for by_name in named) for key in keys]
 
 
 def _labels(models: Sequence[DatasetResults]) -> tuple[str, ...]:
     """Names; with the orders where names agree, and a number where these agree as well."""
-    names = [each.name for each in models]
+    names = [model.name for model in models]
     if len(set(names)) < len(names):
-        names = [f"{each.name}, {each.model.text}" for each in models]
+        names = [f"{model.name}, {model.model.text}" for model in models]
     return tuple(
         f"{name} ({names[:place].count(name) + 1})" if names.count(name) > 1 else name
         for place, name in enumerate(names)
@@ -146,19 +146,17 @@ def compared_responses(comparison: Comparison) -> Chart:
     """Gain and phase of every model and common pair, with the 95 % bands of the gains."""
     panels = []
     for panels_of, height in ((gain_panels, 260), (phase_panels, 170)):
-        own = [
-            dict(zip(each.pairs[:MOST_PANELS], panels_of(each, height), strict=True))
-            for each in comparison.models
+        drawn = [
+            dict(zip(model.pairs[:MOST_PANELS], panels_of(model, height), strict=True))
+            for model in comparison.models
         ]
         for pair in comparison.pairs[: MOST_PANELS // 2]:
-            found = [each[name] for each, name in zip(own, pair, strict=True) if name in each]
-            if len(found) == len(own):
-                panels.append(_overlaid(found, comparison.labels))
+            charts = [p[name] for p, name in zip(drawn, pair, strict=True) if name in p]
+            if len(charts) == len(drawn):
+                panels.append(_overlaid(charts, comparison.labels))
     if not panels:
         return nothing("The models have no input in common.")
-    tables = [
-        thinned(each).assign(model=str(number)) for number, each in enumerate(comparison.models, 1)
-    ]
+    tables = [thinned(m).assign(model=str(number)) for number, m in enumerate(comparison.models, 1)]
     table = pd.concat(tables, ignore_index=True).drop(columns="coherence", errors="ignore")
     table = table[table["source"] != "measured"]
     return Chart(table, tuple(panels), across(panels[: len(panels) // 2]))
@@ -227,7 +225,7 @@ def compared_modes(comparison: Comparison) -> Chart:
     panel = Panel(
         *("", "frequency_hz", "Natural frequency (Hz)", "Damping ratio (%)", tuple(curves)),
         limits=(min(0.0, 1.2 * float(damping.min())), 1.3 * max(float(damping.max()), 1e-6)),
-        highest=max(each.model.sampling_rate for each in comparison.models) / 2,
+        highest=max(model.model.sampling_rate for model in comparison.models) / 2,
         height=250,
     )
     return Chart(table, (panel,), live=False)

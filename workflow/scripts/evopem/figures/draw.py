@@ -165,7 +165,7 @@ def _draw_curve(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins
 
 def _band(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins: int) -> None:
     lower, upper = (curve.factor * rows[name].to_numpy(dtype=float) for name in curve.band)
-    kept = np.unique(np.concatenate([extremes(each, bins) for each in (lower, upper)]))
+    kept = np.unique(np.concatenate([extremes(bound, bins) for bound in (lower, upper)]))
     x = rows[panel.x].to_numpy(dtype=float)[kept]
     if panel.scale == "logarithmic":
         positive = rows[curve.column][rows[curve.column] > 0]
@@ -191,8 +191,8 @@ def _points(axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.n
     marker = curve.marker.removeprefix("open") or "o"
     if curve.errors:
         along, across = (
-            np.where(np.isfinite(each), NORMAL_95 * each, 0.0)
-            for each in (rows[name].to_numpy(dtype=float) for name in curve.errors)
+            np.where(np.isfinite(errors), NORMAL_95 * errors, 0.0)
+            for errors in (rows[name].to_numpy(dtype=float) for name in curve.errors)
         )
         # A logarithmic axis ends above zero.
         low = np.minimum(across, 0.9 * np.abs(y))

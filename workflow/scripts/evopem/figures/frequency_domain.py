@@ -125,7 +125,7 @@ def thinned(results: DatasetResults) -> pd.DataFrame:
     table = results.responses
     table = table[table["source"].isin([model_source(results)[0], "measured"])]
     table = table[table["frequency_hz"] > 0].dropna(axis="columns", how="all")
-    keys = [each for each in ("source", "output", "input") if each in table]
+    keys = [column for column in ("source", "output", "input") if column in table]
     parts = [
         rows.iloc[extremes(rows["gain"], GAIN_BINS)] for _, rows in table.groupby(keys, sort=False)
     ]
@@ -247,15 +247,15 @@ def residual_spectra(results: DatasetResults) -> pd.DataFrame:
         errors = simulation[f"output_{output.name}"] - simulation[f"predicted_{output.name}"]
         errors = errors.dropna().to_numpy(dtype=float)
         try:
-            found = multitaper_spectrum(errors, rate, nfft=RESIDUAL_NFFT)
+            estimated = multitaper_spectrum(errors, rate, nfft=RESIDUAL_NFFT)
         except InputError:  # too few of them
             continue
         columns = {
             "output": output.name,
-            "frequency_hz": found.frequencies,
-            "density": found.density,
-            "lower": found.lower,
-            "upper": found.upper,
+            "frequency_hz": estimated.frequencies,
+            "density": estimated.density,
+            "lower": estimated.lower,
+            "upper": estimated.upper,
             "white_level": 2.0 * float(np.var(errors)) / rate,
         }
         tables.append(pd.DataFrame(columns))
@@ -281,9 +281,9 @@ def _densities(results: DatasetResults, table: pd.DataFrame, *curves: Curve) -> 
     for output in outputs:
         unit = f"({output.prepared_unit})²/Hz" if output.prepared_unit else "per Hz"
         words = results.pair_title(output), with_unit("Power spectral density", unit)
-        own = [replace(each, where=of_pair(output)) for each in curves]
+        shown = [replace(curve, where=of_pair(output)) for curve in curves]
         height = small(outputs, 230)
-        panels.append(_panel(results, words, own, height, scale="logarithmic", marks=marks))
+        panels.append(_panel(results, words, shown, height, scale="logarithmic", marks=marks))
     if len(panels) == 1:
         panels = [replace(panels[0], title="")]
     return Chart(table, tuple(panels), across(panels))

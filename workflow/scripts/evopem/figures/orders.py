@@ -79,7 +79,7 @@ def phases(results: DatasetResults) -> Chart:
         return _held_out(results)
     structure, table = results.model.structure, results.candidates
     varied = {
-        each: varied_order(each, structure) for each in phases_of(structure) if each != "delay"
+        phase: varied_order(phase, structure) for phase in phases_of(structure) if phase != "delay"
     }
     tables = {
         phase: table[table["phase"] == phase].sort_values(order) for phase, order in varied.items()
@@ -101,7 +101,7 @@ def _held_out(results: DatasetResults) -> Chart:
     if table["order"].nunique() < 2:
         return nothing("No orders were compared.")
     series: dict[str, Where] = {
-        each: (("structure", each),) for each in table["structure"].unique()
+        structure: (("structure", structure),) for structure in table["structure"].unique()
     }
     errors = table["error_percent"]
     highest = 1.05 * float(min(errors.max(), 4.0 * errors.min()))

@@ -25,10 +25,10 @@ class ShapeDrawing:
         self.channels = [
             (
                 output_names.index(name),
-                index[each.point],
-                np.array(each.direction) / np.linalg.norm(each.direction),
+                index[channel.point],
+                np.array(channel.direction) / np.linalg.norm(channel.direction),
             )
-            for name, each in geometry.channels.items()
+            for name, channel in geometry.channels.items()
         ]
         extent = np.ptp(self.rest, axis=0)
         self.size = float(np.linalg.norm(extent)) or 1.0
@@ -85,7 +85,7 @@ class ShapeDrawing:
     def _outline(self, flat: Array) -> str:
         words = [f"{x:.1f} {y:.1f}" for x, y in flat]
         if not self.lines:
-            return "".join(f"M{each}h.1" for each in words)
+            return "".join(f"M{word}h.1" for word in words)
         return "".join(f"M{words[one]}L{words[other]}" for one, other in self.lines)
 
 

@@ -98,7 +98,7 @@ def measured_and_simulated(results: DatasetResults) -> Chart:
         for output, _ in results.worst_first[:MOST_PANELS]
     )
     if len(panels) > 1:
-        panels = tuple(replace(each, x_label=TIME, height=150, linked="first") for each in panels)
+        panels = tuple(replace(panel, x_label=TIME, height=150, linked="first") for panel in panels)
     return Chart(_first_samples(results, _columns(panels)), panels, across(panels))
 
 
@@ -109,10 +109,10 @@ def _first_samples(results: DatasetResults, columns: list[str]) -> pd.DataFrame:
     scored = table[table[columns].notna().all(axis="columns")]
     if "recording" not in table:
         return scored[columns].iloc[:kept]
-    recordings = [each for _, each in scored.groupby("recording")]
-    own = max(kept // max(len(recordings), 1), 1)
+    recordings = [part for _, part in scored.groupby("recording")]
+    shown = max(kept // max(len(recordings), 1), 1)
     gap = scored.iloc[:1] * np.nan
-    parts = [part for each in recordings for part in (each.iloc[:own], gap)][:-1]
+    parts = [part for recording in recordings for part in (recording.iloc[:shown], gap)][:-1]
     together = pd.concat(parts, ignore_index=True)
     time = np.arange(len(together)) / results.model.sampling_rate
     return together.assign(time_s=time)[columns]
@@ -178,8 +178,8 @@ def _signals(results: DatasetResults) -> pd.DataFrame:
     """All channels as recorded and as used."""
     prepared, inputs = results.prepared, results.inputs
     begin = prepared.estimation.samples / prepared.estimation.sampling_rate
-    names = [f"input_{each.name}" for each in inputs]
-    names += [f"output_{each.name}" for each in results.outputs]
+    names = [f"input_{channel.name}" for channel in inputs]
+    names += [f"output_{output.name}" for output in results.outputs]
     tables = []
     parts = results.recording, prepared.estimation, prepared.validation
     for (stage, _), part, first in zip(RECORD_STAGES, parts, (0.0, 0.0, begin), strict=True):
@@ -230,7 +230,7 @@ def settling_part(results: DatasetResults) -> pd.DataFrame:
         size = np.abs(rows[names[-1]].to_numpy())
         settled = max(settled, int(np.flatnonzero(size > REMAINDER * size.max()).max(initial=0)))
     kept = max(round(1.2 * settled), FEWEST_OF_RESPONSE)
-    columns = [each for name in names for each in (name, *_band(name))]
+    columns = [column for name in names for column in (name, *_band(name))]
     first = table.groupby(pairs, sort=False).head(kept)
     return first[[*pairs, "time_s", *columns]].reset_index(drop=True)
 
@@ -239,8 +239,8 @@ def residuals(results: DatasetResults) -> Chart:
     """Autocorrelations of all outputs, and cross-correlations with all inputs."""
     # Lag 0 is 1 by definition and would flatten all other lags.
     computed = results.validation_tables
-    own = computed.residual_autocorrelation[computed.residual_autocorrelation["lag"] > 0]
-    tables = [own.rename(columns={"autocorrelation": "correlation"}).assign(input="")]
+    lagged = computed.residual_autocorrelation[computed.residual_autocorrelation["lag"] > 0]
+    tables = [lagged.rename(columns={"autocorrelation": "correlation"}).assign(input="")]
     if results.model.has_input:
         crossed = computed.cross_correlation
         tables.append(crossed.rename(columns={"cross_correlation": "correlation"}))

@@ -59,12 +59,12 @@ def files_below(folder: str | Path, ending: str) -> list[Path]:
 
     Other processes may write and delete files there meanwhile.
     """
-    found: list[Path] = []
+    files: list[Path] = []
     # Path.rglob raises an error when a folder vanishes while it is read; os.walk does not.
     for parent, folders, names in os.walk(folder):
         folders[:] = [name for name in folders if not name.startswith(TEMPORARY)]
-        found += [Path(parent) / name for name in names if name.endswith(ending)]
-    return sorted(found)
+        files += [Path(parent) / name for name in names if name.endswith(ending)]
+    return sorted(files)
 
 
 def write_text(path: str | Path, text: str) -> None:

@@ -35,7 +35,7 @@ def write_checksums(
     ``inputs``: those that are results with a checksum are kept beside it.
     """
     folder, known = Path(folder), checksummed(folder)
-    own = {
+    sums = {
         file.relative_to(folder).as_posix(): sha256_of_file(file) for file in _regular_files(files)
     }
     read = {
@@ -46,8 +46,8 @@ def write_checksums(
     own_file = folder / FOLDER / f"{job}{_SUFFIX}"
     for other_file in _checksum_files(folder):
         if other_file != own_file:
-            _remove_lines(other_file, folder, own)
-    _write(own_file, own, read)
+            _remove_lines(other_file, folder, sums)
+    _write(own_file, sums, read)
 
 
 def delete_results(folder: str | Path, only: Collection[str] | None = None) -> None:
@@ -57,7 +57,7 @@ def delete_results(folder: str | Path, only: Collection[str] | None = None) -> N
     """
     folder = Path(folder)
     # A damaged file of checksums must not name files elsewhere.
-    here = [each.relative_to(folder) for each in checksummed(folder) if each.is_relative_to(folder)]
+    here = [file.relative_to(folder) for file in checksummed(folder) if file.is_relative_to(folder)]
     names = {path.as_posix() for path in here if ".." not in path.parts}
     paths = names if only is None else names.intersection(only)
     for path in paths:
@@ -102,7 +102,7 @@ def write_page(path: str | Path, text: str) -> None:
 
     ``text`` has :data:`GENERATOR` among its first characters.
     """
-    check_own(checked_path("page", path), "page of evopem", lambda own: has_mark(own, GENERATOR))
+    check_own(checked_path("page", path), "page of evopem", lambda file: has_mark(file, GENERATOR))
     write_text(path, text)
 
 
@@ -170,7 +170,7 @@ def _regular_files(files: Iterable[str | Path]) -> Iterator[Path]:
     """Files, and those in folders among them, without hidden ones."""
     for file in map(Path, files):
         if file.is_dir():
-            yield from (each for each in files_below(file, "") if not each.name.startswith("."))
+            yield from (below for below in files_below(file, "") if not below.name.startswith("."))
         else:
             yield file
 

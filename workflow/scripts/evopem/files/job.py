@@ -142,15 +142,15 @@ def _attached(handler: logging.Handler) -> Iterator[logging.Logger]:
     warnings = logging.getLogger("py.warnings")
     logging.captureWarnings(True)
     logger.setLevel(logging.INFO)
-    before = [(each, each.handlers) for each in (logger, warnings)]
-    for each, kept in before:
-        others = [own for own in kept if not isinstance(own, logging.FileHandler)]
-        each.handlers = [*others, handler]
+    before = [(listener, listener.handlers) for listener in (logger, warnings)]
+    for listener, kept in before:
+        others = [attached for attached in kept if not isinstance(attached, logging.FileHandler)]
+        listener.handlers = [*others, handler]
     try:
         yield logger
     finally:
-        for each, kept in before:
-            each.handlers = kept
+        for listener, kept in before:
+            listener.handlers = kept
         # On a full disk the last messages cannot be written; the job's own error is shown.
         with suppress(OSError):
             handler.close()

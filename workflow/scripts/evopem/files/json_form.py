@@ -42,9 +42,9 @@ def to_json(value: Any) -> Any:
             for key, (name, *_) in _fields(value.__class__).items()
         }
     if isinstance(value, Mapping):
-        return {key: to_json(each) for key, each in value.items()}
+        return {key: to_json(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [to_json(each) for each in value]
+        return [to_json(item) for item in value]
     if isinstance(value, complex):
         return [float(value.real), float(value.imag)]
     return to_json(value.tolist())  # of numpy
@@ -96,13 +96,13 @@ def _fields(kind: type) -> dict[str, tuple[str, Any, bool]]:
     """Keys of a dataclass with the names, types and needs of its fields."""
     hints = get_type_hints(kind)
     return {
-        each.name.rstrip("_"): (
-            each.name,
-            hints[each.name],
-            each.default is MISSING and each.default_factory is MISSING,
+        field.name.rstrip("_"): (
+            field.name,
+            hints[field.name],
+            field.default is MISSING and field.default_factory is MISSING,
         )
-        for each in fields(kind)
-        if each.init
+        for field in fields(kind)
+        if field.init
     }
 
 
@@ -133,7 +133,7 @@ def _read(kind: Any, content: Any, place: str) -> Any:
         if len(content) != len(members):
             raise misfit(f"has not {len(members)} entries")
         pairs = enumerate(zip(members, content, strict=True))
-        return tuple(_read(member, each, f"{place}[{k}]") for k, (member, each) in pairs)
+        return tuple(_read(member, item, f"{place}[{k}]") for k, (member, item) in pairs)
     if origin is Literal:
         if not isinstance(content, str) or content not in members:
             raise misfit(f"is none of {', '.join(members)}")
@@ -144,7 +144,7 @@ def _read(kind: Any, content: Any, place: str) -> Any:
         return content
     try:
         if origin in (dict, Mapping):
-            return {key: _read(members[1], each, f"{place}.{key}") for key, each in content.items()}
+            return {key: _read(members[1], item, f"{place}.{key}") for key, item in content.items()}
         return complex(*content) if origin is complex else _array(kind, content)
     except (TypeError, ValueError, AttributeError, OverflowError):
         raise _MisfitError("the content has another form", place) from None
@@ -174,15 +174,15 @@ def _read_member(members: tuple[Any, ...], content: Any, place: str) -> Any:
     """Build a value of a union: of several dataclasses that with the fields nearest to its keys."""
     if content is None and NoneType in members:
         return None
-    left = [each for each in members if each is not NoneType]
+    left = [member for member in members if member is not NoneType]
     if isinstance(content, Mapping) and all(map(is_dataclass, left)):
-        left = [min(left, key=lambda each: len(content.keys() ^ _fields(each).keys()))]
+        left = [min(left, key=lambda kind: len(content.keys() ^ _fields(kind).keys()))]
     if len(left) == 1:
         return _read(left[0], content, place)
     if content is None:
         raise _MisfitError("there is no value", place)
     # A whole number stays one where the union has both kinds of numbers.
-    for member in sorted(left, key=lambda each: each is float):
+    for member in sorted(left, key=lambda kind: kind is float):
         with suppress(_MisfitError):
             return _read(member, content, place)
     raise _MisfitError(f"{shortened(content)} cannot be used here", place)

@@ -70,7 +70,7 @@ def unfinished_jobs(logs: str | Path, summary: str = "") -> list[UnfinishedJob]:
     records = [
         record
         for record in _read(logs)
-        if not (record.outputs and all((logs.parent / each).exists() for each in record.outputs))
+        if not (record.outputs and all((logs.parent / y).exists() for y in record.outputs))
         and (summary in record.outputs or _written(record, logs) >= since)
     ]
     return sorted(records, key=lambda record: _written(record, logs), reverse=True)

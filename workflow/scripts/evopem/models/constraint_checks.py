@@ -62,14 +62,14 @@ def check_constraints(
             _refuse("fixed_poles", problem, "use a structure with A alone, such as armax")
         refuse(of_no_input(constraints))
     for place, name in enumerate(names or ("",)):
-        own, path = constraints.of_input(name), orders.of_input(place)
-        _check_words(own, path)
-        _check_poles(own, path, sampling_rate)
-        _check_gain(own, path)
-        _check_coefficients(own, path)
-        _check_fixed_poles(own, path, sampling_rate)
-        for number, prior in enumerate(own.priors):
-            _check_prior(prior, f"priors[{number}]", own, path, sampling_rate)
+        of_input, path = constraints.of_input(name), orders.of_input(place)
+        _check_words(of_input, path)
+        _check_poles(of_input, path, sampling_rate)
+        _check_gain(of_input, path)
+        _check_coefficients(of_input, path)
+        _check_fixed_poles(of_input, path, sampling_rate)
+        for number, prior in enumerate(of_input.priors):
+            _check_prior(prior, f"priors[{number}]", of_input, path, sampling_rate)
 
 
 def refuse(rules: Iterable[Rule]) -> None:
@@ -120,7 +120,7 @@ def _check_words(constraints: Constraints, orders: Orders) -> None:
         ("real_poles", ("any", "positive", "none")),
     ):
         if (word := getattr(constraints, key)) not in words:
-            quoted = [f'"{each}"' for each in words]
+            quoted = [f'"{word}"' for word in words]
             _refuse(key, f"is {word!r}", f"use {', '.join(quoted[:-1])} or {quoted[-1]}")
     has_poles = orders.single.nb > 0 and (orders.na > 0 or orders.single.nf > 0)
     for key in (
@@ -204,11 +204,11 @@ def _check_gain(constraints: Constraints, orders: Orders) -> None:
 
 def _check_coefficients(constraints: Constraints, orders: Orders) -> None:
     for name, value in constraints.fixed_coefficients.items():
-        found, key = coefficient_index(name, orders), f"fixed_coefficients.{name}"
-        if found is None:
+        place, key = coefficient_index(name, orders), f"fixed_coefficients.{name}"
+        if place is None:
             problem = f"a model of orders {orders} has no such coefficient"
             _refuse(key, problem, "name one such as a1, b0 or f2; b0 is the first of B")
-        letter, index = found
+        letter, index = place
         held = letter in "af" and constraints.fixed_poles
         if letter == "b" or held or (letter == "a" and constraints.stability == "free"):
             continue
@@ -232,7 +232,7 @@ def _check_fixed_pole(
     pole: FixedPole, key: str, constraints: Constraints, orders: Orders, sampling_rate: float
 ) -> None:
     """A fixed pole that is none, or that other constraints or the structure forbid."""
-    given = [each is not None for each in (pole.real, pole.frequency_hz, pole.damping_ratio)]
+    given = [number is not None for number in (pole.real, pole.frequency_hz, pole.damping_ratio)]
     if given not in ([True, False, False], [False, True, True]):
         remedy = "give real, or frequency_hz and damping_ratio"
         _refuse(key, "it is neither a real pole nor a pair", remedy)
@@ -281,7 +281,7 @@ def _check_prior(
         _refuse(key, "its standard deviation is not positive", "give one above 0")
     if not math.isfinite(mean):
         _refuse(key, "its mean is not a finite number", NUMBER)
-    if [each.subject for each in constraints.priors].count(prior.subject) > 1:
+    if [prior.subject for prior in constraints.priors].count(prior.subject) > 1:
         _refuse(key, f"there are two priors of its {quantity}", LEAVE_ONE)
     if quantity == "static_gain":
         _check_has_gain(key, constraints, orders)

@@ -120,8 +120,8 @@ def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceMo
     factor, null_space = (
         np.vstack([np.zeros(part.shape[1]), part])[source]
         for part in (
-            block_diag(*(each.factor for each in both)),
-            block_diag(*(each.null_space for each in both)),
+            block_diag(*(covariance.factor for covariance in both)),
+            block_diag(*(covariance.null_space for covariance in both)),
         )
     )
     return replace(model, covariance=ParameterCovariance(factor, null_space))

@@ -157,7 +157,7 @@ def cluster_modes(modes: Mapping[int, Sequence[Mode]]) -> list[dict[int, int]]:
 
 def _allowed(relative: float, *standard_errors: float) -> float:
     """The larger of a tolerance and some standard errors of the difference, as far as known."""
-    known = (each for each in standard_errors if math.isfinite(each))
+    known = (standard_error for standard_error in standard_errors if math.isfinite(standard_error))
     return max(relative, STANDARD_ERRORS * math.hypot(*known), 1e-300)
 
 

@@ -64,20 +64,20 @@ def neighbours_among(
     neighbours: list[dict[str, Any]] = [{}] * len(poles)
     # Errors of poles and shapes for independent errors of unit variance.
     of_poles = {place: derivatives[place][0] @ covariance.factor for place in known}
-    for own in known:
-        deviations = derivatives[own][1] @ covariance.factor
-        neighbours[own] = {
-            "shape_assurance": _assurance_in(shapes[:, [own]], shapes[:, own], deviations)
+    for row in known:
+        deviations = derivatives[row][1] @ covariance.factor
+        neighbours[row] = {
+            "shape_assurance": _assurance_in(shapes[:, [row]], shapes[:, row], deviations)
         }
         equal = {
-            other: _equal_poles_p(poles[own] - poles[other], of_poles[own] - of_poles[other])
+            other: _equal_poles_p(poles[row] - poles[other], of_poles[row] - of_poles[other])
             for other in known
-            if other != own
+            if other != row
         }
         if equal:
             partner = max(equal, key=lambda other: equal[other])
-            plane = _assurance_in(shapes[:, [own, partner]], shapes[:, own], deviations)
-            neighbours[own] |= {
+            plane = _assurance_in(shapes[:, [row, partner]], shapes[:, row], deviations)
+            neighbours[row] |= {
                 "partner": partner,
                 "equal_poles_p": equal[partner],
                 "plane_assurance": plane,

@@ -143,8 +143,8 @@ def state_space_modes(
             for k in oscillating
         ]
         errors = [
-            _standard_errors(poles[k], shapes[:, k], *each, covariance, sampling_rate)
-            for k, each in zip(oscillating, derivatives, strict=True)
+            _standard_errors(poles[k], shapes[:, k], *derivative, covariance, sampling_rate)
+            for k, derivative in zip(oscillating, derivatives, strict=True)
         ]
         known = [
             place

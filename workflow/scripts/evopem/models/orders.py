@@ -69,7 +69,7 @@ class Orders:
         nk: Numbers = 0,
     ) -> None:
         counts = () if nb == 0 else _entries(nb, 1)
-        of_inputs = {name: _entries(each, len(counts)) for name, each in (("nf", nf), ("nk", nk))}
+        of_inputs = {name: _entries(n, len(counts)) for name, n in (("nf", nf), ("nk", nk))}
         if not counts and (_has_order(nf) or _has_order(nk)):
             raise ValueError("without an input, nb = 0, nf and nk must be 0")
         if not counts:
@@ -97,13 +97,13 @@ class Orders:
         """The orders as numbers, of a model with at most one input; ValueError for several."""
         if len(self.nb) > 1:
             raise ValueError(f"{self} has {len(self.nb)} inputs, not one")
-        nb, nf, nk = (sum(each) for each in (self.nb, self.nf, self.nk))
+        nb, nf, nk = (sum(orders) for orders in (self.nb, self.nf, self.nk))
         return SingleOrders(self.na, nb, self.nc, self.nd, nf, nk)
 
     def of_input(self, place: int) -> Self:
         """The orders of the path from one input."""
-        own = {name: getattr(self, name)[place : place + 1] for name in PER_INPUT}
-        return replace(self, structure="", **own) if self.inputs else self
+        orders = {name: getattr(self, name)[place : place + 1] for name in PER_INPUT}
+        return replace(self, structure="", **orders) if self.inputs else self
 
     @property
     def parameters(self) -> int:
@@ -198,16 +198,16 @@ def orders_of(
             return orders
         inputs = orders.inputs or inputs
         orders = {
-            name: each
+            name: order
             for name in ORDER_NAMES
-            if (each := getattr(orders, name))
-            and (name in STRUCTURES[structure] or name not in PER_INPUT or any(each))
+            if (order := getattr(orders, name))
+            and (name in STRUCTURES[structure] or name not in PER_INPUT or any(order))
         }
     given: dict[str, Any] = {}
     for name, value in named_orders(structure, orders).items():
         several = isinstance(value, Sequence) and not isinstance(value, str)
         numbers = tuple(value) if several else (value,)
-        if any(isinstance(each, bool) or not isinstance(each, Integral) for each in numbers):
+        if any(isinstance(number, bool) or not isinstance(number, Integral) for number in numbers):
             raise ValueError(f"order {name} must be a whole number, not {value!r}")
         if several and name not in PER_INPUT:
             raise ValueError(f"order {name} is one number for all inputs, not {value!r}")

@@ -109,7 +109,7 @@ class PolynomialModel(Polynomials):
         scale = float(of_outputs[0])
         return replace(
             self,
-            B=tuple(b * scale / each for b, each in zip(self.B, of_inputs, strict=False)),
+            B=tuple(b * scale / of_input for b, of_input in zip(self.B, of_inputs, strict=False)),
             level=self.level * scale,
             noise_variance=self.noise_variance * scale**2,
             covariance=None,
@@ -130,7 +130,7 @@ class PolynomialModel(Polynomials):
     def _modes_but(self, left_out: Sequence[Array]) -> list[Mode]:
         """The modes without those of some polynomials."""
         modes = self.state_space().modes()
-        for pole in np.concatenate([np.empty(0), *(roots(each[1:]) for each in left_out)]):
+        for pole in np.concatenate([np.empty(0), *(roots(p[1:]) for p in left_out)]):
             if pole.imag > 0.0:
                 modes.remove(min(modes, key=lambda mode: abs(mode.pole - pole)))
         return modes

@@ -101,7 +101,7 @@ class Polynomials:
     @property
     def parameters(self) -> Array:
         """Coefficients ``[a_1.., b_1 ... b_m, c_1.., d_1.., f_1 ... f_m]``, (n,)."""
-        f = [each[1:] for each in self.F]
+        f = [denominator[1:] for denominator in self.F]
         return np.concatenate([self.A[1:], *self.B, self.C[1:], self.D[1:], *f])
 
     def parameter_standard_errors(self) -> Array | None:
@@ -159,9 +159,9 @@ class Polynomials:
         """Roots of one of a, b, c, d, f of a model of at most one input, with covariances."""
         if letter in "bf" and not self.has_input:
             return []
-        own = None if self.covariance is None else self.covariance.part(self.part(letter))
+        covariance = None if self.covariance is None else self.covariance.part(self.part(letter))
         polynomial = getattr(self, letter.upper())
-        return uncertain_roots(polynomial[0] if letter in "bf" else polynomial, own)
+        return uncertain_roots(polynomial[0] if letter in "bf" else polynomial, covariance)
 
     def residuals(self, inputs: ArrayLike, output: ArrayLike) -> Array:
         """One-step prediction errors ``e = (D/C) (A y - sum (B_i/F_i) u_i - level)``, (N,).
@@ -200,7 +200,7 @@ def _arrays(given: Array | Sequence[ArrayLike]) -> tuple[Array, ...]:
         return ()
     if np.ndim(given[0]) == 0:
         return (np.asarray(given, dtype=float),)
-    return tuple(np.asarray(each, dtype=float) for each in given)
+    return tuple(np.asarray(polynomial, dtype=float) for polynomial in given)
 
 
 def impulse_response(above: Array, below: Array, samples: int) -> Array:

@@ -21,8 +21,8 @@ def roots(coefficients: Array) -> Complex:
 
 def max_root_radius(coefficients: Array) -> float:
     """Largest root radius; 0 for an empty polynomial."""
-    found = roots(coefficients)
-    return float(np.max(np.abs(found))) if len(found) else 0.0
+    all_roots = roots(coefficients)
+    return float(np.max(np.abs(all_roots))) if len(all_roots) else 0.0
 
 
 def powers_of_z(numerator: Array, denominator: Array) -> tuple[Array, Array]:

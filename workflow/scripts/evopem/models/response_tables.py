@@ -85,8 +85,8 @@ def response_interval(
                 slopes = response_slopes(form, frequencies[block], noise)
                 rows = (slopes / response[block, ..., None]).reshape(-1, slopes.shape[-1])
                 errors[:, block] = [
-                    form.covariance.standard_errors(each).reshape(gain[block].shape)
-                    for each in (rows.real, rows.imag)
+                    form.covariance.standard_errors(gradient).reshape(gain[block].shape)
+                    for gradient in (rows.real, rows.imag)
                 ]
         errors[~np.isfinite(errors)] = np.nan
         spread = np.exp(NORMAL_95 * errors[0])
@@ -169,14 +169,14 @@ def frequency_response_table(
     if frequencies is None:
         count = FREQUENCIES if len(inputs) * len(outputs) <= 1 else FREQUENCIES_OF_PAIRS
         frequencies = np.linspace(0.0, model.sampling_rate / 2.0, count)
-    own = plant or model
-    response, bands = own.frequency_response(frequencies), response_interval(own, frequencies)
+    shown = plant or model
+    response, bands = shown.frequency_response(frequencies), response_interval(shown, frequencies)
     noise, of_noise = model.noise_response(frequencies), response_interval(model, frequencies, True)
     blocks = []
     for row in range(len(outputs)):
-        beside = _columns(noise[:, row, row], *(each[:, row, row] for each in of_noise))
+        beside = _columns(noise[:, row, row], *(response[:, row, row] for response in of_noise))
         of_pairs = [
-            _columns(response[:, row, k], *(each[:, row, k] for each in bands))
+            _columns(response[:, row, k], *(band[:, row, k] for band in bands))
             for k in range(len(inputs))
         ] or [dict.fromkeys(beside, np.full(len(frequencies), np.nan))]
         beside = {f"noise_{name}": column for name, column in beside.items()}
@@ -223,23 +223,23 @@ def time_response_table(
         return np.stack([impulse, np.cumsum(impulse, axis=0)])
 
     def of_noise(model: Any) -> Array:
-        own = np.einsum("tii->ti", model.noise_impulse_response(samples))
-        return np.repeat(own[..., None], len(inputs) or 1, axis=2)[None]
+        responses = np.einsum("tii->ti", model.noise_impulse_response(samples))
+        return np.repeat(responses[..., None], len(inputs) or 1, axis=2)[None]
 
     columns: dict[str, Array] = {}
-    for names, own, response in (
+    for names, of_part, response in (
         (("impulse", "step"), plant, of_plant),
         (("noise_impulse",), model, of_noise),
     ):
-        values = response(own)
+        values = response(of_part)
         errors = np.full(values.shape, np.nan)
-        if own.covariance is not None and values.size:
-            errors = response_standard_errors(own, response)
+        if of_part.covariance is not None and values.size:
+            errors = response_standard_errors(of_part, response)
             errors[~np.isfinite(errors)] = np.nan
         for end, sign in (("", 0.0), ("_lower", -1.0), ("_upper", 1.0)):
-            found = values + sign * NORMAL_95 * errors if sign else values
-            for name, each in zip(names, found, strict=True):
-                columns[name + end] = np.moveaxis(each, 0, 2).ravel()
+            ends = values + sign * NORMAL_95 * errors if sign else values
+            for name, values_of_end in zip(names, ends, strict=True):
+                columns[name + end] = np.moveaxis(values_of_end, 0, 2).ravel()
     unknown = np.full(samples * len(pairs), np.nan)
     return {
         "output": [output for output, _ in pairs for _ in range(samples)],

@@ -198,7 +198,7 @@ class StateSpaceModel:
         model = replace(self, level=np.zeros(self.outputs))
         errors, nothing = model.residuals(inputs, outputs), np.zeros_like(inputs, dtype=float)
         ones = np.eye(self.outputs)[:, None].repeat(len(errors), axis=1)
-        levels = np.stack([model.residuals(nothing, each) for each in ones], axis=2)
+        levels = np.stack([model.residuals(nothing, one) for one in ones], axis=2)
         columns = np.concatenate([levels, self._free_responses(self.predictor, len(errors))], 2)
         spread = np.sqrt(np.abs(np.diag(self.noise_covariance)))
         return replace(self, level=fitted(columns, errors, spread)[: self.outputs])
@@ -228,7 +228,7 @@ class StateSpaceModel:
             rest = driven @ form.C.T + u @ form.D.T + form.level
             free = form._free_responses(form.A, len(y), fit_level)
             power = driven.T @ driven / len(driven)
-        if not all(np.isfinite(each).all() for each in (rest, free, power)):
+        if not all(np.isfinite(part).all() for part in (rest, free, power)):
             return np.full(y.shape, np.inf)
         target, columns = (y - rest)[:known], free[:known]
         if known is None:

@@ -72,8 +72,8 @@ def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array
     states = np.vstack([np.zeros(n) if initial is None else initial, drive[:-1]])
     for first in range(0, samples, PART - 1):
         part = states[first : first + PART]  # whose first state is known
-        found = dtbsv(2 * n - 1, matrix[:, : part.size], part.ravel(), lower=1, diag=1)
-        part[:] = found.reshape(part.shape)
+        solution = dtbsv(2 * n - 1, matrix[:, : part.size], part.ravel(), lower=1, diag=1)
+        part[:] = solution.reshape(part.shape)
     return states[:samples]
 
 

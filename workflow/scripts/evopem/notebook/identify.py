@@ -116,8 +116,8 @@ def identify(
     folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
     root = Path(folder.name)
     for what, signals in ((DATA, recorded), (VALIDATION, held_out)):
-        for each, file in zip(signals, _files(what, signals), strict=True):
-            each.save(root / file)
+        for signal, file in zip(signals, _files(what, signals), strict=True):
+            signal.save(root / file)
     files = DatasetFiles(str(root / RESULTS_FOLDER / name))
     with one_blas_thread(), progress(show_progress) as announce:
         try:
@@ -158,14 +158,14 @@ def _validation_signals(
     if not isinstance(tables, tuple | list) or not tables:
         problem = "it is neither a table nor a pair of signals"
         raise InputError(VALIDATION, problem, "give (input, output)")
-    are_tables = all(hasattr(each, "columns") for each in tables)
+    are_tables = all(hasattr(table, "columns") for table in tables)
     if not are_tables or hasattr(wanted.output, "iloc"):
         if len(tables) != 2:
             raise InputError(VALIDATION, f"it has {len(tables)} signals", "give (input, output)")
         given, output = tables
         wanted = replace(wanted, output=output, input=None, time=None)
-    found = given_recordings(given, wanted, VALIDATION)
-    return tuple(alike(each, first, VALIDATION) for each in found)
+    signals = given_recordings(given, wanted, VALIDATION)
+    return tuple(alike(recording, first, VALIDATION) for recording in signals)
 
 
 def _settings(
@@ -182,17 +182,17 @@ def _settings(
         if key in keys:
             raise InputError(key, "it is no key of the analysis", "leave it out")
     inputs, outputs = signals.input_names, signals.output_names
-    own: dict[str, Any] = {
+    written_keys: dict[str, Any] = {
         "file": one_or_list(_files(DATA, recorded)),
         "output": one_or_list(outputs),
         "sampling_rate": float(signals.sampling_rate),
     }
-    own["input"] = one_or_list(inputs) if inputs else NONE
+    written_keys["input"] = one_or_list(inputs) if inputs else NONE
     keys = _as_lists(_with_ranges(keys, len(inputs)))
     if held_out:
-        own["validation_file"] = one_or_list(_files(VALIDATION, held_out))
+        written_keys["validation_file"] = one_or_list(_files(VALIDATION, held_out))
     try:
-        return complete({"datasets": {name: own | keys}}, "identify").datasets[name]
+        return complete({"datasets": {name: written_keys | keys}}, "identify").datasets[name]
     except InputError as error:
         key = error.place.removeprefix(f"datasets.{name}").lstrip(".")
         place = "name" if key == "datasets" else key or "identify"
@@ -201,12 +201,12 @@ def _settings(
 
 def _with_ranges(keys: Mapping[str, Any], inputs: int) -> dict[str, Any]:
     """Keys with ranges in place of a structure and orders as :func:`evopem.estimate` takes them."""
-    found, orders = dict(keys), keys.get("orders")
-    structure: Any = found.get("structure") or getattr(orders, "structure", None)
+    written, orders = dict(keys), keys.get("orders")
+    structure: Any = written.get("structure") or getattr(orders, "structure", None)
     if structure in tuple(STATE_SPACE_FORMS) and "form" not in keys:
-        found |= {"structure": STATE_SPACE, "form": structure}
+        written |= {"structure": STATE_SPACE, "form": structure}
     if orders is None or structure not in (None, STATE_SPACE, *STRUCTURES, *STATE_SPACE_FORMS):
-        return found
+        return written
     is_one = not isinstance(orders, Mapping)
     try:
         if is_one and structure is None and not isinstance(orders, int):
@@ -216,7 +216,7 @@ def _with_ranges(keys: Mapping[str, Any], inputs: int) -> dict[str, Any]:
             orders = {name: _alone(getattr(model, name)) for name in STRUCTURES[structure]}
             if keys.get("recipe") == "chapter" and structure != "fir":
                 orders["plant"] = orders.pop(plant_order(structure))
-            found["structure"] = structure
+            written["structure"] = structure
         elif is_one:
             orders = orders_in_state_space(structure or STATE_SPACE, orders)
         if "nk" in orders and "delay" in keys:
@@ -224,10 +224,10 @@ def _with_ranges(keys: Mapping[str, Any], inputs: int) -> dict[str, Any]:
     except ValueError as error:
         remedy = 'write structure="oe", orders=(2, 2, 1), or ranges by name'
         raise InputError("orders", str(error), remedy) from None
-    found["orders"] = {"nx" if name == "n" else name: each for name, each in orders.items()}
+    written["orders"] = {"nx" if name == "n" else name: order for name, order in orders.items()}
     if "nk" in orders:
-        found["delay"] = {"nk": found["orders"].pop("nk")}
-    return found
+        written["delay"] = {"nk": written["orders"].pop("nk")}
+    return written
 
 
 def _alone(orders: Any) -> Any:
@@ -240,8 +240,8 @@ def _alone(orders: Any) -> Any:
 def _as_lists(value: Any) -> Any:
     """Keys of a configuration with lists where Python has tuples."""
     if isinstance(value, Mapping):
-        return {key: _as_lists(each) for key, each in value.items()}
-    return [_as_lists(each) for each in value] if isinstance(value, list | tuple) else value
+        return {key: _as_lists(item) for key, item in value.items()}
+    return [_as_lists(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _files(what: str, recordings: Sequence[GivenSignals]) -> list[str]:

@@ -62,9 +62,9 @@ def _drawn(chart: Chart, axes: Any) -> list[Axes]:
     if axes is None and getattr(pyplot, "_backend_mod", None) is None:
         pyplot.close(pyplot.figure())
     with rc_context(PARAMETERS | _PAPER):
-        own = panels_of(chart, axes, pyplot.figure)
-    draw(chart, own)
-    return own
+        panels = panels_of(chart, axes, pyplot.figure)
+    draw(chart, panels)
+    return panels
 
 
 def _plot(chart_of: Callable[[Any], Chart], kind: str = "") -> Callable[..., Any]:
@@ -74,8 +74,8 @@ def _plot(chart_of: Callable[[Any], Chart], kind: str = "") -> Callable[..., Any
         chart = chart_of(getattr(self, "results", self))
         if kind and not (chart := chart.only(kind)).panels:
             raise InputError(plot.__name__, "the model has no input", "take plot_impulse_response")
-        own = _drawn(chart, axes)
-        return own if len(own) > 1 else own[0]
+        panels = _drawn(chart, axes)
+        return panels if len(panels) > 1 else panels[0]
 
     return plot
 
@@ -243,11 +243,11 @@ class Results(_Reported):
         InputError
             For too many, or labels that do not tell the models apart.
         """
-        for each in (self, *others):
-            if not isinstance(each, Results):
-                shown = repr(each)[:40]
+        for other in (self, *others):
+            if not isinstance(other, Results):
+                shown = repr(other)[:40]
                 raise InputError("compare", f"{shown} is no result", "give what identify returns")
-        return ModelComparison.of([each.results for each in (self, *others)], labels)
+        return ModelComparison.of([other.results for other in (self, *others)], labels)
 
     def _page(self) -> str:
         from evopem.figures import svg_texts
@@ -299,7 +299,7 @@ class ModelComparison(_Reported, Comparison):
 
     def _repr_html_(self) -> str:
         tables = [self.table, self.modes.set_index(["mode", "data set"])]
-        return "".join(each.to_html(float_format="{:.4g}".format) for each in tables)
+        return "".join(table.to_html(float_format="{:.4g}".format) for table in tables)
 
     plot_frequency_responses = _plot(compared_responses)
     """Gain and phase of every model and pair."""

@@ -82,7 +82,7 @@ def given_signals(data: Any, wanted: Wanted, source: str = DATA) -> GivenSignals
         outputs = _samples(wanted.output, source, "output")
         inputs = np.empty((len(outputs), 0)) if data is None else _samples(data, source, "input")
         input_labels, output_labels = _labels(data, inputs), _labels(wanted.output, outputs)
-        indexes = [each.index for each in (data, wanted.output) if hasattr(each, "iloc")]
+        indexes = [frame.index for frame in (data, wanted.output) if hasattr(frame, "iloc")]
         if len(indexes) == 2 and not _are_equal(*indexes):
             raise InputError(
                 source,
@@ -115,11 +115,11 @@ def given_recordings(data: Any, wanted: Wanted, source: str = DATA) -> tuple[Giv
             f"there are {len(several)} inputs and {len(outputs) or 'no'} outputs",
             "give a list of the input and of the output of each recording",
         )
-    found = tuple(
-        given_signals(each, replace(wanted, output=own), f"{source}, recording {number}")
-        for number, (each, own) in enumerate(zip(several, outputs, strict=True), start=1)
+    signals = tuple(
+        given_signals(data, replace(wanted, output=response), f"{source}, recording {number}")
+        for number, (data, response) in enumerate(zip(several, outputs, strict=True), start=1)
     )
-    return tuple(alike(each, found[0], source) for each in found)
+    return tuple(alike(recording, signals[0], source) for recording in signals)
 
 
 def alike(signals: GivenSignals, first: GivenSignals, source: str) -> GivenSignals:
@@ -129,9 +129,9 @@ def alike(signals: GivenSignals, first: GivenSignals, source: str) -> GivenSigna
         problem = f"a sampling rate is {other:g} Hz, and that of the first recording is {rate:g} Hz"
         raise InputError(source, problem, "give recordings of one rate")
     for role in ("inputs", "outputs"):
-        own, expected = (getattr(each, role).shape[1] for each in (signals, first))
-        if own != expected:
-            problem = f"a recording has {own} {role}, and the first one {expected}"
+        channels, expected = (getattr(recording, role).shape[1] for recording in (signals, first))
+        if channels != expected:
+            problem = f"a recording has {channels} {role}, and the first one {expected}"
             raise InputError(source, problem, "give recordings of the same channels")
     return replace(signals, input_names=first.input_names, output_names=first.output_names)
 
@@ -167,7 +167,7 @@ def _places(table: Any, label: Any) -> int:
     if isinstance(label, bool | np.bool_):
         return 0
     try:
-        return sum(1 for each in table.columns if each == label)
+        return sum(1 for column in table.columns if column == label)
     except (TypeError, ValueError):
         return 0
 
@@ -217,7 +217,7 @@ def _are_equal(one: Any, other: Any) -> bool:
     if len(one) != len(other) or one.equals(other):
         return len(one) == len(other)
     stamps = np.asarray(one), np.asarray(other)
-    if any(each.dtype.kind != "f" or each.size < 2 for each in stamps):
+    if any(stamp.dtype.kind != "f" or stamp.size < 2 for stamp in stamps):
         return False
     step = float(np.min(np.abs(np.diff(stamps[0]))))
     return bool(np.all(np.abs(stamps[0] - stamps[1]) <= 1e-6 * step))
@@ -245,11 +245,11 @@ def _labels(values: Any, samples: Array) -> list[Any]:
 def _names(*labels: Sequence[Any]) -> list[tuple[str, ...]]:
     """Names of inputs and outputs, those of their roles where they cannot be told apart."""
     roles = [
-        (role,) if len(own) == 1 else tuple(f"{role}_{n}" for n in range(1, len(own) + 1))
-        for own, role in zip(labels, ("input", "output"), strict=True)
+        (role,) if len(label) == 1 else tuple(f"{role}_{n}" for n in range(1, len(label) + 1))
+        for label, role in zip(labels, ("input", "output"), strict=True)
     ]
-    named = [tuple(map(_name, *each)) for each in zip(labels, roles, strict=True)]
-    names = [name for each in named for name in each]
+    named = [tuple(map(_name, *labelled)) for labelled in zip(labels, roles, strict=True)]
+    names = [name for names in named for name in names]
     return named if len(set(names)) == len(names) else roles
 
 

@@ -63,10 +63,10 @@ def _identify(files: DatasetFiles, settings: DatasetSettings, code: str, cores: 
     """Take one recording through all stages, and pack what is not looked at every day."""
     with job(files.log(IDENTIFICATION), (), files.batch_results, ends_with_parent=False) as logger:
         delete_results(files.folder)  # nothing of an earlier run is left if this one fails
-        with made_aside(files) as own:
-            save(made_from(settings, code), f"{own.folder}/{MADE_FROM}")
-            identify_dataset(own, settings, with_report=False, log=logger.info, cores=cores)
-            _keep(own, files)
+        with made_aside(files) as aside:
+            save(made_from(settings, code), f"{aside.folder}/{MADE_FROM}")
+            identify_dataset(aside, settings, with_report=False, log=logger.info, cores=cores)
+            _keep(aside, files)
 
 
 def _keep(made: DatasetFiles, files: DatasetFiles) -> None:

@@ -30,4 +30,4 @@ def call(
     for key, value in values.items():
         offered[key] = int(value) if kinds.get(key) is int else value
     accepted = signature(called).parameters
-    called(files, **typed, **{key: each for key, each in offered.items() if key in accepted})
+    called(files, **typed, **{key: value for key, value in offered.items() if key in accepted})

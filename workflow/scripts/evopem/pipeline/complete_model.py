@@ -58,20 +58,20 @@ def _record_of(
     evaluations = settings.evaluations
     if evaluations is None and not states and data.inputs.shape[1] > 1:
         evaluations = POLYNOMIAL_EVALUATIONS
-    own = search if evaluations is None else replace(search, evaluations=evaluations)
+    limited = search if evaluations is None else replace(search, evaluations=evaluations)
     with errors_name_dataset(files), one_blas_thread():
-        found, about = estimate_choice(
-            *(choice, scorer, scored.record, data, own),
+        chosen, about = estimate_choice(
+            *(choice, scorer, scored.record, data, limited),
             *(fit if fit.changes_model else None, plant_kept, log),
         )
     return ModelRecord.of(
-        *(found.estimate, data, search, scored.prepared.transforms, _level_of(choice.level, data)),
-        model=found.model,
+        *(chosen.estimate, data, search, scored.prepared.transforms, _level_of(choice.level, data)),
+        model=chosen.model,
         structure=candidate.structure,
         weighting=weighting_of(candidate.structure, scorer.settings) if states else "",
         focus=fit.focus,
         constraints=fit.constraints,
-        at_upper_ends=found.at_upper_ends,
+        at_upper_ends=chosen.at_upper_ends,
     ), about
 
 
@@ -103,8 +103,8 @@ def complete_model(
     else:
         remedied = load(Remedied, files.decision("remedies"))
         scored = Scored.load(files, settings, fits)
-        own = search, settings, fit, remedied.plant_kept, log
-        record, about = _record_of(files, remedied.choice, scored, *own)
+        arguments = search, settings, fit, remedied.plant_kept, log
+        record, about = _record_of(files, remedied.choice, scored, *arguments)
         save(about, files.decision("search"))
         for purpose in others:
             choice = load(Comparison, files.decision("comparison")).choice(purpose)

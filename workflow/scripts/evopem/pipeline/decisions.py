@@ -63,7 +63,7 @@ def rows_of_structures(
     choice = comparison.choice(remedied.choice.purpose)
     rows = [
         *_searched(searches, comparison, choice),
-        *(_remedy(each, choice) for each in remedied.trials),
+        *(_remedy(trial, choice) for trial in remedied.trials),
     ]
     return [{name: row.get(name) for name in COLUMNS} for row in rows]
 
@@ -72,19 +72,19 @@ def _searched(
     searches: Sequence[StructureSearch], comparison: Comparison, choice: Choice
 ) -> Iterator[Row]:
     """The orders of all structures, and those that were refined; not all of them are scored."""
-    searched = {each.name for search in searches for each in search.candidates}
-    for each in sorted(comparison.candidates, key=lambda each: each.name not in searched):
+    searched = {candidate.name for search in searches for candidate in search.candidates}
+    for candidate in sorted(comparison.candidates, key=lambda c: c.name not in searched):
         row: Row = {
-            "step": "order" if each.name in searched else "orders of each input",
-            "structure": each.structure,
-            "order": each.order,
-            "model": each.name,
-            "bic": each.bic,
-            "selected": each.name == choice.candidate.name,
-            "reason": _reason(each, choice),
+            "step": "order" if candidate.name in searched else "orders of each input",
+            "structure": candidate.structure,
+            "order": candidate.order,
+            "model": candidate.name,
+            "bic": candidate.bic,
+            "selected": candidate.name == choice.candidate.name,
+            "reason": _reason(candidate, choice),
         }
-        if each.is_scored:
-            scores = vars(each.scores).items()
+        if candidate.is_scored:
+            scores = vars(candidate.scores).items()
             row |= {f"{kind}_error_percent": score for kind, score in scores}
         yield row
 
@@ -128,7 +128,7 @@ def decision_record(
         folds.decision,
         folds.repetition.decision,
         load(DelayChoice, files.decision("delay")).decision,
-        *(each.decision for each in searches),
+        *(search.decision for search in searches),
         *comparison.decisions,
         load(Decision, files.decision("search")),
     )
@@ -157,7 +157,7 @@ def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
 
 
 def _remarks(stretches: Sequence[Segment], level: str) -> tuple[str, ...]:
-    recordings = len({each.recording for each in stretches})
+    recordings = len({stretch.recording for stretch in stretches})
     remarks = []
     if recordings > 1:
         remarks.append(
@@ -167,7 +167,7 @@ def _remarks(stretches: Sequence[Segment], level: str) -> tuple[str, ...]:
             " state. The spectrum is that of the longest stretch."
         )
     elif len(stretches) > 1:
-        longest = max(each.samples for each in stretches)
+        longest = max(stretch.samples for stretch in stretches)
         remarks.append(
             f"The estimation samples are {len(stretches)} stretches with breaks between them: the"
             f" model comes from all {total_samples(stretches)} samples, each stretch with its own"

@@ -22,8 +22,8 @@ def collect_fleet(
     entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
     given = entries, template_folder(), page, order
     followed = cache(partial(_followed, entries, order))
-    for each in OVERVIEW:
-        _write_list(f"{files.folder}/{Path(each).name}", *given, followed)
+    for path in OVERVIEW:
+        _write_list(f"{files.folder}/{Path(path).name}", *given, followed)
 
 
 def collect_unfinished(

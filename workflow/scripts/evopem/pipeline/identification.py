@@ -89,9 +89,9 @@ def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
         raise InputError("run_stage", problem, f"give one of {names}")
     read = {path for job in wanted for path in job.read}
     parts = [
-        each
-        for each in listed
-        if each.stage.is_part and each not in wanted and not read.isdisjoint(each.made)
+        job
+        for job in listed
+        if job.stage.is_part and job not in wanted and not read.isdisjoint(job.made)
     ]
     for job in parts + wanted:
         job.run(log)

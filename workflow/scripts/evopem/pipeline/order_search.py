@@ -49,14 +49,14 @@ def estimate_candidates(
     orders = candidate_orders(
         phase, grid, before.orders.single._asdict() if before else None, resonances
     )
-    own = [orders_of(grid.structure, each) for each in orders[part - 1 :: parts]]
+    of_part = [orders_of(grid.structure, order) for order in orders[part - 1 :: parts]]
     data = load_prepared(files.prepared, files.transforms).estimation
     search = first_pass(search) if search.prune else search
-    known = {} if before is None else {each.orders: each for each in before.candidates}
-    new = [orders for orders in own if orders not in known]
-    found = estimate_in_parallel(data, new, phase, search, window, log, cores, grid.level)
-    known |= {each.orders: each for each in found}
-    candidates = [replace(known[orders], phase=phase, pruned="") for orders in own]
+    known = {} if before is None else {c.orders: c for c in before.candidates}
+    new = [orders for orders in of_part if orders not in known]
+    estimated = estimate_in_parallel(data, new, phase, search, window, log, cores, grid.level)
+    known |= {candidate.orders: candidate for candidate in estimated}
+    candidates = [replace(known[orders], phase=phase, pruned="") for orders in of_part]
     save(candidates, files.part(phase, part))
 
 

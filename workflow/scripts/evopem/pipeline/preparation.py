@@ -62,9 +62,9 @@ def prepare_samples(
     if requirements is not None:
         _check_samples(requirements, prepared, place)
     if fit is not None:
-        own, grid = fit
+        settings_of_fit, grid = fit
         rate = prepared.estimation.sampling_rate
-        check_fit(own, selectable_orders(grid), rate, place, "")
+        check_fit(settings_of_fit, selectable_orders(grid), rate, place, "")
     save_prepared(prepared, files.prepared, files.transforms)
     if given is not None:
         stretches = PreparedRecord.of(prepared.estimation, plan).stretches
@@ -79,13 +79,13 @@ def _check_samples(requirements: SampleRequirements, prepared: PreparedData, pla
     estimation, validation = prepared.estimation, prepared.validation
     least = requirements.loss_start + requirements.settling
     lost = (len(estimation.segments) - 1) * least
-    longest = max(each.samples for each in validation.segments)
+    longest = max(segment.samples for segment in validation.segments)
     check_samples(requirements, estimation.samples - lost, longest, place)
-    for each in estimation.segments if estimation.is_joined else ():
-        if each.samples <= least:
+    for segment in estimation.segments if estimation.is_joined else ():
+        if segment.samples <= least:
             raise InputError(
                 f"{place}.file",
-                f"recording {each.recording + 1} has {each.samples} estimation samples, and"
+                f"recording {segment.recording + 1} has {segment.samples} estimation samples, and"
                 f" {least} of them settle its initial state",
                 "leave it out, lower the upper ends of delay and orders, or record longer",
             )

@@ -70,11 +70,11 @@ def report_page(
 
 def compare_datasets(folders: Sequence[str], page: str) -> Comparison:
     """Lay the results of data sets side by side, on a page with links to their reports."""
-    found = [DatasetFiles(folder) for folder in folders]
-    comparison = Comparison.of([read_whole_results(files) for files in found])
+    datasets = [DatasetFiles(folder) for folder in folders]
+    comparison = Comparison.of([read_whole_results(files) for files in datasets])
     reports = {
         label: quote(Path(os.path.relpath(files.report, Path(page).parent)).as_posix())
-        for label, files in zip(comparison.labels, found, strict=True)
+        for label, files in zip(comparison.labels, datasets, strict=True)
         if Path(files.report).is_file()
     }
     write_page(page, build_comparison(comparison, template_folder(), reports))

@@ -29,12 +29,12 @@ def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:
         nfft = min(nfft, MOST_OF_PAIRS)
     if count > 1:  # enough tapers for the spectral matrix of the inputs to be inverted
         width = min(max(width, 2.0 * count + 1.0), samples.samples / 4.0)
-    spectra = [multitaper_spectrum(each, rate, width, nfft) for each in samples.outputs.T]
-    of_inputs = [multitaper_spectrum(each, rate, width, nfft) for each in samples.inputs.T]
+    spectra = [multitaper_spectrum(signal, rate, width, nfft) for signal in samples.outputs.T]
+    of_inputs = [multitaper_spectrum(signal, rate, width, nfft) for signal in samples.inputs.T]
     response = frequency_response(samples, width, nfft) if count else None
     tables: list[dict[str, Any]] = []
     for row, spectrum in enumerate(spectra):
-        own = {
+        first_columns = {
             "output": [recording.output_names[row]] * len(spectrum.frequencies),
             "frequency_hz": spectrum.frequencies,
             "density": spectrum.density,
@@ -42,11 +42,11 @@ def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:
             "upper": spectrum.upper,
         }
         if response is None:
-            tables.append(own)
+            tables.append(first_columns)
             continue
         for column, of_input in enumerate(of_inputs):
             tables.append(
-                own
+                first_columns
                 | {
                     "input": [recording.input_names[column]] * len(spectrum.frequencies),
                     "input_density": of_input.density,
@@ -57,6 +57,6 @@ def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:
                     "coherence": response.coherence[:, row],
                 }
             )
-    columns = {name: np.concatenate([each[name] for each in tables]) for name in tables[0]}
+    columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     write_table(files.spectrum, columns)
     save([summarize_spectrum(spectrum) for spectrum in spectra], files.spectrum_summary)

@@ -92,12 +92,12 @@ def search_structure(
     log: Log | None = None,
 ) -> None:
     """Search the orders of one structure, from the optima of those nested in it."""
-    smaller = {each: load(StructureSearch, files.search(each)) for each in nested}
+    smaller = {s: load(StructureSearch, files.search(s)) for s in nested}
     scored = Scored.load(files, settings, fits)
     with errors_name_dataset(files), one_blas_thread():
-        found = search(scored.scorer, structure, smaller, log)
-    save(without_covariances(found), files.search(structure))
-    models = order_models(found, scored.record, scored.prepared.estimation)
+        result = search(scored.scorer, structure, smaller, log)
+    save(without_covariances(result), files.search(structure))
+    models = order_models(result, scored.record, scored.prepared.estimation)
     save(models, files.models_of_orders(structure))
 
 
@@ -111,7 +111,7 @@ def choose(
 
     Remedies are applied to the one for the purpose until its checks hold or nothing helps.
     """
-    searches = [load(StructureSearch, files.search(each)) for each in structures]
+    searches = [load(StructureSearch, files.search(structure)) for structure in structures]
     scorer = Scored.load(files, settings, fits, of_choice=True).scorer
     with errors_name_dataset(files), one_blas_thread():
         comparison = compare_structures(scorer, searches)

@@ -43,8 +43,8 @@ def complete_results(
     """
     record, info = load(ModelRecord, files.model), load(RecordingInfo, files.recording_info)
     prepared = load_prepared(files.prepared, files.transforms)
-    selections = {each: load(PhaseSelection, files.phase(each)) for each in phases}
-    searches = [load(StructureSearch, files.search(each)) for each in structures]
+    selections = {phase: load(PhaseSelection, files.phase(phase)) for phase in phases}
+    searches = [load(StructureSearch, files.search(structure)) for structure in structures]
     choice = None
     if phase is not None:
         order, models = _of_phase(record, selections[phase])
@@ -57,8 +57,8 @@ def complete_results(
         record_of_all = decision_record(files, prepared, searches, comparison, remedied, other)
         save(record_of_all, files.decisions)
         path, order = files.models_of_orders(choice.candidate.structure), choice.candidate.order
-        found = load(OrderModels, path).models if Path(path).exists() else ()
-        models = {each.order: each for each in found}
+        order_models = load(OrderModels, path).models if Path(path).exists() else ()
+        models = {model.order: model for model in order_models}
     model = record.model if record.orders is not None else record.plant
     models[order] = OrderModel.of(order, record.bic, model)
     with one_blas_thread():
@@ -66,7 +66,7 @@ def complete_results(
             record.model,
             prepared,
             record.search.settings.objective,
-            [models[each] for each in sorted(models)],
+            [models[model] for model in sorted(models)],
             order,
             settings.spectrum,
             fit_level=record.level_of_simulation == "state",
@@ -96,8 +96,8 @@ def _of_phase(record: ModelRecord, selection: PhaseSelection) -> tuple[int, dict
     """The plant order of the model, and the likeliest model of each plant order of a phase."""
     name = plant_order(record.structure)
     best: dict[int, OrderModel] = {}
-    for each in selection.candidates:
-        order = getattr(each.orders.single, name)
-        if order not in best or each.criteria.bic < best[order].bic:
-            best[order] = OrderModel.of(order, each.criteria.bic, each.model)
+    for candidate in selection.candidates:
+        order = getattr(candidate.orders.single, name)
+        if order not in best or candidate.criteria.bic < best[order].bic:
+            best[order] = OrderModel.of(order, candidate.criteria.bic, candidate.model)
     return getattr(record.polynomials.orders.single, name), best

@@ -42,10 +42,10 @@ def _mode_rows(comparison: Comparison) -> list[ModeRow]:
     """
     rows = []
     for modes in comparison.matched:
-        found = [mode_cells(mode) if mode else (MISSING, MISSING) for mode in modes]
+        texts = [mode_cells(mode) if mode else (MISSING, MISSING) for mode in modes]
         cells = [
-            each if mode is None or mode in comparison.trusted else (f"({each[0]})", f"({each[1]})")
-            for mode, each in zip(modes, found, strict=True)
+            row if mode is None or mode in comparison.trusted else (f"({row[0]})", f"({row[1]})")
+            for mode, row in zip(modes, texts, strict=True)
         ]
         spread = fixed(spread_percent(modes), 2)
         rows.append((modes, cells, spread if spread == MISSING else f"{spread}{THIN}%"))
@@ -86,11 +86,11 @@ def build_comparison(
     from evopem.report.figures import drawn_figure
     from evopem.report.templates import environment
 
-    outcomes = [{check.name: check.word for check in each.checks} for each in comparison.models]
+    outcomes = [{check.name: check.word for check in model.checks} for model in comparison.models]
     names = dict.fromkeys(name for outcome in outcomes for name in outcome)
     name, data = "-".join(comparison.labels)[:80], ("CSV of each data set",)
     table = comparison.table.assign(
-        verdict=[verdict(each).sentence for each in comparison.models], label=comparison.labels
+        verdict=[verdict(model).sentence for model in comparison.models], label=comparison.labels
     )
     page = environment(template_directory).get_template("comparison.html.j2")
     return page.render(
@@ -103,6 +103,6 @@ def build_comparison(
         ],
         modes=_mode_rows(comparison),
         # The outcome of every check for each model, in words; empty where it has none.
-        checks={name: [each.get(name, "").lower() for each in outcomes] for name in names},
+        checks={name: [outcome.get(name, "").lower() for outcome in outcomes] for name in names},
         pages=pages or {},
     )

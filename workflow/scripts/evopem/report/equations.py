@@ -21,7 +21,7 @@ def equation(model: PolynomialModel) -> Markup:
     return Markup(
         re.sub(
             r"([A-Za-z])(\d*)\(([qt])\)",
-            lambda found: f"<i>{found[1]}</i>{_below(found[2])}(<i>{found[3]}</i>)",
+            lambda values: f"<i>{values[1]}</i>{_below(values[2])}(<i>{values[3]}</i>)",
             _plain_equation(model),
         )
     )
@@ -183,4 +183,4 @@ def coefficient_table(model: PolynomialModel) -> list[tuple[Markup, int, float, 
     ]
     known = model.parameter_standard_errors()
     errors = repeat(None, len(named)) if known is None else map(float, known)
-    return [(*each, error) for each, error in zip(named, errors, strict=True)]
+    return [(*term, error) for term, error in zip(named, errors, strict=True)]

@@ -65,15 +65,15 @@ def drawn_figures(
     results: DatasetResults, drawings: Mapping[str, str], captions: TemplateModule, part: str
 ) -> dict[str, dict[str, Any]]:
     """The figures of a part of the report by name; `drawings` are SVG texts by name."""
-    found = {}
+    pictures = {}
     for name, figure in FIGURES.items():
         if figure.part == part and not (chart := CHARTS[name](results)).nothing:
             title, _, caption = str(getattr(captions, name)(results)).strip().partition("\n")
             words, most = (name, title, caption), MOST_CELLS // (2 - results.is_single)
-            found[name] = drawn_figure(
+            pictures[name] = drawn_figure(
                 *(chart, words, results.name, figure.data, drawings[name], most)
             )
-    return found
+    return pictures
 
 
 def inline_svg(text: str, name: str, label: str) -> Markup:

@@ -36,11 +36,11 @@ def build_index(
     groups = Counter(map(group_of, entries))
     page_of = environment(template_directory).get_template("index.html.j2")
     return page_of.render(
-        rows=[_row(*each, page) for each in sorted(entries.items(), key=lambda each: _rank(*each))],
+        rows=[_row(*item, page) for item in sorted(entries.items(), key=lambda item: _rank(*item))],
         grouped=len(groups) > 1 and max(groups.values()) > 1,
         charts=followed_charts(followed),
-        warnings=[sentence for each in followed for sentence in movements(each)],
-        varying=[sentence for each in followed for sentence in variation(each)],
+        warnings=[sentence for group in followed for sentence in movements(group)],
+        varying=[sentence for group in followed for sentence in variation(group)],
         ordered_by=ordered_by,
     )
 
@@ -86,33 +86,33 @@ def _gain(summary: DatasetSummary) -> dict[str, Any] | None:
 
 def followed_charts(followed: Sequence[FollowedMode]) -> list[dict[str, str]]:
     """Charts of the modes that enough recordings have."""
-    several = len({each.group for each in followed}) > 1
-    return [_chart(each, several) for each in followed if len(each.modes) >= FEWEST]
+    several = len({group.group for group in followed}) > 1
+    return [_chart(group, several) for group in followed if len(group.modes) >= FEWEST]
 
 
 def movements(followed: FollowedMode) -> list[str]:
     """How a mode moved by more than its error and its scatter, a sentence each."""
     if followed.levels is None:
         return []
-    found, drift = [], followed.drift
+    sentences, drift = [], followed.drift
     if drift is not None:
         moved = _moved(followed.frequency_hz, drift.size, drift.standard_error)
         how = f"oscillates by ±{moved} with a period of {number(drift.period, 2)}"
         if drift.kind == "trend":
             first, *_, last = followed.recordings
             how = f"follows a trend: {moved} from {first} to {last}"
-        found.append(f"The mode at {number(followed.frequency_hz)} Hz {how}.")
+        sentences.append(f"The mode at {number(followed.frequency_hz)} Hz {how}.")
     for change in followed.levels.changes:
         moved = _moved(change.before, change.after - change.before, change.standard_error)
         name = followed.recordings[change.index]
-        found.append(f"The mode at {number(change.before)} Hz moved by {moved} from {name} on.")
+        sentences.append(f"The mode at {number(change.before)} Hz moved by {moved} from {name} on.")
     for index in followed.levels.outlying:
         level, value = followed.levels.values[index], followed.modes[index].frequency_hz
-        found.append(
+        sentences.append(
             f"The mode at {number(level)} Hz lies {_share(value - level, level, 3)} from its level"
             f" in {followed.recordings[index]} alone."
         )
-    return found
+    return sentences
 
 
 def variation(followed: FollowedMode) -> list[str]:

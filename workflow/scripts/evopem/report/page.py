@@ -101,11 +101,11 @@ def command(commit: str) -> str:
 
 def installed(libraries: Iterable[str]) -> dict[str, str]:
     """Versions of those libraries that are installed."""
-    found = {}
+    versions = {}
     for library in libraries:
         with suppress(PackageNotFoundError):
-            found[library] = version(library)
-    return found
+            versions[library] = version(library)
+    return versions
 
 
 def listed(versions: Mapping[str, object]) -> str:

@@ -97,14 +97,14 @@ def constraint_rows(fit: FitRecord | None) -> Iterator[tuple[str, str, str]]:
             continue
         parts = {key: value}
         if isinstance(value, dict):
-            parts = {f"{key}.{name}": each for name, each in value.items()}
+            parts = {f"{key}.{name}": item for name, item in value.items()}
         elif key == "priors":
-            parts = {f"{key}[{index}]": each for index, each in enumerate(value)}
-        for name, each in parts.items():
+            parts = {f"{key}[{index}]": item for index, item in enumerate(value)}
+        for name, part in parts.items():
             held = {name, key} & set(fit.active)
             effect = "weighted" if key == "priors" else "active" if held else "not active"
             unit = " Hz" if key.endswith(("_band", "_bands")) else ""
-            yield name, _shown(each, unit), effect
+            yield name, _shown(part, unit), effect
 
 
 def _shown(value: Any, unit: str = "") -> str:
@@ -119,9 +119,9 @@ def _shown(value: Any, unit: str = "") -> str:
         case {"real": real}:
             return f"z = {number(real)}"
     if isinstance(value, tuple):
-        if all(each is None or is_number(each) for each in value):
+        if all(item is None or is_number(item) for item in value):
             return " to ".join(map(_shown, value)) + unit
-        return "; ".join(_shown(each, unit) for each in value)
+        return "; ".join(_shown(item, unit) for item in value)
     return number(value) if is_number(value) else str(value or "none")
 
 
@@ -130,7 +130,7 @@ def _modes(results: DatasetResults) -> dict[str, Any]:
     stand_in = stands_in_for_the_chapter(results.settings)
     true_modes = results.true_modes
     of_chapter = CHAPTER_MODES if stand_in else ()
-    geometry, names = results.settings.geometry, tuple(each.name for each in results.outputs)
+    geometry, names = results.settings.geometry, tuple(output.name for output in results.outputs)
     drawing = ShapeDrawing(geometry, names) if geometry is not None else None
     labels = [
         f"Shape of mode {k} at {hertz(m.frequency_hz)}" for k, m in enumerate(results.modes, 1)
@@ -184,14 +184,14 @@ def recording_rows(results: DatasetResults) -> list[tuple[str, int, int, int, fl
     transforms, has_input = results.model.transforms, results.model.has_input
     used, held_out = Counter[int](), Counter[int]()
     for counted, origins in ((used, transforms.estimation), (held_out, transforms.validation)):
-        for each in origins:
-            counted[each.recording] += each.samples
+        for stretch in origins:
+            counted[stretch.recording] += stretch.samples
     kind = "simulation_error_percent" if has_input else "prediction_error_percent"
     errors: dict[int, float] = {}
-    for origin, found in zip(transforms.validation, results.validation.stretches, strict=False):
+    for origin, scores in zip(transforms.validation, results.validation.stretches, strict=False):
         share = origin.samples / held_out[origin.recording]
         known = errors.get(origin.recording, 0.0)
-        errors[origin.recording] = known + share * getattr(found, kind)
+        errors[origin.recording] = known + share * getattr(scores, kind)
     return [
         (file.path, file.samples, used[place], held_out[place], errors.get(place, math.nan))
         for place, file in enumerate(results.files if transforms.several_recordings else ())
@@ -213,7 +213,7 @@ def _selection(results: DatasetResults) -> dict[str, Any]:
     return {
         "record": record,
         "candidates": results.candidates.to_dict("records") if results.phases else [],
-        "decisions": [(each, rivals(each)) for each in decisions],
+        "decisions": [(decision, rivals(decision)) for decision in decisions],
         "purposes": [model, other] if other else [],
     }
 
@@ -221,26 +221,26 @@ def _selection(results: DatasetResults) -> dict[str, Any]:
 def phase_decision(phase: PhaseSelection) -> Decision:
     """A phase of an order search as a decision among its candidates or, the first one, delays."""
     subject, criterion, choice = PHASE_NAMES.get(phase.phase, phase.phase), "BIC", str(phase.orders)
-    scores = {str(each.orders): each.criteria.bic for each in phase.candidates}
+    scores = {str(tried.orders): tried.criteria.bic for tried in phase.candidates}
     if phase.phase == "delay":
         criterion, choice = "mean BIC over the orders", f"nk = {phase.orders.single.nk}"
         by_delay: dict[str, list[float]] = {}
-        for each in phase.candidates:
-            by_delay.setdefault(f"nk = {each.orders.single.nk}", []).append(each.criteria.bic)
+        for tried in phase.candidates:
+            by_delay.setdefault(f"nk = {tried.orders.single.nk}", []).append(tried.criteria.bic)
         scores = {name: fmean(values) for name, values in by_delay.items()}
-    alternatives = tuple(Alternative(*each) for each in scores.items())
+    alternatives = tuple(Alternative(*item) for item in scores.items())
     reason = re.sub(r"(?<![\w-])-(?=\d)", "−", phase.reason)
     return Decision(subject, choice, alternatives, criterion, reason)
 
 
 def rivals(decision: Decision) -> str:
     """The best alternatives with their scores, the choice among them."""
-    scored = [each for each in decision.alternatives if math.isfinite(each.score)]
-    best = sorted(scored, key=lambda each: each.score)[: MOST_RIVALS + 1]
-    chosen = next((each for each in scored if each.name == decision.choice), None)
+    scored = [a for a in decision.alternatives if math.isfinite(a.score)]
+    best = sorted(scored, key=lambda alternative: alternative.score)[: MOST_RIVALS + 1]
+    chosen = next((a for a in scored if a.name == decision.choice), None)
     if chosen is not None and chosen not in best:
         best = [*best[:MOST_RIVALS], chosen]
-    return "; ".join(f"{each.name}: {number(each.score, 4)}" for each in best)
+    return "; ".join(f"{alternative.name}: {number(alternative.score, 4)}" for alternative in best)
 
 
 SECTIONS = (

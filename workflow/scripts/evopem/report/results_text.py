@@ -23,8 +23,8 @@ def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "
         *_wrapped(_errors(summary), "  errors  "),
     ]
     for check in summary.failed:
-        found = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
-        lines += _wrapped(f"{check.name}: {found}.", "  failed  ")
+        sentence = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
+        lines += _wrapped(f"{check.name}: {sentence}.", "  failed  ")
     return "\n".join([*lines, *([f"  report  {page}"] if page else [])])
 
 
@@ -39,9 +39,9 @@ def results_html(name: str, verdict: str, summary: DatasetSummary) -> str:
         modes,
         f"<p>{escape(_model(summary))}. Errors: {escape(_errors(summary))}.</p>",
     ]
-    if found := [f"<li>{escape(f'{each.name}: {each.statement}')}</li>" for each in summary.failed]:
-        heading = plural(len(found), "failed check")
-        parts.append(f"<details><summary>{heading}</summary><ul>{''.join(found)}</ul></details>")
+    if items := [f"<li>{escape(f'{c.name}: {c.statement}')}</li>" for c in summary.failed]:
+        heading = plural(len(items), "failed check")
+        parts.append(f"<details><summary>{heading}</summary><ul>{''.join(items)}</ul></details>")
     return "<div>" + "\n".join(parts) + "</div>"
 
 

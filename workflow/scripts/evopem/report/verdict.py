@@ -115,7 +115,7 @@ def sentence_of(uses: Sequence[Use]) -> str:
         return "This model is good for nothing that was tested."
     named = {answer: [use.name for use in uses if use.answer == answer] for answer in ANSWERS}
     text = "; ".join(
-        f"{_WORDS[each]} {enumeration(names)}" for each, names in named.items() if names
+        f"{_WORDS[word]} {enumeration(names)}" for word, names in named.items() if names
     )
     return f"{text[0].upper()}{text[1:]}."
 
@@ -141,8 +141,8 @@ def _by_checks(use: str, results: DatasetResults) -> Finding:
         (both, "Not judged", "care"),
     )
     for names, word, answer in answers:
-        if found := [f"“{name}”" for name in names if words[name] == word]:
-            return answer, f"{word.lower()}: {enumeration(found)}"
+        if names_of_word := [f"“{name}”" for name in names if words[name] == word]:
+            return answer, f"{word.lower()}: {enumeration(names_of_word)}"
     return "good", ""
 
 
@@ -171,24 +171,24 @@ def _simulations(results: DatasetResults) -> list[Use]:
     checked = _by_checks("simulation", results)
     worst_of: Finding = "good", ""
     if several:
-        worst, own = results.worst_first[0]
-        largest = own.simulation_error_percent
+        worst, errors = results.worst_first[0]
+        largest = errors.simulation_error_percent
         text += f", by {percent(largest)} at {worst.prepared}"
         worst_of = ("care" if _by_error(largest)[0] != "good" else "good", "")
     of_error = _by_error(validation.simulation_error_percent, text)
-    found: dict[str, tuple[Finding, ...]]
-    found = {f"simulation from the {plural_of('input', results.inputs)}": (of_error, worst_of)}
+    said: dict[str, tuple[Finding, ...]]
+    said = {f"simulation from the {plural_of('input', results.inputs)}": (of_error, worst_of)}
     if recorded is not None:
         error = recorded.simulation_error_percent
         summed = recorded.integrations and _by_error(error)[0] != "good"
         undone = ", because undoing the differences sums up the error" if summed else ""
-        found = {
+        said = {
             f"simulation of the transformed {outputs}": (of_error, worst_of),
             f"simulation of the {outputs} as recorded": (_by_error(error, undone),),
         }
     if input_rests(validation):
-        return [Use(name, "no", f"not tested: {RESTING}") for name in found]
-    return [_use(name, *findings, checked) for name, findings in found.items()]
+        return [Use(name, "no", f"not tested: {RESTING}") for name in said]
+    return [_use(name, *findings, checked) for name, findings in said.items()]
 
 
 def _prediction(results: DatasetResults) -> Use:
@@ -200,7 +200,7 @@ def _prediction(results: DatasetResults) -> Use:
         limits = GOOD_SIMULATION, USABLE_SIMULATION
     findings = [_by_error(validation.prediction_error_percent, where, limits)]
     if several:
-        errors = [each.prediction_error_percent for each in validation.outputs]
+        errors = [output.prediction_error_percent for output in validation.outputs]
         largest = float(np.nanmax([*errors, -math.inf]))
         text = f"by up to {percent(largest)}"
         if largest >= ERROR_OF_MEAN:
@@ -250,7 +250,7 @@ def _frequency_response(results: DatasetResults) -> Use:
 def _band_of_power(table: pd.DataFrame) -> float:
     """Half width of the band over the gain, percent, root mean square; the median of all pairs."""
     shares = []
-    pairs = [each for each in ("output", "input") if each in table]
+    pairs = [column for column in ("output", "input") if column in table]
     for _, pair in table.groupby(pairs):
         half = (pair["gain_upper"] - pair["gain_lower"]) / 2.0
         shares.append(100.0 * float(np.linalg.norm(half) / np.linalg.norm(pair["gain"])))
@@ -263,19 +263,19 @@ def _modes(results: DatasetResults) -> Use:
     if not trusted:
         reason = "none passes every test" if others else "the model has no oscillating mode"
         return Use("modes", "no", reason)
-    shown = [number(each.mode.frequency_hz, 3) for each in trusted[:MOST_NAMED]]
+    shown = [number(judged.mode.frequency_hz, 3) for judged in trusted[:MOST_NAMED]]
     places = f"{enumeration(shown)}{THIN}Hz"
     if len(trusted) > MOST_NAMED:
         places = enumeration([*shown, f"{len(trusted) - MOST_NAMED} more"])
     name = f"the {plural_of('mode', trusted)} at {places}"
     reason = "seen in validation samples"
-    if all(each.stable for each in results.validation.modes.modes if each.trusted):
+    if all(mode.stable for mode in results.validation.modes.modes if mode.trusted):
         reason += " and at most other orders"
     against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
     findings: list[Finding] = [("good", reason), ("good", against)]
     if len(results.outputs) > 1:
         name += " (with shapes)"
-        mixed = sum(bool(each.shape_doubt) for each in trusted)
+        mixed = sum(bool(judged.shape_doubt) for judged in trusted)
         if mixed:
             findings.append(("care", f"{plural(mixed, 'shape')} not to be trusted"))
     return _use(name, *findings)

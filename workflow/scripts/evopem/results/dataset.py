@@ -104,14 +104,14 @@ class DatasetResults:
     def outputs(self) -> tuple[Channel, ...]:
         """The outputs as recorded and as prepared."""
         named = zip(self.recording.output_names, self.recording.output_units, strict=True)
-        return tuple(Channel.of_output(*each, self.model.transforms) for each in named)
+        return tuple(Channel.of_output(*names, self.model.transforms) for names in named)
 
     @cached_property
     def inputs(self) -> tuple[Channel, ...]:
         """The inputs of the model alike."""
         named = zip(self.recording.input_names, self.recording.input_units, strict=True)
-        found = tuple(Channel.of_input(*each, self.model.transforms) for each in named)
-        return found[: self.model.model.inputs]
+        channels = tuple(Channel.of_input(*names, self.model.transforms) for names in named)
+        return channels[: self.model.model.inputs]
 
     @property
     def is_single(self) -> bool:
@@ -133,7 +133,7 @@ class DatasetResults:
     @property
     def modes(self) -> list[Mode]:
         """The modes that the validation has judged."""
-        return [each.mode for each in self.validation.modes.modes]
+        return [mode.mode for mode in self.validation.modes.modes]
 
     @property
     def true_modes(self) -> tuple[Mode, ...]:
@@ -186,7 +186,7 @@ class DatasetResults:
         """Roots of polynomials of one input with covariances, else poles of model and predictor."""
         record = self.model
         if record.orders is not None and record.model.inputs <= 1:
-            found = [
+            table = [
                 (kind, *root)
                 for letter, kind in ROOTS
                 for root in record.polynomials.uncertain_roots(letter)
@@ -196,12 +196,12 @@ class DatasetResults:
             kinds = {"pole": model.poles()}
             if record.has_noise_model:
                 kinds["root of C"] = model.noise_zeros()
-            found = [(kind, root, UNKNOWN) for kind, values in kinds.items() for root in values]
+            table = [(kind, root, UNKNOWN) for kind, values in kinds.items() for root in values]
         for mode in self.true_modes:
-            found += [("true pole", z, UNKNOWN) for z in (mode.pole, mode.pole.conjugate())]
+            table += [("true pole", z, UNKNOWN) for z in (mode.pole, mode.pole.conjugate())]
         rows = [
             (kind, root.real, root.imag, abs(root), c[0, 0], c[1, 1], c[0, 1])
-            for kind, root, c in found
+            for kind, root, c in table
         ]
         columns = ["kind", "real", "imag", "radius", "variance_real", "variance_imag", "covariance"]
         return pd.DataFrame(rows, columns=columns)
@@ -209,11 +209,11 @@ class DatasetResults:
 
 def _response(table: pd.DataFrame, source: str, prefix: str) -> pd.DataFrame:
     """The columns of one response of a table, whose names begin with a prefix."""
-    own = [name for name in ("output", "input", "frequency_hz", "coherence") if name in table]
+    keys = [name for name in ("output", "input", "frequency_hz", "coherence") if name in table]
     values = [f"{prefix}{name}" for name in _RESPONSE if f"{prefix}{name}" in table]
-    found = table[[*own, *values]].rename(columns=lambda name: name.removeprefix(prefix))
+    response = table[[*keys, *values]].rename(columns=lambda name: name.removeprefix(prefix))
     columns = ["source", "output", "input", "frequency_hz", *_RESPONSE, "coherence"]
-    return found.assign(source=source).reindex(columns=columns)
+    return response.assign(source=source).reindex(columns=columns)
 
 
 def evidence_of(
@@ -238,7 +238,7 @@ def _searched_range(
 
     A range that nobody gives begins with 1 or 2, of many states of outputs alone further up.
     """
-    tried = [each for s in searches if s.structure == chosen.structure for each in s.orders]
+    tried = [order for s in searches if s.structure == chosen.structure for order in s.orders]
     if not tried:
         return ()
     name, key = "states of the plant", "orders.nx"

@@ -80,8 +80,8 @@ def summarize(evidence: Evidence) -> DatasetSummary:
     """Summarize one data set."""
     model, validation, files = evidence.model, evidence.validation, evidence.recording.files
     return DatasetSummary(
-        file=", ".join(each.path for each in files) or None,
-        sha256=", ".join(each.sha256 for each in files) or None,
+        file=", ".join(file.path for file in files) or None,
+        sha256=", ".join(file.sha256 for file in files) or None,
         sampling_rate=model.sampling_rate,
         estimation_samples=model.transforms.estimation_samples,
         validation_samples=model.transforms.validation_samples,
@@ -90,8 +90,8 @@ def summarize(evidence: Evidence) -> DatasetSummary:
         bic=model.bic,
         **{error: getattr(validation, error) for error in _ERRORS},
         checks=tuple(checks(evidence)),
-        modes=tuple(each.mode for each in validation.modes.modes),
-        trusted=tuple(each.trusted for each in validation.modes.modes),
+        modes=tuple(mode.mode for mode in validation.modes.modes),
+        trusted=tuple(mode.trusted for mode in validation.modes.modes),
         gain_db=_gain_outline(model),
     )
 
@@ -171,7 +171,7 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         return [{"dataset": name, "status": entry.status, "problem": entry.problem}]
     is_single = entry.orders is not None and entry.orders.inputs <= 1
     orders = entry.orders.single._asdict() if entry.orders and is_single else {}
-    own = {
+    row = {
         "dataset": name,
         "status": "complete",
         **{copied: getattr(entry, copied) for copied in (*_COPIED, "bic", *_ERRORS)},
@@ -183,4 +183,4 @@ def _rows(name: str, entry: Entry) -> list[dict[str, object]]:
         {"mode": number, **dict(zip(MODE_COLUMNS, mode_values(mode), strict=True))}
         for number, mode in enumerate(entry.modes, start=1)
     ]
-    return [own | mode for mode in modes or [{}]]
+    return [row | mode for mode in modes or [{}]]

@@ -125,7 +125,7 @@ def followed_table(followed: Sequence[FollowedMode]) -> pd.DataFrame:
     import pandas as pd
 
     table = pd.DataFrame(
-        [row for each in followed for row in _rows(each)],
+        [row for group in followed for row in _rows(group)],
         columns=["group", "mode", "dataset", "place", *MODE_COLUMNS, "mac", "level_hz", "warning"],
     )
     # After the error of each value, its 95 % interval.
@@ -211,7 +211,7 @@ def _tracks(recordings: Sequence[Sequence[Mode]]) -> list[_Track]:
 def _distance(track: _Track, mode: Mode) -> float:
     """Distance of a mode from the latest ones of a track; above 1 it is another one."""
     level = _level(track[-RECENT:])
-    error = median(each.frequency_se_hz for _, each in track[-RECENT:])
+    error = median(estimate.frequency_se_hz for _, estimate in track[-RECENT:])
     allowed = max(SAME_FREQUENCY * level, STANDARD_ERRORS * math.hypot(error, mode.frequency_se_hz))
     distance = abs(mode.frequency_hz - level) / allowed
     last = track[-1][1].shape

@@ -136,7 +136,7 @@ def _origin(path: str, info: str) -> Mapping[str, Any]:
     try:
         content = json.loads(Path(info).read_text(encoding="utf-8"))
         origins = map(dict, content["files"])
-        return next((each for each in origins if each.get("path") == str(Path(path))), {})
+        return next((origin for origin in origins if origin.get("path") == str(Path(path))), {})
     except (OSError, ValueError, KeyError, TypeError):
         return {}
 
@@ -181,7 +181,7 @@ def is_finished(files: DatasetFiles, settings: DatasetSettings, code: str) -> bo
     kept, now = _kept(files), made_from(settings, code)
     if kept is None:
         return False
-    recordings = {file: own or kept.recordings.get(file) for file, own in now.recordings.items()}
+    recordings = {file: sha or kept.recordings.get(file) for file, sha in now.recordings.items()}
     return (kept.code, kept.settings, kept.recordings) == (now.code, now.settings, recordings)
 
 

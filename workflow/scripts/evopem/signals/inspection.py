@@ -176,7 +176,7 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
     """
     from scipy.special import fdtrc
 
-    one, other = (_standardized(each[:MOST_SAMPLES]) for each in (first, second))
+    one, other = (_standardized(signal[:MOST_SAMPLES]) for signal in (first, second))
     most = min(MOST_LAGS, len(one) // SAMPLES_PER_LAG)
     if most < 1:
         return CausalityTest(np.nan, np.nan, 0)
@@ -186,14 +186,14 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
         triangles = [regression_triangle(u[:, None], y, most) for u, y in pairs]
 
         def criterion(lags: int) -> float:
-            left = [max(_remainders(each, lags, most)[1], 1e-300) for each in triangles]
+            left = [max(_remainders(triangle, lags, most)[1], 1e-300) for triangle in triangles]
             return float(np.log(left).sum()) + 4 * lags * np.log(rows) / rows
 
         lags = min(range(1, most + 1), key=criterion)
         freedom = rows - 2 * lags - 1
         p_values = []
-        for own, both in (_remainders(each, lags, most) for each in triangles):
-            statistic = (own - both) / lags / max(both / freedom, 1e-300)
+        for restricted, both in (_remainders(triangle, lags, most) for triangle in triangles):
+            statistic = (restricted - both) / lags / max(both / freedom, 1e-300)
             p_values.append(float(fdtrc(lags, freedom, max(statistic, 0.0))))
     return CausalityTest(p_values[0], p_values[1], lags)
 
@@ -206,8 +206,8 @@ def _standardized(signal: Array) -> Array:
 def _remainders(triangle: Array, lags: int, most: int) -> tuple[float, float]:
     """Sums of squares left by the target's own past, and by both."""
     left = []
-    own = [*range(lags), -2]  # and the constant
-    for kept in (own, [*own, *range(most + 1, most + 1 + lags)]):
+    columns = [*range(lags), -2]  # and the constant
+    for kept in (columns, [*columns, *range(most + 1, most + 1 + lags)]):
         rest = triangle[:, -1]
         solution = np.linalg.lstsq(triangle[:, kept], rest, rcond=1e-12)[0]
         left.append(float(np.sum((rest - triangle[:, kept] @ solution) ** 2)))
@@ -258,7 +258,7 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
         return None
     source, time = str(path), contents.time.reference
     if len(contents.signals) != 2:
-        names = ", ".join(repr(each.reference) for each in contents.signals) or "none"
+        names = ", ".join(repr(signal.reference) for signal in contents.signals) or "none"
         problem = (
             f"beside the time there are {len(contents.signals)} channels that may be input or"
             f" output ({names}), where two can be distinguished"
@@ -271,7 +271,7 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
     if first.samples != second.samples:
         raise InputError(source, "its two channels have different lengths", "name input and output")
     channels = read_channels(path, [first.reference, second.reference])
-    signals = np.column_stack([each.values.astype(float) for each in channels])
+    signals = np.column_stack([channel.values.astype(float) for channel in channels])
     test = causality_test(*signals[np.isfinite(signals).all(axis=1)].T)
     if test.direction == 0:
         both = test.forward < SIGNIFICANCE
@@ -290,5 +290,5 @@ def roles_of(path: str | Path) -> ChannelRoles | None:
 
 def named(signals: Iterable[SignalColumn], words: frozenset[str]) -> list[SignalColumn]:
     """The channels whose names hold one of some words."""
-    parts = {each: re.split(r"[^a-z]+", str(each.reference).casefold()) for each in signals}
-    return [each for each in parts if words.intersection(parts[each])]
+    parts = {signal: re.split(r"[^a-z]+", str(signal.reference).casefold()) for signal in signals}
+    return [part for part in parts if words.intersection(parts[part])]

@@ -36,7 +36,7 @@ _READERS = {
     "tdms": _Format("TDMS", ".tdms", (b"TDSm",)),
     "uff": _Format("a universal file", ".uff .unv"),
 }
-FORMATS = {end: name for name, each in _READERS.items() for end in each.extensions.split()}
+FORMATS = {end: name for name, reader in _READERS.items() for end in reader.extensions.split()}
 """The name of the format of each extension."""
 
 
@@ -125,9 +125,9 @@ def _reader_of(path: Path) -> ModuleType:
         ) from None
     if not beginning:
         raise InputError(str(path), "the file is empty", "export or copy it again")
-    found = [name for name, each in _READERS.items() if beginning.startswith(each.beginnings)]
-    if found and format_name not in found:
-        problem = f"its content is {_READERS[found[0]].label}, which the extension does not say"
+    readers = [name for name, reader in _READERS.items() if beginning.startswith(reader.beginnings)]
+    if readers and format_name not in readers:
+        problem = f"its content is {_READERS[readers[0]].label}, which the extension does not say"
         raise InputError(str(path), problem, "give the file the extension of its format")
     return importlib.import_module(f"evopem.signals.readers.{format_name}")
 

@@ -32,7 +32,7 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
     missing = ~np.isfinite(signals) | np.isin(np.abs(signals), OVERFLOW_CODES)
     if not missing.any():
         return recording, 0
-    short = np.column_stack([_short_gaps(each) for each in missing.T])
+    short = np.column_stack([_short_gaps(flags) for flags in missing.T])
     fills = bool(short.any() and short.mean(axis=0).max() <= MOST_FILLED)
     ways = [(missing, LONG_STRETCH)]
     ways += [(missing & ~short, SHORTEST_STRETCH)] * fills
@@ -62,7 +62,7 @@ def without_missing(recording: Recording, source: str) -> tuple[Recording, int]:
         signals = _filled(signals, missing, short)
         inputs, outputs = np.split(signals, [recording.inputs.shape[1]], axis=1)
         whole = replace(whole, inputs=inputs, outputs=outputs)
-    return recording.with_segments([whole.between(*each) for each in ranges]), filled
+    return recording.with_segments([whole.between(*gap) for gap in ranges]), filled
 
 
 def runs_of(samples: Flags) -> list[tuple[int, int]]:

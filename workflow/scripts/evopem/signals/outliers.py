@@ -50,13 +50,13 @@ def without_outliers(segments: Sequence[Segment]) -> Cleaned:
     the system, its unmeasured input or a step that is unusual, and not the measurement of a sample.
     Samples that are not finite divide a segment.
     """
-    outputs = [each.outputs.copy() for each in segments]
-    replaced = [np.zeros(each.outputs.shape, bool) for each in segments]
+    outputs = [segment.outputs.copy() for segment in segments]
+    replaced = [np.zeros(segment.outputs.shape, bool) for segment in segments]
     for group in _pieces(segments):
         for channel in range(outputs[0].shape[1]):
             parts = [(segments[k].inputs[a:b], outputs[k][a:b, channel]) for k, a, b in group]
-            found = _replacements(parts)
-            for (k, a, b), (y, mask) in zip(group, found, strict=True):
+            replacements = _replacements(parts)
+            for (k, a, b), (y, mask) in zip(group, replacements, strict=True):
                 outputs[k][a:b, channel] = y
                 replaced[k][a:b, channel] |= mask
     return Cleaned(outputs, replaced)
@@ -141,8 +141,8 @@ def _regressors(part: Part, lags: int) -> Array:
 
 def _arx(parts: Sequence[Part], lags: int, weightings: int) -> _Arx:
     """Least squares, after some rounds of weights that leave outliers out."""
-    x = np.concatenate([_regressors(each, lags) for each in parts])
-    y = np.concatenate([each[1][lags:] for each in parts])
+    x = np.concatenate([_regressors(part, lags) for part in parts])
+    y = np.concatenate([part[1][lags:] for part in parts])
     size = np.maximum(np.linalg.norm(x, axis=0), np.finfo(float).tiny)
     columns, weights = np.column_stack([x / size, y]), np.ones((len(y), 1))
     for left in range(weightings, -1, -1):

@@ -29,26 +29,26 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
 
     step = spectrum.frequencies[1]
     level = _without_ends(spectrum)
-    found: dict[int, float] = {}
+    prominences: dict[int, float] = {}
     for cells in PEAK_WIDTHS:
         width = max(1, round(cells * spectrum.resolution_hz / step))
         if cells > 1 and width > MAX_AVERAGED_SHARE * level.size:
             break
         averaged = level if cells == 1 else uniform_filter1d(level, width, mode="nearest")
-        narrower = np.array(list(found), dtype=np.int64)
+        narrower = np.array(list(prominences), dtype=np.int64)
         for top, start, stop, prominence in _prominent(averaged, spectrum, cells):
             known = (narrower >= start - width) & (narrower <= stop + width)
             if cells == 1 or not known.any():
-                found[top] = prominence
+                prominences[top] = prominence
     return [
         SpectralPeak(
             frequency_hz=float(spectrum.frequencies[index]),
             density=float(spectrum.density[index]),
-            prominence_db=float(found[index]),
+            prominence_db=float(prominences[index]),
             lower=float(spectrum.lower[index]),
             upper=float(spectrum.upper[index]),
         )
-        for index in sorted(found)
+        for index in sorted(prominences)
     ]
 
 
@@ -97,15 +97,15 @@ def _prominent(
     from scipy.stats import chi2
 
     decibels = 10.0 * np.log10(np.maximum(averaged, np.finfo(np.float64).tiny))
-    tops, found = find_peaks(decibels, prominence=0.0, width=0.0, rel_height=0.5)
-    left, right = found["left_bases"], found["right_bases"]
+    tops, properties = find_peaks(decibels, prominence=0.0, width=0.0, rel_height=0.5)
+    left, right = properties["left_bases"], properties["right_bases"]
     valleys = np.where(averaged[left] > averaged[right], left, right)
     independent = max(1.0, spectrum.frequencies[-1] / (cells * spectrum.resolution_hz))
     freedom = cells * spectrum.degrees_of_freedom
     tail = (1.0 - CONFIDENCE) / (2.0 * independent)
     high = chi2.isf(tail, freedom[tops]) / freedom[tops]
     low = chi2.ppf(tail, freedom[valleys]) / freedom[valleys]
-    heights = found["prominences"]
+    heights = properties["prominences"]
     kept = heights > 10.0 * np.log10(high / low)
-    sides = found["left_ips"][kept], found["right_ips"][kept]
+    sides = properties["left_ips"][kept], properties["right_ips"][kept]
     return zip(tops[kept].tolist(), *sides, heights[kept], strict=True)

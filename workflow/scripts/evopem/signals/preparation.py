@@ -53,26 +53,26 @@ def prepare(
         check_validation(recording, validation_recording, f"{key}validation_file")
         rate = recording.sampling_rate  # that of equal clocks differs by rounding
         validation_recording = replace(validation_recording, sampling_rate=rate)
-    own = 1 + max(recording.segment_recordings)
+    count_before = 1 + max(recording.segment_recordings)
     stretches = _stretches(recording, settings, 0, key)
     if validation_recording is not None:
-        stretches += _stretches(validation_recording, settings, own, key)
+        stretches += _stretches(validation_recording, settings, count_before, key)
     transforms = settings.transforms
     counts = (transforms.difference, transforms.difference_input)
-    *parts, source = _divided(stretches, own, settings.split, max(counts), f"{key}split")
+    *parts, source = _divided(stretches, count_before, settings.split, max(counts), f"{key}split")
     stretches, parameter, shift = _transformed(
         stretches, transforms.box_cox, parts[0], f"{key}transforms.box_cox"
     )
-    alone = own == 1 and stretches[-1].number <= 1
+    alone = count_before == 1 and stretches[-1].number <= 1
     like = stretches[0].recording
     levels: dict[int, tuple[tuple[float, ...], tuple[float, ...]]] = {}
 
     def part(name: str, ranges: Sequence[Range]) -> tuple[Recording, tuple[StretchOrigin, ...]]:
         segments: list[Segment] = []
         origins: list[StretchOrigin] = []
-        for number, ours in groupby(ranges, lambda each: stretches[each[0]].number):
-            found = [_section(stretches[at], first, stop, counts) for at, first, stop in ours]
-            together = like.with_segments([segment for segment, _ in found])
+        for number, ours in groupby(ranges, lambda bounds: stretches[bounds[0]].number):
+            sections = [_section(stretches[at], first, stop, counts) for at, first, stop in ours]
+            together = like.with_segments([segment for segment, _ in sections])
             # The means and levels of the first samples of a recording that are asked for.
             known = 0 if alone else number
             if known not in levels:
@@ -82,9 +82,9 @@ def prepare(
             called = recorded[number] if recorded else f"recording {number + 1}"
             called = f"{key}{name} (the samples of {called} as prepared)"
             check_recording(together, called, alone and name == "validation")
-            for each, origin in found:
-                inputs, outputs = each.inputs - means, each.outputs - level
-                segments.append(replace(each, inputs=inputs, outputs=outputs))
+            for prepared, origin in sections:
+                inputs, outputs = prepared.inputs - means, prepared.outputs - level
+                segments.append(replace(prepared, inputs=inputs, outputs=outputs))
                 origins.append(replace(origin, input_means=means, output_means=level))
         return like.with_segments(segments), tuple(origins)
 
@@ -112,13 +112,13 @@ def _stretches(
     recording: Recording, settings: PreparationSettings, before: int, key: str
 ) -> list[_Stretch]:
     """The segments of recordings at the rate that is prepared; ``before`` them others count."""
-    found = []
-    for each, segment in zip(recording.separated, recording.segments, strict=True):
+    stretches = []
+    for record, segment in zip(recording.separated, recording.segments, strict=True):
         start = segment.first / recording.sampling_rate
         if settings.resample is not None:
-            each = resample_recording(each, settings.resample, f"{key}resample")
-        found.append(_Stretch(each, before + segment.recording, start))
-    return found
+            record = resample_recording(record, settings.resample, f"{key}resample")
+        stretches.append(_Stretch(record, before + segment.recording, start))
+    return stretches
 
 
 def _section(
@@ -139,48 +139,48 @@ def _section(
 
 
 def _divided(
-    stretches: Sequence[_Stretch], own: int, split: SplitSettings, lost: int, key: str
+    stretches: Sequence[_Stretch], n_own: int, split: SplitSettings, lost: int, key: str
 ) -> tuple[list[Range], list[Range], Source]:
     """The samples for estimation and for validation, and where the latter come from.
 
-    Those of files for validation follow ``own``; differences take the first ``lost`` of a stretch.
+    Those of files for validation follow ``n_own``; differences take ``lost`` of a stretch first.
     """
     count = 1 + stretches[-1].number
-    places = [[i for i, each in enumerate(stretches) if each.number == n] for n in range(count)]
-    lengths = [max(each.recording.samples - lost, 0) for each in stretches]
+    places = [[i for i, s in enumerate(stretches) if s.number == n] for n in range(count)]
+    lengths = [max(stretch.recording.samples - lost, 0) for stretch in stretches]
     available = [sum(lengths[place] for place in group) for group in places]
 
     def ranges(number: int, first: int, stop: int) -> list[Range]:
         """The samples from one to before another of all that a recording has."""
-        found, begin = [], 0
+        parts, begin = [], 0
         for place in places[number]:
             low, high = max(first - begin, 0), min(stop - begin, lengths[place])
             begin += lengths[place]
-            found.append((place, lost + low, lost + max(low, high)))
-        longest = max(high - low for _, low, high in found)
-        if longest == 0 or (longest < MINIMUM_SAMPLES and len(found) > 1):
+            parts.append((place, lost + low, lost + max(low, high)))
+        longest = max(high - low for _, low, high in parts)
+        if longest == 0 or (longest < MINIMUM_SAMPLES and len(parts) > 1):
             remedy = "divide the recording at another sample"
             raise InputError(key, "a gap leaves too few samples", remedy)
         # What is cut off beside a gap may be too short for an initial state to settle.
         least = min(LONG_STRETCH, longest)
-        return [each for each in found if each[2] - each[1] >= least]
+        return [bounds for bounds in parts if bounds[2] - bounds[1] >= least]
 
-    kept = own  # recordings that are not held out as a whole
-    source: Source = "file" if own < count else "cut" if len(stretches) == own else "gap"
-    if own == count > 1 and split.by == "recordings":
-        totals = [sum(stretches[place].recording.samples for place in each) for each in places]
-        kept, source = own - _held_out_recordings(totals, 1.0 - split.estimation), "recordings"
+    kept = n_own  # recordings that are not held out as a whole
+    source: Source = "file" if n_own < count else "cut" if len(stretches) == n_own else "gap"
+    if n_own == count > 1 and split.by == "recordings":
+        totals = [sum(stretches[place].recording.samples for place in listed) for listed in places]
+        kept, source = n_own - _held_out_recordings(totals, 1.0 - split.estimation), "recordings"
     estimation: list[Range] = []
     validation: list[Range] = []
     for number, samples in enumerate(available):
         if number >= kept:
             validation += ranges(number, _discarded(samples, split, key), samples)
-        elif kept < count > 2 or kept < own:
+        elif kept < count > 2 or kept < n_own:
             estimation += ranges(number, _discarded(samples, split, key), samples)
         else:
             first, stop = _estimation_range(samples, split, kept == count, key)
             if count == 1 and split.estimation == SplitSettings().estimation:
-                inputs = np.concatenate([each.recording.inputs[lost:] for each in stretches])
+                inputs = np.concatenate([stretch.recording.inputs[lost:] for stretch in stretches])
                 stop = _before_last_change(inputs, first, stop) if inputs.shape[1] else stop
             estimation += ranges(number, first, stop)
             validation += ranges(number, stop, samples) if kept == count else []
@@ -257,7 +257,7 @@ def _transformed(
     if count > 1:
         problem = f"the Box-Cox transform bends the scale of one output, and there are {count}"
         raise InputError(source, problem, "use box_cox: none")
-    signals = [each.recording.output for each in stretches]
+    signals = [stretch.recording.output for stretch in stretches]
     shift = positive_shift(*signals)
     if setting == "auto":
         known = [signals[place][first:stop] for place, first, stop in estimation]
@@ -265,7 +265,7 @@ def _transformed(
     else:
         parameter = float(setting)
     bent = []
-    for each, signal in zip(stretches, signals, strict=True):
+    for stretch, signal in zip(stretches, signals, strict=True):
         outputs = box_cox(signal, parameter, shift, source)
-        bent.append(each._replace(recording=replace(each.recording, outputs=outputs)))
+        bent.append(stretch._replace(recording=replace(stretch.recording, outputs=outputs)))
     return bent, parameter, shift

@@ -53,12 +53,12 @@ class Transforms:
     @property
     def estimation_samples(self) -> int:
         """Number of prepared samples for estimation."""
-        return sum(each.samples for each in self.estimation)
+        return sum(origin.samples for origin in self.estimation)
 
     @property
     def validation_samples(self) -> int:
         """Number of prepared samples for validation."""
-        return sum(each.samples for each in self.validation)
+        return sum(origin.samples for origin in self.validation)
 
     @property
     def discard(self) -> int:
@@ -69,7 +69,7 @@ class Transforms:
     def several_recordings(self) -> bool:
         """Whether there is more than one recording for either part; each has means of its own."""
         parts = self.estimation, self.validation
-        most = max(len({each.recording for each in part}) for part in parts)
+        most = max(len({origin.recording for origin in part}) for part in parts)
         return most > 1 or self.validation_source == "recordings"
 
     @property

@@ -37,13 +37,13 @@ def read_measured(
     inputs, outputs = _expanded(path, channels)
     asked, time = (channels.inputs, channels.outputs), None
     stated = (channels.sampling_rate, channels.time, channels.header_lines, channels.decimal_mark)
-    if all(each is None for each in stated):
+    if all(value is None for value in stated):
         time = time_from_file(path, [*inputs, *outputs])
         channels = replace(channels, time=time)
     references = {
-        kind if len(listed) == 1 else f"{kind} {number}": each
+        kind if len(listed) == 1 else f"{kind} {number}": words
         for kind, listed in (("input", inputs), ("output", outputs))
-        for number, each in enumerate(listed, 1)
+        for number, words in enumerate(listed, 1)
     }
     roles = list(references)
     for first, second in itertools.combinations(roles, 2):
@@ -55,16 +55,16 @@ def read_measured(
     read = read_channels(
         path, list(references.values()), channels.header_lines, channels.decimal_mark
     )
-    found = dict(zip(references, read, strict=True))
-    values = {role: _signal(found[role], role, source) for role in roles}
+    columns = dict(zip(references, read, strict=True))
+    values = {role: _signal(columns[role], role, source) for role in roles}
     first = roles[0]
-    for role, each in values.items():
-        if each.size != values[first].size:
-            problem = f"the {first} has {values[first].size} samples and the {role} {each.size}"
+    for role, value in values.items():
+        if value.size != values[first].size:
+            problem = f"the {first} has {values[first].size} samples and the {role} {value.size}"
             remedy = f"choose {'two ' * (len(values) == 2)}channels that were sampled together"
             raise InputError(source, problem, remedy)
-    for one, other in itertools.combinations(found, 2):
-        pair = found[one].values, found[other].values
+    for one, other in itertools.combinations(columns, 2):
+        pair = columns[one].values, columns[other].values
         floats = all(values.dtype.kind == "f" for values in pair)
         if np.array_equal(*pair, equal_nan=floats):
             problem = (
@@ -72,9 +72,9 @@ def read_measured(
                 f" ({references[other]!r}) hold the same values"
             )
             raise InputError(source, problem, "choose different channels")
-    timed = _timing(found, channels, source)
+    timed = _timing(columns, channels, source)
     read = read[: len(roles)]  # without the time
-    starts = [each.start for each in read]
+    starts = [recording.start for recording in read]
     for start in starts:
         late = 0.0 if start is None or starts[0] is None else start - starts[0]
         # A date in seconds since 1970 has a resolution of less than a microsecond as a float.
@@ -124,8 +124,8 @@ def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: st
         rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
         problem = f"the file states different sampling rates for input and output ({rates})"
         raise InputError(source, problem, "choose two channels that were sampled together")
-    own = in_file[0] if len(in_file) == 1 else None
-    known = own if stated.sampling_rate is None else float(stated.sampling_rate)
+    clock = in_file[0] if len(in_file) == 1 else None
+    known = clock if stated.sampling_rate is None else float(stated.sampling_rate)
     if known is not None and not (np.isfinite(known) and known > 0.0):
         raise InputError(source, f"{known} Hz is no sampling rate", "give a positive number of Hz")
     if "time" in channels:
@@ -175,7 +175,7 @@ def _units(
 ) -> tuple[str, ...]:
     """The unit of each channel: the stated one, else the file's own."""
     stated = of_each(given, names, source, f"{role}_unit", role)
-    return tuple(unit or each.unit for unit, each in zip(stated, channels, strict=True))
+    return tuple(unit or channel.unit for unit, channel in zip(stated, channels, strict=True))
 
 
 def _expanded(
@@ -192,8 +192,8 @@ def _expanded(
         return channels.inputs, channels.outputs
     names = channel_names(path)
     short = [name.rpartition("/")[2] for name in names]
-    literal = [each for each in everything if not is_pattern(each) or each in {*names, *short}]
-    named = {each for each in literal if isinstance(each, int)}
+    literal = [r for r in everything if not is_pattern(r) or r in {*names, *short}]
+    named = {reference for reference in literal if isinstance(reference, int)}
     named |= {number for number, name in enumerate(names, 1) if name in literal}
     taken: dict[int, str] = {}
 
@@ -213,8 +213,8 @@ def _expanded(
         return matching
 
     def expanded(role: str, references: Sequence[Reference]) -> tuple[Reference, ...]:
-        found = [[each] if each in literal else numbers(each, role) for each in references]
-        return tuple(itertools.chain.from_iterable(found))
+        lists = [[r] if r in literal else numbers(r, role) for r in references]
+        return tuple(itertools.chain.from_iterable(lists))
 
     return expanded("input", channels.inputs), expanded("output", channels.outputs)
 

@@ -70,7 +70,7 @@ class Segment(_Channels):
 
 def total_samples(segments: Sequence[Segment]) -> int:
     """Samples of all segments together."""
-    return sum(each.samples for each in segments)
+    return sum(segment.samples for segment in segments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,29 +156,29 @@ class Recording(_Channels):
     @property
     def separated(self) -> tuple[Self, ...]:
         """Each segment as a recording by itself."""
-        return tuple(self.with_segments([replace(each, recording=0)]) for each in self.segments)
+        return tuple(self.with_segments([replace(s, recording=0)]) for s in self.segments)
 
     @property
     def longest(self) -> Self:
         """The longest segment alone."""
-        return max(self.separated, key=lambda each: each.samples)
+        return max(self.separated, key=lambda record: record.samples)
 
     @property
     def times(self) -> Array:
         """Time (s) of each sample from the first one of its recording on, (N,)."""
-        numbers = [each.first + np.arange(each.samples) for each in self.segments]
+        numbers = [segment.first + np.arange(segment.samples) for segment in self.segments]
         return np.concatenate(numbers) / self.sampling_rate
 
     def with_segments(self, segments: Sequence[Segment]) -> Self:
         """The same channels with other samples: these segments, one after the other."""
-        lengths = [each.samples for each in segments]
+        lengths = [segment.samples for segment in segments]
         return replace(
             self,
-            inputs=np.concatenate([each.inputs for each in segments]),
-            outputs=np.concatenate([each.outputs for each in segments]),
+            inputs=np.concatenate([segment.inputs for segment in segments]),
+            outputs=np.concatenate([segment.outputs for segment in segments]),
             segment_starts=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
-            segment_recordings=tuple(each.recording for each in segments),
-            segment_firsts=tuple(each.first for each in segments),
+            segment_recordings=tuple(segment.recording for segment in segments),
+            segment_firsts=tuple(segment.first for segment in segments),
         )
 
     def between(self, first: int, stop: int) -> Self:
@@ -213,7 +213,7 @@ def recording_of(
     for name, signal in signals.items():
         if np.iscomplexobj(signal):
             raise ValueError(f"the {name} is complex; give its real part or another channel")
-    u, y = (np.ascontiguousarray(each, dtype=float) for each in signals.values())
+    u, y = (np.ascontiguousarray(signal, dtype=float) for signal in signals.values())
     if len(u) != len(y):
         raise ValueError(f"input and output must be of one length, not {len(u)} and {len(y)}")
     return Recording(u, y, sampling_rate)
@@ -223,8 +223,8 @@ def _columns(values: Array) -> Array:
     """Samples as an (N, channels) array of float64, with NaN for masked ones; 1-D is one column."""
     if np.ma.isMaskedArray(values):
         values = np.ma.filled(np.ma.asarray(values).astype(np.float64), np.nan)
-    found = np.asarray(values, dtype=np.float64)
-    return found[:, None] if found.ndim == 1 else found
+    array = np.asarray(values, dtype=np.float64)
+    return array[:, None] if array.ndim == 1 else array
 
 
 def _single(values: Array) -> Array:
@@ -238,8 +238,8 @@ def concatenated(recordings: Sequence[Recording]) -> Recording:
     return recordings[0].with_segments(
         [
             replace(segment, recording=number)
-            for number, each in enumerate(recordings)
-            for segment in each.segments
+            for number, recording in enumerate(recordings)
+            for segment in recording.segments
         ]
     )
 
@@ -255,7 +255,7 @@ def load_recording(path: str | Path) -> Recording:
     return recording
 
 
-_FIELDS = tuple(each.name for each in fields(Recording))
+_FIELDS = tuple(field.name for field in fields(Recording))
 
 
 def save_recordings(recordings: Mapping[str, Recording], path: str | Path) -> None:
@@ -273,9 +273,9 @@ def save_recordings(recordings: Mapping[str, Recording], path: str | Path) -> No
 def load_recordings(prefixes: Sequence[str], path: str | Path) -> list[Recording]:
     """Read the recordings that `save_recordings` wrote under these prefixes."""
     arrays = load_arrays(path, tuple(prefix + name for prefix in prefixes for name in _FIELDS))
-    found = []
+    recordings = []
     for prefix in prefixes:
         inputs, outputs, rate, *others = (arrays[prefix + name] for name in _FIELDS)
-        listed = (tuple(each.tolist()) for each in others)
-        found.append(Recording(inputs, outputs, float(rate), *listed))
-    return found
+        listed = (tuple(other.tolist()) for other in others)
+        recordings.append(Recording(inputs, outputs, float(rate), *listed))
+    return recordings

@@ -103,10 +103,10 @@ def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording
     """Recordings of one system as one, each with its own number; refused where they disagree."""
     expected = _in_common(recordings[0])
     for number, (other, source) in enumerate(zip(recordings, sources, strict=True)):
-        found = _in_common(other)
+        common = _in_common(other)
         for (what, key), value in expected.items():
-            if found.get((what, key)) != value:
-                here = f'"{found.get((what, key))}" here and "{value}" in {sources[0]}'
+            if common.get((what, key)) != value:
+                here = f'"{common.get((what, key))}" here and "{value}" in {sources[0]}'
                 remedy = (
                     f"name under {key} what all recordings of the data set have, or take this file"
                     " out of it"
@@ -142,7 +142,7 @@ def check_validation(recording: Recording, validation: Recording, source: str) -
     """Refuse a validation recording of another rate, of other channels, or of the same samples."""
     _check_rate(recording, validation, source, "the estimation recording")
     for role in ("inputs", "outputs"):
-        expected, given = (getattr(each, role).shape[1] for each in (recording, validation))
+        expected, given = (getattr(record, role).shape[1] for record in (recording, validation))
         if given != expected:
             problem = f"it has {given} {role} and the estimation recording {expected}"
             raise InputError(source, problem, "validate on a recording of the same channels")
@@ -158,7 +158,7 @@ def check_independent(
 ) -> None:
     """Refuse a recording with a segment that is a copy of one of another, or of a part of it."""
     for one, two in itertools.product(estimation.segments, validation.segments):
-        start = shared_start(*(np.column_stack([each.inputs, each.outputs]) for each in (one, two)))
+        start = shared_start(*(np.column_stack([r.inputs, r.outputs]) for r in (one, two)))
         if start is None:
             continue
         shorter = min(one.samples, two.samples)

@@ -61,8 +61,8 @@ def describe_recording(
 
     def described(role: str) -> tuple[ChannelInfo, ...]:
         names, units = getattr(recording, f"{role}_names"), getattr(recording, f"{role}_units")
-        found = zip(names, units, getattr(recording, f"{role}s").T, strict=True)
-        return tuple(ChannelInfo(name, unit, 100.0 * saturated_share(x)) for name, unit, x in found)
+        rows = zip(names, units, getattr(recording, f"{role}s").T, strict=True)
+        return tuple(ChannelInfo(name, unit, 100.0 * saturated_share(x)) for name, unit, x in rows)
 
     channels = described("input"), described("output")
     return RecordingInfo(recording.samples, recording.sampling_rate, *channels, files, roles)

@@ -58,26 +58,26 @@ def multitaper_spectrum(
     """
     from scipy.stats import chi2
 
-    found = _spectra([signal[:, None]], sampling_rate, time_halfbandwidth, nfft)
-    freedom = found.freedom
+    spectra = _spectra([signal[:, None]], sampling_rate, time_halfbandwidth, nfft)
+    freedom = spectra.freedom
     # Both sides of the spectrum; zero and Nyquist stand alone.
-    density = 2.0 * found.matrices[:, 0, 0].real
+    density = 2.0 * spectra.matrices[:, 0, 0].real
     density[0] /= 2.0
     if nfft % 2 == 0:
         density[-1] /= 2.0
-    density *= float(found.variances[0]) / (density.sum() * sampling_rate / nfft)
+    density *= float(spectra.variances[0]) / (density.sum() * sampling_rate / nfft)
     tail = (1.0 - CONFIDENCE) / 2.0
     return Spectrum(
-        frequencies=found.frequencies,
+        frequencies=spectra.frequencies,
         density=density,
         lower=density * freedom / chi2.ppf(1.0 - tail, freedom),
         upper=density * freedom / chi2.ppf(tail, freedom),
         degrees_of_freedom=freedom,
         time_halfbandwidth=float(time_halfbandwidth),
-        tapers=found.tapers,
+        tapers=spectra.tapers,
         nfft=nfft,
-        segments=found.segments,
-        halfbandwidth_hz=found.halfbandwidth_hz,
+        segments=spectra.segments,
+        halfbandwidth_hz=spectra.halfbandwidth_hz,
     )
 
 
@@ -128,13 +128,13 @@ def frequency_response(
     from scipy.stats import t as student
 
     inputs = recording.inputs.shape[1]
-    parts = [each for each in recording.segments if each.samples > 2.0 * time_halfbandwidth]
-    signals = [np.column_stack([each.inputs, each.outputs]) for each in parts or recording.segments]
-    found = _spectra(signals, recording.sampling_rate, time_halfbandwidth, nfft)
-    if found.tapers * found.segments < 2:
+    parts = [s for s in recording.segments if s.samples > 2.0 * time_halfbandwidth]
+    signals = [np.column_stack([part.inputs, part.outputs]) for part in parts or recording.segments]
+    estimates = _spectra(signals, recording.sampling_rate, time_halfbandwidth, nfft)
+    if estimates.tapers * estimates.segments < 2:
         problem = f"{time_halfbandwidth:g} gives a single taper, and a coherence needs two"
         raise InputError("spectrum: time_halfbandwidth", problem, "choose at least 1.5")
-    spectra, freedom = found.matrices, found.freedom
+    spectra, freedom = estimates.matrices, estimates.freedom
     s_uu, s_yu = spectra[:, :inputs, :inputs], spectra[:, inputs:, :inputs]
     s_yy = np.einsum("fii->fi", spectra)[:, inputs:].real
     inverse = np.linalg.pinv(s_uu, rcond=1e-10, hermitian=True)
@@ -147,7 +147,7 @@ def frequency_response(
     left = s_yy * (1.0 - coherence) * (quantile**2 / residual_freedom)[:, None]
     radius = np.sqrt(left[:, :, None] * np.einsum("fii->fi", inverse).real[:, None, :])
     return FrequencyResponse(
-        frequencies=found.frequencies,
+        frequencies=estimates.frequencies,
         response=response,
         gain_lower=np.maximum(np.abs(response) - radius, 0.0),
         gain_upper=np.abs(response) + radius,
@@ -175,7 +175,7 @@ def _spectra(
 
     Their weights are the geometric mean of the channels' adaptive weights.
     """
-    signals = [each - each.mean(axis=0) for each in signals]
+    signals = [signal - signal.mean(axis=0) for signal in signals]
     variances = np.concatenate(signals).var(axis=0)
     if not variances.all():
         raise InputError("spectrum", "a signal is constant", "choose channels that vary")
@@ -183,17 +183,17 @@ def _spectra(
     frequencies = np.asarray(np.fft.rfftfreq(nfft, 1.0 / rate), np.float64)
     products: NDArray[Any] = np.zeros(())
     longest, segments = 0, 0
-    for each in signals:
-        count = max(-(-len(each) // nfft), 1)
-        length = len(each) // count
+    for signal in signals:
+        count = max(-(-len(signal) // nfft), 1)
+        length = len(signal) // count
         sequences, ratios = _tapers(length, time_halfbandwidth)
         if length > longest:
             longest, concentrations = length, ratios
         segments += count
-        for segment in each[: count * length].reshape(count, length, channels):
+        for segment in signal[: count * length].reshape(count, length, channels):
             # Eigencoefficients: transforms of the tapered segment, (K, F, c).
-            found = np.fft.rfft(sequences[:, :, None] * segment, nfft, axis=1)
-            products = products + found[..., :, None] * found[..., None, :].conj()
+            transformed = np.fft.rfft(sequences[:, :, None] * segment, nfft, axis=1)
+            products = products + transformed[..., :, None] * transformed[..., None, :].conj()
     products /= segments * rate
     of_channels = [
         _adaptive_weights(products[:, :, k, k].real, concentrations, variances[k] / rate)

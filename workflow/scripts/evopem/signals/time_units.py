@@ -56,8 +56,8 @@ def _spelled(unit: str) -> str:
 
 def stated_unit(name: str, unit: str, source: str, place: str) -> str | None:
     """The unit that the file states for the stamps, as a key of `TIME_UNITS`."""
-    own, in_name = _spelled(unit), _unit_in_name(name)
-    stated = [text for text in ("" if own == "-" else own, in_name) if text]
+    written, in_name = _spelled(unit), _unit_in_name(name)
+    stated = [text for text in ("" if written == "-" else written, in_name) if text]
     for text in stated:
         if text not in _UNIT_OF:
             remedy = f"set time_unit to one of {', '.join(TIME_UNITS)}"

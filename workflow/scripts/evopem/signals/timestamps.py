@@ -191,13 +191,13 @@ def _ticks(stamps: NDArray, named: _Stamps) -> NDArray:
 def _refuse_same_times(times: Array, closest: float, named: _Stamps) -> NoReturn:
     """Refuse times that do not increase; two times closer than ``closest`` are the same."""
     steps = np.diff(times)
-    found = np.flatnonzero(steps <= closest) + 1
-    first = int(found[0])
+    equal = np.flatnonzero(steps <= closest) + 1
+    first = int(equal[0])
     back = -float(steps[first - 1])
     problem = f"{back:g}{named.unit} before that" if back > closest else "that"
     problem = f"the time does not increase: it is {problem} of sample {first}"
-    if found.size > 1:
-        problem += f", and there are {found.size - 1} more such samples"
+    if equal.size > 1:
+        problem += f", and there are {equal.size - 1} more such samples"
     named.refuse(
         problem,
         first,
@@ -330,7 +330,7 @@ def _refuse_other_rate(steps: Array, usual: float, named: _Stamps) -> None:
     if blocks < 2:
         return
     edges = np.linspace(0, steps.size, blocks + 1).astype(int)
-    medians = [float(np.median(each)) for each in np.split(steps, edges[1:-1])]
+    medians = [float(np.median(part)) for part in np.split(steps, edges[1:-1])]
     counts = np.maximum(np.round(steps / np.repeat(medians, np.diff(edges))), 1.0)
     mean = np.add.reduceat(steps, edges[:-1]) / np.add.reduceat(counts, edges[:-1])
     off = steps - counts * np.repeat(mean, np.diff(edges))

@@ -131,9 +131,9 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
     add("--results", default=RESULTS_FOLDER, metavar="FOLDER", help=about)
     about = "a config.yaml whose `defaults:` decide what they name"
     add("--config", metavar="YAML", help=about)
-    for each in given:
-        if each.startswith("-") and os.path.exists(each):  # noqa: PTH110 - of any length
-            raise InputError(each, "begins with -, as options do", f"write ./{each}")
+    for argument in given:
+        if argument.startswith("-") and os.path.exists(argument):  # noqa: PTH110 - of any length
+            raise InputError(argument, "begins with -, as options do", f"write ./{argument}")
     arguments, left = parser.parse_known_args(given)
     for option, _, second in zip(given, given[1:], given[2:], strict=False):
         of_channel = option in ("--input", "--output") and not second.startswith("-")
@@ -288,7 +288,7 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
             raise InputError(arguments.config, "there is no such file", remedy)
         check_yaml_files([arguments.config])
         written = yaml.safe_load(Path(arguments.config).read_text(encoding="utf-8"))
-        content |= {key: each for key, each in written.items() if key == "defaults" and each}
+        content |= {key: value for key, value in written.items() if key == "defaults" and value}
     with _options_for_keys(name):
         return complete(content, arguments.config or "evopem").datasets[name]
 
@@ -317,7 +317,7 @@ def _digests_read(files: DatasetFiles) -> list[str]:
     """SHA-256 of the recorded files behind results; empty where they cannot be told."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         content = json.loads(Path(files.recording_info).read_text(encoding="utf-8"))
-        return [each["sha256"] for each in content["files"]]
+        return [file["sha256"] for file in content["files"]]
     return []
 
 

@@ -91,7 +91,7 @@ def recorded_files(folder: Path) -> list[Path]:
 
     Hidden folders and those of results are left out.
     """
-    found = []
+    recorded = []
     for top, folders, files in os.walk(folder):
         if set(files) >= _RESULTS:
             folders.clear()
@@ -99,8 +99,8 @@ def recorded_files(folder: Path) -> list[Path]:
         folders[:] = sorted(
             name for name in folders if not name.startswith(".") and name != RESULTS_FOLDER
         )
-        found += [Path(top) / name for name in sorted(files) if not name.startswith(".")]
-    return [path for path in found if path.suffix.lower() in FORMATS]
+        recorded += [Path(top) / name for name in sorted(files) if not name.startswith(".")]
+    return [path for path in recorded if path.suffix.lower() in FORMATS]
 
 
 def dataset_name(path: Path) -> str:
@@ -119,16 +119,16 @@ def _entry(name: str, path: Path, file: str) -> str:
     contents = inspect_file(path)
     signals = contents.signals
     if len(signals) < 2:
-        found = f"{len(signals)} of its channels can be an input or an output"
+        reason = f"{len(signals)} of its channels can be an input or an output"
         unread = f"no two channels can be read. {contents.unread.rstrip('.')}"
-        problem = unread if contents.unread else found
+        problem = unread if contents.unread else reason
         raise InputError(file, problem, "two are needed")
     sources, targets, sure = _channels(signals)
-    others = [_scalar(each.reference) for each in signals if each not in (*sources, *targets)]
+    others = [_scalar(signal.reference) for signal in signals if signal not in (*sources, *targets)]
     lines = [f"  {_scalar(name)}:", f"    file: {_scalar(file)}"]
     guess = "" if sure else "  # a guess by the order of the channels"
     for key, channels in (("input", sources), ("output", targets)):
-        names = [_scalar(each.reference) for each in channels]
+        names = [_scalar(channel.reference) for channel in channels]
         named = names[0] if len(names) == 1 else f"[{', '.join(names)}]"
         unit = f"  # {_comment(channels[0].unit)}" if channels[0].unit else ""
         lines.append(f"    {key}: {named}{unit}{guess}")
@@ -145,24 +145,24 @@ def _channels(
     """Inputs and outputs, and whether their names say so; else the first two signals."""
     sources = named(signals, INPUT_NAMES)
     targets = named(signals, OUTPUT_NAMES)
-    one_rate = len({(each.samples, each.sampling_rate) for each in (*sources, *targets)}) == 1
-    if sources and targets and one_rate and not any(each in targets for each in sources):
+    one_rate = len({(source.samples, source.sampling_rate) for source in (*sources, *targets)}) == 1
+    if sources and targets and one_rate and not any(source in targets for source in sources):
         return sources, targets, True
-    source = sources[0] if sources else next(each for each in signals if each not in targets[:1])
-    target = next((each for each in targets if each != source), None)
-    return [source], [target or next(each for each in signals if each != source)], False
+    source = sources[0] if sources else next(x for x in signals if x not in targets[:1])
+    target = next((target for target in targets if target != source), None)
+    return [source], [target or next(signal for signal in signals if signal != source)], False
 
 
 def _rate(source: SignalColumn, target: SignalColumn, time: TimeColumn | None) -> list[str]:
-    own = {source.sampling_rate, target.sampling_rate}
+    rates = {source.sampling_rate, target.sampling_rate}
     if time is not None:
         column = f"    time: {_scalar(time.reference)}"
         if time.sampling_rate is not None:
             return [f"{column}  # {time.sampling_rate:g} Hz"]
         to_set = "time_unit: ms  # to be set: " if "time_unit" in time.problem else ""
         return [column, f"    # {to_set}{_comment(time.problem)}"]
-    if len(own) == 1 and None not in own:
-        return [f"    # sampling rate: {own.pop():g} Hz, as the file states"]
+    if len(rates) == 1 and None not in rates:
+        return [f"    # sampling rate: {rates.pop():g} Hz, as the file states"]
     return ["    # sampling_rate: 100  # Hz; to be set: the file states none"]
 
 

@@ -60,8 +60,8 @@ def joint_contribution_test(records: Sequence[HeldOutContribution]) -> HeldOutTe
     records, each weighed by the inverse of its noise; its standard error allows for the
     correlations of the outputs' noise.  Records and outputs where no test is possible are left out.
     """
-    samples = sum(len(each.errors_without) for each in records)
-    sums = [found for each in records if (found := _weighed_sums(each)) is not None]
+    samples = sum(len(record.errors_without) for record in records)
+    sums = [weighed for record in records if (weighed := _weighed_sums(record)) is not None]
     if not sums:
         return HeldOutTest(math.nan, math.nan, math.nan, samples)
     # Errors of different records are independent.
@@ -79,9 +79,9 @@ def _weighed_sums(record: HeldOutContribution) -> tuple[float, float, float, flo
     """
     e, x = record.errors_without, record.contributions
     regressions = [
-        found
+        regression
         for k, others in enumerate(record.nuisance)
-        if (found := _whitened_regression(e[:, k], x[:, k], others)) is not None
+        if (regression := _whitened_regression(e[:, k], x[:, k], others)) is not None
     ]
     if not regressions:
         return None
@@ -92,9 +92,9 @@ def _weighed_sums(record: HeldOutContribution) -> tuple[float, float, float, flo
     if min(deviations) == 0.0:
         return math.inf, math.inf, 0.0, freedom
     inverse = 1.0 / np.array(deviations)[:, None]
-    remainder = inverse * np.array([each[-common:] for each, _, _, _ in regressions])
-    unexplained = inverse * np.array([each[-common:] for _, each, _, _ in regressions])
-    rest = np.array([each[-common:] for _, _, each, _ in regressions])
+    remainder = inverse * np.array([errors[-common:] for errors, _, _, _ in regressions])
+    unexplained = inverse * np.array([tested[-common:] for _, tested, _, _ in regressions])
+    rest = np.array([known[-common:] for _, _, known, _ in regressions])
     return (
         float(np.sum(unexplained**2)),
         float(np.sum(unexplained * remainder)),
@@ -112,7 +112,7 @@ def _whitened_regression(
     the signal, and its degrees of freedom.
     """
     others = np.hstack([np.ones((e.size, 1)), nuisance])
-    if e.size < FEWEST_SAMPLES or not all(np.isfinite(each).all() for each in (e, x, others)):
+    if e.size < FEWEST_SAMPLES or not all(np.isfinite(signals).all() for signals in (e, x, others)):
         return None
     remainder, unexplained = left_by(others, e), left_by(others, x)
     if _vanishes(unexplained, x) or _vanishes(remainder, e):
@@ -158,10 +158,10 @@ def improvement_test(records: Sequence[tuple[Array, Array]]) -> HeldOutTest:
     ``records`` (N, l): errors without and with the part over held-out samples of each record; each
     output is weighed by the inverse of its error with it.
     """
-    squares = [np.concatenate([each[k] for each in records]) ** 2 for k in (0, 1)]
+    squares = [np.concatenate([record[k] for record in records]) ** 2 for k in (0, 1)]
     samples = len(squares[0])
     spread = squares[1].mean(axis=0)
-    before, after = (each @ np.where(spread > 0.0, 1.0 / spread, 0.0) for each in squares)
+    before, after = (square @ np.where(spread > 0.0, 1.0 / spread, 0.0) for square in squares)
     difference = before - after
     if samples < FEWEST_SAMPLES or not np.isfinite(difference).all() or not np.ptp(difference) > 0:
         return HeldOutTest(math.nan, math.nan, math.nan, samples)

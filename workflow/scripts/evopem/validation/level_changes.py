@@ -60,7 +60,7 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
         [(k, k + 1) for k in range(count)],
     ]
     design = np.ones((1, count))
-    found: list[tuple[int, float, bool]] = []
+    levels: list[tuple[int, float, bool]] = []
     while count >= max(FEWEST, len(design) + 1 + FEWEST_BEYOND):
         tests = []
         for places in filter(None, kinds):
@@ -72,24 +72,24 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
         if p_value >= significance:
             break
         is_step = stop - first >= BESIDE
-        known = {k for k, _, each in found if each == is_step} | {count}
+        known = {k for k, _, stepped in levels if stepped == is_step} | {count}
         added = [k for k in ((first, stop) if is_step else (first,)) if k not in known]
-        found += [(k, p_value, is_step) for k in added]
+        levels += [(k, p_value, is_step) for k in added]
         design = np.vstack([design, *((at >= k) if is_step else (at == k) for k in added)])
     coefficients, covariances, _, scatter = _fits(values, standard_errors, design.T[None], 1)
-    is_level = np.array([True, *(is_step for *_, is_step in found)])
+    is_level = np.array([True, *(is_step for *_, is_step in levels)])
     level = coefficients[0, is_level] @ design[is_level]
     errors = np.sqrt(np.diag(covariances[0]))[1:].tolist()
     changes = [
         LevelChange(k, float(level[k - 1]), float(level[k]), error, p_value)
-        for error, (k, p_value, is_step) in zip(errors, found, strict=True)
+        for error, (k, p_value, is_step) in zip(errors, levels, strict=True)
         if is_step
     ]
     return Levels(
         tuple(level.tolist()),
         math.sqrt(float(scatter[0])),
-        tuple(sorted(changes, key=lambda each: each.index)),
-        tuple(sorted(k for k, _, is_step in found if not is_step)),
+        tuple(sorted(changes, key=lambda change: change.index)),
+        tuple(sorted(k for k, _, is_step in levels if not is_step)),
     )
 
 
@@ -104,8 +104,8 @@ def _most_significant(
     for _ in range(2):
         roots = 1.0 / np.sqrt(errors**2 + scatter)
         basis = np.linalg.qr((design * roots).T)[0]
-        own = regressors * roots - (regressors * roots) @ basis @ basis.T
-        explained = (own @ (values * roots)) ** 2 / np.maximum(np.sum(own**2, axis=1), 1e-9)
+        rest = regressors * roots - (regressors * roots) @ basis @ basis.T
+        explained = (rest @ (values * roots)) ** 2 / np.maximum(np.sum(rest**2, axis=1), 1e-9)
         best = int(np.argmax(explained))
         both = np.vstack([design, regressors[best]])
         if np.linalg.matrix_rank(both) < len(both):
@@ -143,7 +143,7 @@ def find_drift(
     count, span = len(values), float(places[-1] - places[0])
     if span <= 0.0:
         return None
-    found, time = [], (places - places[0]) / span
+    changes, time = [], (places - places[0]) / span
     # Numbers of periods, a quarter apart: a wave between two of them is found by both.
     periods = np.arange(1.0, (count - 1) / SHORTEST_PERIOD + 1e-9, 0.25)
     waves = 2.0 * np.pi * np.outer(periods, time) * (count - 1) / count
@@ -151,11 +151,13 @@ def find_drift(
         "trend": [time[None] - 0.5],
         "oscillation": [np.cos(waves), np.sin(waves)],
     }
-    for kind, each in regressors.items():
-        designs = np.stack([np.ones_like(each[0]), *each], axis=-1)
+    for kind, regressor in regressors.items():
+        designs = np.stack([np.ones_like(regressor[0]), *regressor], axis=-1)
         if count < designs.shape[2] + FEWEST_BEYOND or not len(designs):
             continue
-        coefficients, covariances, p_values, _ = _fits(values, standard_errors, designs, len(each))
+        coefficients, covariances, p_values, _ = _fits(
+            values, standard_errors, designs, len(regressor)
+        )
         best = int(np.argmin(p_values))
         along = coefficients[best, 1:]
         size = float(along[0]) if kind == "trend" else float(np.hypot(*along))
@@ -164,9 +166,9 @@ def find_drift(
         period = math.nan if kind == "trend" else span * count / (count - 1) / periods[best]
         shown = tuple((designs[best] @ coefficients[best]).tolist())
         p_value = min(1.0, len(designs) * float(p_values[best]))  # Bonferroni
-        found.append(Drift(kind, shown, size, error, float(period), p_value))
-    significant = [each for each in found if each.p_value < 0.5 * significance]
-    return min(significant, key=lambda each: each.p_value, default=None)
+        changes.append(Drift(kind, shown, size, error, float(period), p_value))
+    significant = [change for change in changes if change.p_value < 0.5 * significance]
+    return min(significant, key=lambda change: change.p_value, default=None)
 
 
 def _fits(
@@ -185,9 +187,9 @@ def _fits(
         scatter = np.maximum(scatter + (left / free - 1.0) * left / np.maximum(slope, 1e-300), 0.0)
     coefficients, covariances, left, _ = _weighted(values, errors**2 + scatter[:, None], designs)
     covariances *= np.maximum(1.0, left / free)[:, None, None]
-    own = coefficients[:, -tested:, None]
-    along = np.linalg.solve(covariances[:, -tested:, -tested:], own)
-    statistics = (own * along).sum(axis=(1, 2)) / tested
+    tested_part = coefficients[:, -tested:, None]
+    along = np.linalg.solve(covariances[:, -tested:, -tested:], tested_part)
+    statistics = (tested_part * along).sum(axis=(1, 2)) / tested
     return coefficients, covariances, fdtrc(tested, free, statistics), scatter
 
 

@@ -70,7 +70,7 @@ class ModalParts:
         """Largest share of what a mode adds in the power of an output, of either drive."""
         power = np.var(self.outputs[self.first :], axis=0)
         of_mode = [
-            np.var(each[index][self.first :], axis=0) for each in (self.by_input, self.by_noise)
+            np.var(part[index][self.first :], axis=0) for part in (self.by_input, self.by_noise)
         ]
         return float(np.max(of_mode / np.where(power > 0.0, power, np.inf)))
 
@@ -154,15 +154,15 @@ ModeTests = tuple[HeldOutTest, HeldOutTest, float]
 def held_out_mode_tests(modes: Sequence[Mode], held_out: Sequence[HeldOut]) -> list[ModeTests]:
     """The tests of each mode on held-out samples; not possible without any."""
     with np.errstate(all="ignore"):
-        records = [ModalParts.of(modes, each) for each in held_out]
+        records = [ModalParts.of(modes, stretch) for stretch in held_out]
         tests = []
         for index, mode in enumerate(modes):
             of_input, of_noise = NO_TEST, NO_TEST
-            if any(each.excited_share(index, mode.pole) >= EXCITED for each in records):
-                of_input = joint_contribution_test([each.of_input(index) for each in records])
+            if any(record.excited_share(index, mode.pole) >= EXCITED for record in records):
+                of_input = joint_contribution_test([record.of_input(index) for record in records])
             if records and np.any(mode.noise_participation):
                 of_noise = _noise_test(records, index, mode.pole, held_out[0].model.noise_zeros())
-            share = max((each.power_share(index) for each in records), default=math.nan)
+            share = max((record.power_share(index) for record in records), default=math.nan)
             tests.append((of_input, of_noise, share))
     return tests
 
@@ -176,5 +176,5 @@ def _noise_test(
     one filter neighbours make up for each other, so that superfluous ones would seem needed.
     """
     if records[0].outputs.shape[1] == 1:
-        return improvement_test([each.without(pole, zeros) for each in records])
-    return joint_contribution_test([each.of_noise(index) for each in records])
+        return improvement_test([record.without(pole, zeros) for record in records])
+    return joint_contribution_test([record.of_noise(index) for record in records])

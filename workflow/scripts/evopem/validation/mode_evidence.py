@@ -138,23 +138,23 @@ class ModeTable:
     @property
     def trusted(self) -> tuple[Mode, ...]:
         """The modes that nothing speaks against."""
-        return tuple(each.mode for each in self.modes if each.trusted)
+        return tuple(mode.mode for mode in self.modes if mode.trusted)
 
     def rows(self, input_names: Sequence[str], output_names: Sequence[str]) -> dict[str, Column]:
         """One row for each mode and output, as ``modes.csv`` has them."""
-        modes = [each.mode for each in self.modes]
+        modes = [mode.mode for mode in self.modes]
         columns = shaped_modes_table(modes, input_names, output_names)
-        judged = [each for each in self.modes for _ in output_names]
+        judged = [mode for mode in self.modes for _ in output_names]
         evidence: dict[str, Column] = {
-            "order": [each.order for each in judged],
-            "recurrence": [each.recurrence for each in judged],
-            "origin": [each.origin for each in judged],
-            "trusted": [str(each.trusted) for each in judged],
-            "doubts": ["; ".join(each.doubts) for each in judged],
-            "shape_assurance": [each.mode.shape_assurance for each in judged],
-            "shape_trusted": [str(each.shape_trusted) for each in judged],
-            "shape_doubt": [each.shape_doubt for each in judged],
-            "plane_with_mode": ["" if each.pair is None else str(each.pair + 1) for each in judged],
+            "order": [judged_mode.order for judged_mode in judged],
+            "recurrence": [judged_mode.recurrence for judged_mode in judged],
+            "origin": [judged_mode.origin for judged_mode in judged],
+            "trusted": [str(judged_mode.trusted) for judged_mode in judged],
+            "doubts": ["; ".join(judged_mode.doubts) for judged_mode in judged],
+            "shape_assurance": [judged_mode.mode.shape_assurance for judged_mode in judged],
+            "shape_trusted": [str(judged_mode.shape_trusted) for judged_mode in judged],
+            "shape_doubt": [judged_mode.shape_doubt for judged_mode in judged],
+            "plane_with_mode": ["" if j.pair is None else str(j.pair + 1) for j in judged],
         }
         return columns | evidence
 
@@ -174,8 +174,8 @@ def mode_table(
     first : int, optional
         First held-out sample of each segment; by default there are none, and no tests.
     """
-    models = [OrderModel.of(each.model.order, each.bic, each.model) for each in estimates]
-    chosen = min(models, key=lambda each: each.bic).order
+    models = [OrderModel.of(e.model.order, e.bic, e.model) for e in estimates]
+    chosen = min(models, key=lambda model: model.bic).order
     if first is None:
         return table_of_models(models, chosen)
     return table_of_models(models, chosen, lambda model: divided(model, recording, first))
@@ -191,35 +191,35 @@ def table_of_models(
     ``models``: by order.  ``chosen``: the order whose modes are all listed.  ``held_out``: gives
     the stretches for the tests of a model; without any they are not possible.
     """
-    by_order = {each.order: each for each in models}
+    by_order = {model.order: model for model in models}
     tests: dict[int, list[ModeTests]] = {}
     samples: dict[int, float] = {}
     squares: dict[int, Array] = {}  # of one-step errors of each output, their means
     judged: list[ModeEvidence] = []
     row_of: dict[tuple[int, int], int] = {}
-    for group in cluster_modes({order: each.modes for order, each in by_order.items()}):
+    for group in cluster_modes({order: model.modes for order, model in by_order.items()}):
         if chosen not in group and len(group) < PERSISTENT_ORDERS:
             continue
         order = chosen if chosen in group else min(group, key=lambda order: by_order[order].bic)
-        found = by_order[order]
+        nearby = by_order[order]
         if order not in tests:
-            records = held_out(found.model)
-            tests[order] = held_out_mode_tests(found.modes, records)
-            samples[order] = max((len(each.outputs) for each in records), default=math.inf)
+            records = held_out(nearby.model)
+            tests[order] = held_out_mode_tests(nearby.modes, records)
+            samples[order] = max((len(record.outputs) for record in records), default=math.inf)
         of_mode = tests[order][group[order]]
-        mode, without = found.modes[group[order]], None
-        lacking = [each for each in models if each.order < order and _lacks(each, mode, group)]
+        mode, without = nearby.modes[group[order]], None
+        lacking = [model for model in models if model.order < order and _lacks(model, mode, group)]
         if lacking and math.isfinite(of_mode[1].p_value):
-            best = min(lacking, key=lambda each: each.bic)
-            for each in (best, found):
-                if each.order not in squares:
-                    squares[each.order] = _mean_squares(held_out(each.model))
+            best = min(lacking, key=lambda model: model.bic)
+            for model in (best, nearby):
+                if model.order not in squares:
+                    squares[model.order] = _mean_squares(held_out(model.model))
             without = float(np.mean(squares[best.order] / squares[order]))
         row_of |= {(order, index): len(judged) for order, index in group.items()}
-        judged.append(_judged(found, group, of_mode, by_order, samples[order], without, chosen))
-    poles = stabilization({order: each.modes for order, each in by_order.items()}, row_of)
+        judged.append(_judged(nearby, group, of_mode, by_order, samples[order], without, chosen))
+    poles = stabilization({order: model.modes for order, model in by_order.items()}, row_of)
     rows = _with_pairs(judged, by_order, row_of)
-    shapes = [each.mode.shape for each in rows]
+    shapes = [row.mode.shape for row in rows]
     alike = tuple(tuple(round(assurance(a, b), 12) for b in shapes) for a in shapes)
     return ModeTable(chosen, tuple(by_order), rows, tuple(poles), alike)
 
@@ -228,7 +228,7 @@ def _lacks(other: OrderModel, mode: Mode, group: Mapping[int, int]) -> bool:
     """Whether a model has neither a mode nor another one that may be it, by its frequency."""
     width = max(SAME_FREQUENCY, mode.damping_ratio) * mode.frequency_hz
     width = max(width, STANDARD_ERRORS * np.nan_to_num(mode.frequency_se_hz, posinf=0.0))
-    near = (abs(each.frequency_hz - mode.frequency_hz) <= width for each in other.modes)
+    near = (abs(candidate.frequency_hz - mode.frequency_hz) <= width for candidate in other.modes)
     return other.order not in group and not any(near)
 
 
@@ -241,7 +241,7 @@ def _mean_squares(held_out: Sequence[HeldOut]) -> Array:
 
 def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> ModeTable:
     """A table with the modes of the noise filter alone behind those of the plant."""
-    known = {each.mode.pole for each in table.modes}
+    known = {mode.mode.pole for mode in table.modes}
     nothing = np.zeros(inputs, dtype=complex)
     untested = tuple(
         ModeEvidence(
@@ -256,7 +256,7 @@ def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> Mo
 
 
 def _judged(
-    found: OrderModel,
+    order_model: OrderModel,
     group: Mapping[int, int],
     tests: ModeTests,
     by_order: Mapping[int, OrderModel],
@@ -269,28 +269,28 @@ def _judged(
     A superfluous pole seems needed beside those that it took the place of: predictions of a smaller
     model without it must be worse as well.
     """
-    mode, model = found.modes[group[found.order]], found.model
+    mode, model = order_model.modes[group[order_model.order]], order_model.model
     of_input, of_noise, power_share = tests
     in_noise = bool(np.any(mode.noise_participation))
     needed = of_noise.significant(SIGNIFICANCE)
     if needed and without is not None:
         needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
     poles = np.sum(np.abs(model.poles()) > DELAY_RADIUS)
-    left_over = max(abs(each.pole) for each in found.modes) ** (2 * poles)
+    left_over = max(abs(mode.pole) for mode in order_model.modes) ** (2 * poles)
     compared = [
-        each.order in group
-        for each in by_order.values()
-        if each.order != found.order
+        model.order in group
+        for model in by_order.values()
+        if model.order != order_model.order
         and (
-            each.order in group
-            or np.sum(np.abs(each.model.poles()) > DELAY_RADIUS) > 2 * len(found.modes)
+            model.order in group
+            or np.sum(np.abs(model.model.poles()) > DELAY_RADIUS) > 2 * len(order_model.modes)
         )
     ]
     ending = sorted(by_order)[-PERSISTENT_ORDERS:]
     inside = len(by_order) == 1 or chosen < ending[-1]
     judged = ModeEvidence(
         mode=mode,
-        order=found.order,
+        order=order_model.order,
         orders=tuple(sorted(group)),
         recurrence=float(np.mean(compared)) if compared else math.nan,
         compared=len(compared),
@@ -311,15 +311,15 @@ def _with_pairs(
     row_of: Mapping[tuple[int, int], int],
 ) -> tuple[ModeEvidence, ...]:
     """The modes, those of doubted shape with the neighbour that they span a known plane with."""
-    found = []
-    for each in judged:
-        mode, pair = each.mode, None
-        if each.shape_doubt and mode.partner is not None:
-            partner = by_order[each.order].modes[mode.partner]
+    modes = []
+    for judged_mode in judged:
+        mode, pair = judged_mode.mode, None
+        if judged_mode.shape_doubt and mode.partner is not None:
+            partner = by_order[judged_mode.order].modes[mode.partner]
             if _plane_is_known(mode, partner):
-                pair = row_of.get((each.order, mode.partner))
-        found.append(replace(each, pair=pair))
-    return tuple(found)
+                pair = row_of.get((judged_mode.order, mode.partner))
+        modes.append(replace(judged_mode, pair=pair))
+    return tuple(modes)
 
 
 def doubts(
@@ -334,53 +334,53 @@ def doubts(
     the largest was chosen; and its frequency is known to within 10 %.  Without an input, one of
     more than 3 % damping has a known shape.  ``left_over``: as :data:`LEFT_OVER`.
     """
-    mode, found = evidence.mode, []
+    mode, reasons = evidence.mode, []
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
     if mode.damping_ratio > STRONG_DAMPING or mode.frequency_hz > sampling_rate / 2:
-        found.append("decays too fast to be a resonance")
+        reasons.append("decays too fast to be a resonance")
     elif not evidence.has_input and mode.damping_ratio > (
         COLOUR_OF_FORCES if shape_doubt(mode) else COLOUR_OF_FORCE
     ):
-        found.append(
+        reasons.append(
             f"has a damping ratio of {100 * mode.damping_ratio:.0f} %: without an input that is as"
             " likely the colour of the force"
         )
     if decay <= NO_DECAY:
-        found.append("does not decay")
+        reasons.append("does not decay")
     elif decay * samples < 1.0 and not (
         evidence.reached and mode.damping_ratio >= KNOWN_DAMPING * mode.damping_se
     ):
-        found.append("hardly decays within the record")
+        reasons.append("hardly decays within the record")
     if left_over < LEFT_OVER:
-        found.append("may be one of those that a finite impulse response is made up of")
+        reasons.append("may be one of those that a finite impulse response is made up of")
     if evidence.power_share < LEAST_POWER:
-        found.append(f"carries less than {100 * LEAST_POWER:g} % of the power of any output")
+        reasons.append(f"carries less than {100 * LEAST_POWER:g} % of the power of any output")
     if evidence.origin == "neither":
-        found.append(
+        reasons.append(
             "shows neither in the response to the input nor in the noise"
             if evidence.has_input
             else "does not improve the prediction of validation samples"
         )
     elif evidence.origin == "not judged":
-        found.append("could not be tested on validation samples: few, or without power there")
+        reasons.append("could not be tested on validation samples: few, or without power there")
     if evidence.stable is False:
         of_them = round(evidence.recurrence * evidence.compared)
         others = len(evidence.orders) - 1 - of_them
-        found.append(
+        reasons.append(
             f"{f'only {of_them}' if of_them else 'none'} of {evidence.compared} other orders with"
             " poles to spare agree on its frequency and damping"
             + (f", though {others} without do" if others > 0 else "")
         )
     if not evidence.confirmed:
-        found.append(
+        reasons.append(
             f"is not in all of the last orders, up to {PERSISTENT_ORDERS}; there is no larger one"
         )
     half_width = 1.96 * mode.frequency_se_hz
     if not math.isfinite(half_width):
-        found.append("has no known standard error")
+        reasons.append("has no known standard error")
     elif half_width > WIDEST_INTERVAL * mode.frequency_hz:
-        found.append("has a frequency known to no better than 10 %")
-    return found
+        reasons.append("has a frequency known to no better than 10 %")
+    return reasons
 
 
 def shape_doubt(mode: Mode) -> str:

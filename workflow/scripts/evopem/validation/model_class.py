@@ -58,11 +58,11 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
     the noise unless there is feedback; without an input the past output takes their place.
     """
     with np.errstate(all="ignore"):
-        found = [_Stretch.of(each) for each in records]
-        if not found or not all(np.isfinite(each.residuals).all() for each in found):
+        parts = [_Stretch.of(record) for record in records]
+        if not parts or not all(np.isfinite(stretch.residuals).all() for stretch in parts):
             return ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED)
         return ModelClass(
-            _of_outputs(found, _changing), _of_outputs(found, _nonlinear), _feedback(found)
+            _of_outputs(parts, _changing), _of_outputs(parts, _nonlinear), _feedback(parts)
         )
 
 
@@ -114,7 +114,7 @@ def _nonlinear(stretch: _Stretch, output: int) -> tuple[Array, Array]:
     """The response at some lags, and squares and cubes of it and of the inputs."""
     y = stretch.responses[:, output]
     y = (y - y.mean()) / max(float(np.std(y)), 1e-300)
-    of_inputs = [_lagged(each[:, output]) for each in stretch.of_powers]
+    of_inputs = [_lagged(of_power[:, output]) for of_power in stretch.of_powers]
     return _lagged(y), np.hstack([_lagged(y**2), _lagged(y**3), *of_inputs])
 
 
@@ -133,7 +133,7 @@ def _of_outputs(
                 continue
             whitening = autoregression(e - e.mean(), MOST_WHITENING)
             columns = np.column_stack([np.ones(len(e)), beside, tested, e])
-            *white, e = (np.convolve(each, whitening, mode="valid") for each in columns.T)
+            *white, e = (np.convolve(column, whitening, mode="valid") for column in columns.T)
             basis = np.column_stack(white)
             without = left_by(basis[:, :-count], e)
             left = left_by(left_by(basis[:, :-count], basis[:, -count:]), without)
@@ -145,7 +145,7 @@ def _of_outputs(
         if freedom:
             p_value = min(outputs * float(chdtrc(freedom, ratio)), 1.0)
             tests.append(ResidualTest(p_value, -math.expm1(-ratio / samples)))
-    return min(tests, key=lambda each: each.p_value, default=NOT_TESTED)
+    return min(tests, key=lambda test: test.p_value, default=NOT_TESTED)
 
 
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
@@ -182,7 +182,7 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                 p_value = min(2 * pairs * float(np.min(probable)), 1.0)
                 tests.append(ResidualTest(p_value, max(shares)))
     nothing = REPEATS if periodic and all(periodic) else NOT_TESTED
-    return min(tests, key=lambda each: each.p_value, default=nothing)
+    return min(tests, key=lambda test: test.p_value, default=nothing)
 
 
 def _goes_on(signal: Array, lag: int) -> bool:

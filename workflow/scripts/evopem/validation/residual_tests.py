@@ -44,10 +44,10 @@ class EstimationResiduals:
     @classmethod
     def of(cls, stretches: Sequence[HeldOut]) -> EstimationResiduals:
         """Of all samples of stretches without a past but those that states are fitted to."""
-        parts = [_residuals(each) for each in stretches]
+        parts = [_residuals(stretch) for stretch in stretches]
         inputs = [
-            each.inputs[len(each.inputs) - len(part) :]
-            for each, part in zip(stretches, parts, strict=True)
+            stretch.inputs[len(stretch.inputs) - len(part) :]
+            for stretch, part in zip(stretches, parts, strict=True)
         ]
         bounds = tuple(np.cumsum([0, *map(len, parts)]).tolist())
         return cls(tuple(stretches), np.concatenate(parts), np.concatenate(inputs), bounds)
@@ -59,9 +59,9 @@ class EstimationResiduals:
         def residuals_after(step: Array) -> Array:
             return np.concatenate(
                 [
-                    _residuals(replace(each, model=each.model.with_parameters(moved)))
-                    for each in self.stretches
-                    for moved in [each.model.parameters + step]
+                    _residuals(replace(stretch, model=stretch.model.with_parameters(moved)))
+                    for stretch in self.stretches
+                    for moved in [stretch.model.parameters + step]
                 ]
             )
 
@@ -213,7 +213,7 @@ def apart(signal: Array, bounds: Sequence[int], lags: int) -> Array:
         return signal
     gap = np.full(lags, signal.mean())
     parts = [(signal[first:stop], gap) for first, stop in pairwise(bounds)]
-    return np.concatenate([each for part in parts for each in part][:-1])
+    return np.concatenate([value for part in parts for value in part][:-1])
 
 
 def autocorrelation_of(

@@ -90,9 +90,9 @@ def unscored_samples(model: StateSpaceModel) -> int:
 
 def divided(model: Model, recording: Recording, first: int) -> tuple[HeldOut, ...]:
     """The samples of each segment from ``first`` on, with those before them."""
-    long = [each for each in recording.separated if first < each.samples]
-    before = [each.between(0, first) for each in long] if first else []
-    return _stretches(model, [each.between(first, each.samples) for each in long], before)
+    long = [record for record in recording.separated if first < record.samples]
+    before = [record.between(0, first) for record in long] if first else []
+    return _stretches(model, [record.between(first, record.samples) for record in long], before)
 
 
 def held_out_stretches(
@@ -122,14 +122,16 @@ def _stretches(
     before: Sequence[Recording | None],
     own_levels: bool = False,
 ) -> tuple[HeldOut, ...]:
-    form, plant, found = state_space_of(model), simulated_form(model), []
-    for each, past in zip_longest(held_out, before):
-        own, known = form, past or each
+    form, plant, responses = state_space_of(model), simulated_form(model), []
+    for record, past in zip_longest(held_out, before):
+        with_level, known = form, past or record
         if own_levels:
-            own = form.with_fitted_level(known.inputs, known.outputs)
-        state = own.prediction_state(known.inputs, known.outputs)
-        found.append(HeldOut(own, replace(plant, level=own.level), each, past, state))
-    return tuple(found)
+            with_level = form.with_fitted_level(known.inputs, known.outputs)
+        state = with_level.prediction_state(known.inputs, known.outputs)
+        responses.append(
+            HeldOut(with_level, replace(plant, level=with_level.level), record, past, state)
+        )
+    return tuple(responses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,11 +153,9 @@ def responses_of(held_out: Sequence[HeldOut], fit_level: bool) -> Responses:
     """Predict and simulate the validation samples."""
     with np.errstate(all="ignore"):
         return Responses(
-            outputs=np.concatenate([each.recording.outputs for each in held_out]),
-            predicted=np.concatenate([each.predicted() for each in held_out]),
-            simulated=np.concatenate([each.simulated(fit_level) for each in held_out]),
-            fitted=np.concatenate([each.fitted(fit_level) for each in held_out]),
-            scored=np.concatenate(
-                [np.arange(each.recording.samples) >= each.unscored for each in held_out]
-            ),
+            outputs=np.concatenate([stretch.recording.outputs for stretch in held_out]),
+            predicted=np.concatenate([stretch.predicted() for stretch in held_out]),
+            simulated=np.concatenate([stretch.simulated(fit_level) for stretch in held_out]),
+            fitted=np.concatenate([stretch.fitted(fit_level) for stretch in held_out]),
+            scored=np.concatenate([np.arange(s.recording.samples) >= s.unscored for s in held_out]),
         )

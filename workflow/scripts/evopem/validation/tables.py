@@ -22,10 +22,10 @@ def recorded_series(transforms: Transforms, responses: Responses) -> Responses:
     Differencing is monic: errors one step ahead are those of the differenced output.
     """
     origins = transforms.validation
-    ends = np.cumsum([each.samples for each in origins], dtype=int)[:-1]
+    ends = np.cumsum([origin.samples for origin in origins], dtype=int)[:-1]
     series = responses.outputs, responses.predicted, responses.simulated
-    split = zip(*(np.split(each, ends) for each in series), strict=True)
-    stretches = [_recorded(transforms, *each) for each in zip(origins, split, strict=True)]
+    split = zip(*(np.split(curve, ends) for curve in series), strict=True)
+    stretches = [_recorded(transforms, *part) for part in zip(origins, split, strict=True)]
     outputs, predicted, simulated = map(np.concatenate, zip(*stretches, strict=True))
     return replace(responses, outputs=outputs, predicted=predicted, simulated=simulated)
 
@@ -53,8 +53,8 @@ def _recorded(
 def recorded_errors(transforms: Transforms, recorded: Responses, output: int) -> RecordedErrors:
     """Errors of one recorded output over the scored samples."""
     measured, predicted, simulated = (
-        each[recorded.scored, output]
-        for each in (recorded.outputs, recorded.predicted, recorded.simulated)
+        signal[recorded.scored, output]
+        for signal in (recorded.outputs, recorded.predicted, recorded.simulated)
     )
     defined = np.isfinite(simulated)
     return RecordedErrors(
@@ -68,13 +68,13 @@ def recorded_errors(transforms: Transforms, recorded: Responses, output: int) ->
 
 
 def correlation_table(
-    value: str, role: Sequence[str], found: Sequence[tuple[Sequence[str], ResidualCorrelation]]
+    value: str, role: Sequence[str], pairs: Sequence[tuple[Sequence[str], ResidualCorrelation]]
 ) -> pd.DataFrame:
     """Correlations below each other, each beside the names of its channels in their roles."""
     columns = [*role, "lag", value, "bound95"]
     tables = [
-        each.table(value).assign(**dict(zip(role, names, strict=True)))[columns]
-        for names, each in found
+        correlation.table(value).assign(**dict(zip(role, names, strict=True)))[columns]
+        for names, correlation in pairs
     ]
     return pd.concat(tables or [pd.DataFrame(columns=columns)], ignore_index=True)
 
@@ -85,13 +85,13 @@ def horizon_table(validation: Validation, sampling_rate: float) -> pd.DataFrame:
     tables = [
         pd.DataFrame(
             {
-                "output": each.name,
+                "output": output.name,
                 "horizon": horizons,
                 "horizon_s": horizons / sampling_rate,
-                "error_percent": each.horizon_errors_percent,
+                "error_percent": output.horizon_errors_percent,
             }
         )
-        for each in validation.outputs
+        for output in validation.outputs
     ]
     return pd.concat(tables, ignore_index=True)
 
@@ -100,11 +100,11 @@ def simulation_table(
     validation: Recording, responses: Responses, recorded: Responses
 ) -> pd.DataFrame:
     """Validation samples, time from the first of each stretch; unscored computed ones missing."""
-    samples = [np.arange(each.samples) for each in validation.separated]
+    samples = [np.arange(record.samples) for record in validation.separated]
     columns: dict[str, Array] = {"time_s": np.concatenate(samples) / validation.sampling_rate}
     if validation.is_joined:
         numbers = np.arange(len(samples)) + 1
-        columns = {"recording": np.repeat(numbers, [each.size for each in samples]), **columns}
+        columns = {"recording": np.repeat(numbers, [sample.size for sample in samples]), **columns}
     for k, name in enumerate(validation.input_names):
         columns[f"input_{name}"] = validation.inputs[:, k]
 

@@ -120,14 +120,14 @@ def validate(
     validation = Validation(
         samples=int(np.sum(responses.scored)),
         unscored_samples=int(np.sum(~responses.scored)),
-        prediction_error_percent=_mean([each.prediction_error_percent for each in outputs]),
-        simulation_error_percent=_mean([each.simulation_error_percent for each in outputs]),
-        fitted_state_error_percent=_mean([each.fitted_state_error_percent for each in outputs]),
+        prediction_error_percent=_mean([output.prediction_error_percent for output in outputs]),
+        simulation_error_percent=_mean([output.simulation_error_percent for output in outputs]),
+        fitted_state_error_percent=_mean([output.fitted_state_error_percent for output in outputs]),
         outputs=outputs,
         inputs=_inputs(model, prepared),
         pairs=tuple(
-            PairCorrelation(*names, each.share_inside, each.largest, each.largest_ratio)
-            for names, each in crossed
+            PairCorrelation(*names, pair.share_inside, pair.largest, pair.largest_ratio)
+            for names, pair in crossed
         ),
         horizons=horizons,
         stretches=tuple(_stretch_errors(held_out, responses)),
@@ -138,9 +138,7 @@ def validate(
         # Validation samples that continue those of the estimation are one stretch with them.
         model_class=model_class(held_out if held_out[0].before else [*tested.stretches, *held_out]),
         resolution_hz=_resolution(prepared.estimation, spectrum),
-        modes=table_of_models(
-            models, order, lambda each: held_out_stretches(each, prepared, fit_level)
-        ),
+        modes=table_of_models(models, order, lambda m: held_out_stretches(m, prepared, fit_level)),
         share_of_noise=_share_left(held_out) if form.inputs else math.nan,
     )
     names = ((name,) for name in prepared.validation.output_names)
@@ -167,7 +165,7 @@ def validation_errors(held_out: Sequence[HeldOut], fit_level: bool = False) -> t
 def _estimation_stretches(model: StateSpaceModel, estimation: Recording) -> Sequence[HeldOut]:
     """The stretches with more samples than states and past take; each of several has a level."""
     taken = unscored_samples(model)
-    long = [each for each in estimation.segments if each.samples > taken + 1]
+    long = [segment for segment in estimation.segments if segment.samples > taken + 1]
     if not long:
         raise ValueError(f"no stretch has more than the {taken + 1} samples that the model needs")
     own_levels = estimation.is_joined and bool(model.level.any())
@@ -181,8 +179,8 @@ def _mean(errors: Sequence[float]) -> float:
 def _errors(measured: Array, computed: Array) -> list[float]:
     """Error of each output; NaN where a computed sample is not finite."""
     return [
-        error_percent(y, found) if np.isfinite(found).all() else math.nan
-        for y, found in zip(measured.T, computed.T, strict=True)
+        error_percent(y, computed_one) if np.isfinite(computed_one).all() else math.nan
+        for y, computed_one in zip(measured.T, computed.T, strict=True)
     ]
 
 
@@ -204,7 +202,7 @@ def _outputs(
         _errors(measured, series[scored])
         for series in (responses.predicted, responses.simulated, responses.fitted)
     )
-    longest = max(each.recording.samples - each.unscored for each in held_out)
+    longest = max(stretch.recording.samples - stretch.unscored for stretch in held_out)
     horizons = log_spaced_horizons(min(longest, len(measured)))
     ahead = np.array([_errors(measured, _ahead(held_out, k)) for k in horizons])
     correlations = [autocorrelation_of(e, lags, tested.bounds) for e in tested.residuals.T]
@@ -239,15 +237,15 @@ def _share_left(held_out: Sequence[HeldOut]) -> float:
     """
     generator, left, total = np.random.default_rng(0), np.zeros(DRAWN), np.zeros(DRAWN)
     with np.errstate(all="ignore"):
-        for each in held_out:
-            model, samples, count = each.model, each.recording.samples, each.model.outputs
+        for stretch in held_out:
+            model, samples, count = stretch.model, stretch.recording.samples, stretch.model.outputs
             noise = replace(model, B=model.K, D=np.eye(count), input_delays=(), input_names=())
             noise = replace(noise, level=np.zeros(count))
             spread = np.sqrt(np.diag(model.noise_covariance))
-            drawn = min(max(each.first, samples), MOST_PAST) + samples
+            drawn = min(max(stretch.first, samples), MOST_PAST) + samples
             e = spread * generator.standard_normal((DRAWN, drawn, count))
-            v = np.stack([noise.simulate(own)[-samples:] for own in e], axis=1)
-            free = free_responses(each.plant.poles(), samples)
+            v = np.stack([noise.simulate(draws)[-samples:] for draws in e], axis=1)
+            free = free_responses(stretch.plant.poles(), samples)
             total += np.sum(v**2, axis=(0, 2))
             rest = left_by(free, v.reshape(samples, -1)).reshape(v.shape)
             left += np.sum(rest**2, axis=(0, 2))
@@ -257,7 +255,9 @@ def _share_left(held_out: Sequence[HeldOut]) -> float:
 def _ahead(held_out: Sequence[HeldOut], horizon: int) -> Array:
     """Predictions of the scored samples."""
     with np.errstate(all="ignore"):
-        return np.concatenate([each.predicted(horizon)[each.unscored :] for each in held_out])
+        return np.concatenate(
+            [stretch.predicted(horizon)[stretch.unscored :] for stretch in held_out]
+        )
 
 
 def _crossed(
@@ -273,12 +273,12 @@ def _crossed(
 
 def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]:
     estimation, validation = prepared.estimation, prepared.validation
-    found = []
+    inputs = []
     for k in range(model.inputs):
         orders = model.orders if isinstance(model, PolynomialModel) else None
         needed = orders.na + orders.nf[k] + orders.nb[k] if orders else 0
         u = estimation.inputs[:, k]
-        found.append(
+        inputs.append(
             InputValidation(
                 estimation.input_names[k],
                 excitation_order(u, needed),
@@ -286,7 +286,7 @@ def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]
                 split_spectra(u, validation.inputs[:, k], estimation.sampling_rate),
             )
         )
-    return tuple(found)
+    return tuple(inputs)
 
 
 def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
@@ -300,34 +300,34 @@ def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
     model = held_out[0].plant
     if not model.inputs:
         return NO_TEST
-    samples = sum(each.recording.samples for each in held_out)
-    if not any(np.ptp(each.recording.inputs, axis=0).any() for each in held_out):
+    samples = sum(stretch.recording.samples for stretch in held_out)
+    if not any(np.ptp(stretch.recording.inputs, axis=0).any() for stretch in held_out):
         # What is simulated is then a free response alone.
         return HeldOutTest(math.nan, math.nan, math.nan, samples)
     records = []
     with np.errstate(all="ignore"):
-        for each in held_out:
-            y, count = each.recording.outputs, each.recording.samples
+        for stretch in held_out:
+            y, count = stretch.recording.outputs, stretch.recording.samples
             time = (np.arange(count) + 0.5) / count
             waves = np.cos(np.pi * np.outer(time, np.arange(1, HALF_WAVES + 1)))
             beside = [np.hstack([free_responses(model.poles(), count), waves])] * y.shape[1]
-            simulated = each.simulated_from_rest()[each.first :]
+            simulated = stretch.simulated_from_rest()[stretch.first :]
             records.append(HeldOutContribution(y, simulated, beside))
         return joint_contribution_test(records)
 
 
 def _stretch_errors(held_out: Sequence[HeldOut], responses: Responses) -> list[StretchErrors]:
-    ends = np.cumsum([0, *(each.recording.samples for each in held_out)])
-    found = []
-    for begin, end, each in zip(ends[:-1], ends[1:], held_out, strict=True):
-        part = slice(begin + each.unscored, end)
+    ends = np.cumsum([0, *(stretch.recording.samples for stretch in held_out)])
+    of_stretches = []
+    for begin, end, stretch in zip(ends[:-1], ends[1:], held_out, strict=True):
+        part = slice(begin + stretch.unscored, end)
         measured = responses.outputs[part]
         errors = [
             _mean(_errors(measured, computed[part])) if len(measured) else math.nan
             for computed in (responses.predicted, responses.simulated)
         ]
-        found.append(StretchErrors(len(measured), *errors))
-    return found
+        of_stretches.append(StretchErrors(len(measured), *errors))
+    return of_stretches
 
 
 def _resolution(estimation: Recording, spectrum: SpectrumSettings | None) -> float:

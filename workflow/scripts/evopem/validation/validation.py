@@ -128,7 +128,7 @@ class Validation:
     @property
     def horizon_errors_percent(self) -> tuple[float, ...]:
         """Errors of predictions by horizon, means over the outputs."""
-        errors = [each.horizon_errors_percent for each in self.outputs]
+        errors = [output.horizon_errors_percent for output in self.outputs]
         return tuple(np.mean(errors, axis=0).tolist())
 
 

@@ -82,7 +82,7 @@ KINDS = ("simulation", "fitted_level", "prediction")
 
 def is_large(segments: Sequence[Segment], values: int = LARGE) -> bool:
     """Whether a record has so many values that searches are shortened; ``LONG`` on folds."""
-    return sum(each.inputs.size + each.outputs.size for each in segments) > values
+    return sum(segment.inputs.size + segment.outputs.size for segment in segments) > values
 
 
 def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
@@ -123,7 +123,7 @@ def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
 def _response_edges(stretches: Sequence[Segment], count: int) -> list[int] | None:
     """Ends of the parts of the response to a single blow; None for other records."""
     inputs, outputs = (
-        np.concatenate([getattr(each, name) for each in stretches])
+        np.concatenate([getattr(stretch, name) for stretch in stretches])
         for name in ("inputs", "outputs")
     )
     return response_parts(inputs, outputs, count, SHORTEST_BLOCK)
@@ -139,7 +139,7 @@ def held_out_scores(
 
     ``estimate`` may raise NoModelError; errors are absolute instead of squared with ``absolute``.
     """
-    outputs = np.concatenate([each.outputs for each in stretches])
+    outputs = np.concatenate([stretch.outputs for stretch in stretches])
     centred = outputs - outputs.mean(axis=0)
     scale = np.mean(np.abs(centred), axis=0) if absolute else np.std(outputs, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -155,7 +155,7 @@ def held_out_scores(
                 return HeldOutScores()
             parts = list(zip(fold.before, fold.held_out, strict=True))
             # The beginning of a recording alone determines state and level poorly.
-            settled = [each for each in parts if each[0].samples or each[1].samples >= shortest]
+            settled = [part for part in parts if part[0].samples or part[1].samples >= shortest]
             of_design.append(
                 np.sum([_errors_on(model, *part, absolute) for part in settled or parts], axis=0)
             )
@@ -214,11 +214,11 @@ def _spectrum(stretches: Sequence[Segment]) -> Array:
     if not stretches:
         return np.full((1, BANDS), 1.0 / BANDS)
     driven = stretches[0].has_input
-    signals = [each.inputs if driven else each.outputs for each in stretches]
+    signals = [stretch.inputs if driven else stretch.outputs for stretch in stretches]
     mean, power = np.mean(np.concatenate(signals), axis=0), np.zeros((signals[0].shape[1], BANDS))
-    for each in signals:
-        if len(each) > 2:
-            windowed = (each - mean) * np.hanning(len(each))[:, None]
+    for signal in signals:
+        if len(signal) > 2:
+            windowed = (signal - mean) * np.hanning(len(signal))[:, None]
             lines = np.abs(np.fft.rfft(windowed, axis=0)) ** 2
             band = np.minimum(np.arange(len(lines)) * BANDS // len(lines), BANDS - 1)
             power += [np.bincount(band, line, BANDS) for line in lines.T]

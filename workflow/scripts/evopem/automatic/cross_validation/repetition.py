@@ -37,7 +37,7 @@ class Repetition:
 
 def decide_repetition(stretches: Sequence[Segment]) -> Repetition:
     """Judge the residuals of ARX models of the longest stretch."""
-    stretch = max(stretches, key=lambda each: each.samples)
+    stretch = max(stretches, key=lambda stretch: stretch.samples)
     if stretch.inputs.shape[1] != 1 or stretch.outputs.shape[1] != 1:
         return _of(0, 0.0, 1.0, "Of several channels every sample counts.")
     lag = repetition_lag(stretch.input)
@@ -82,18 +82,18 @@ def repeated_correlation(residuals: Array, signal: Array, lag: int) -> float:
     if not power > 0.0:
         return 0.0
     multiples = range(lag, int(LONGEST_LAG * len(e)) + 1, lag)
-    found = [
+    correlations = [
         float(np.sign(u[k:] @ u[:-k])) * float(e[k:] @ e[:-k]) / ((len(e) - k) * power)
         for k in multiples
     ]
-    return float(np.mean(found)) if found else 0.0
+    return float(np.mean(correlations)) if correlations else 0.0
 
 
 def arx_residuals(stretch: Segment) -> Array:
     """Residuals of the ARX model of the lowest BIC, (M,), of the last M samples."""
     first, n = max(ORDERS), stretch.samples
     orders = [order for order in ORDERS if n >= max(order * SAMPLES_PER_ORDER, 3 * first)]
-    found = likeliest_arx([stretch], orders, first)
-    if found is None:
+    likeliest = likeliest_arx([stretch], orders, first)
+    if likeliest is None:
         return np.asarray(stretch.output[first:] - stretch.output[first:].mean())
-    return found.residuals
+    return likeliest.residuals

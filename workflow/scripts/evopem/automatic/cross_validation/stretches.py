@@ -30,10 +30,8 @@ def first_samples(stretches: Sequence[Segment], most: int) -> tuple[Segment, ...
     total = total_samples(stretches)
     if total <= most:
         return tuple(stretches)
-    kept = [
-        max(each.samples * most // total, min(each.samples, SHORTEST_STRETCH)) for each in stretches
-    ]
-    return tuple(each.between(0, n) for each, n in zip(stretches, kept, strict=True))
+    kept = [max(s.samples * most // total, min(s.samples, SHORTEST_STRETCH)) for s in stretches]
+    return tuple(stretch.between(0, n) for stretch, n in zip(stretches, kept, strict=True))
 
 
 def folds_of(
@@ -60,9 +58,9 @@ def folds_of(
     else:
         count = len(edges)
         folds = range(1, count - 1)
-    starts = np.cumsum([0, *(each.samples for each in stretches)])
+    starts = np.cumsum([0, *(stretch.samples for stretch in stretches)])
     owners = np.split(np.searchsorted(edges, np.arange(total), "right") - 1, starts[1:-1])
-    found = []
+    divided = []
     for fold in folds:
         training: list[Segment] = []
         held_out: list[Segment] = []
@@ -77,8 +75,8 @@ def folds_of(
                     before.append(stretch.between(max(2 * begin - end, 0), begin))
                 elif part.samples >= shortest:
                     training.append(part)
-        found.append(Fold(tuple(training), tuple(held_out), tuple(before)))
-    return tuple(found)
+        divided.append(Fold(tuple(training), tuple(held_out), tuple(before)))
+    return tuple(divided)
 
 
 REASON = (
@@ -105,9 +103,9 @@ def response_parts(inputs: Array, outputs: Array, count: int, shortest: int) -> 
     edges = np.linspace(0, samples, count + 1).round().astype(int)
     power = _power(outputs)
     of_parts = [
-        np.add.reduceat(each, edges[:-1]) / np.diff(edges) for each in (_power(inputs), power)
+        np.add.reduceat(signal, edges[:-1]) / np.diff(edges) for signal in (_power(inputs), power)
     ]
-    silent = np.all([each < LEAST_POWER * each.max() for each in of_parts], axis=0)
+    silent = np.all([of_part < LEAST_POWER * of_part.max() for of_part in of_parts], axis=0)
     if not silent.any():
         return None
     blocks = samples // shortest
@@ -116,8 +114,8 @@ def response_parts(inputs: Array, outputs: Array, count: int, shortest: int) -> 
     response = np.cumsum(np.maximum(of_blocks - noise, 0.0))
     shares = np.r_[np.arange(1, count) / count, WHOLE_RESPONSE]
     ends = (np.searchsorted(response, shares * response[-1]) + 1) * shortest
-    found = [0, *np.unique(ends).tolist()]
-    return found if len(found) > 2 else None
+    bounds = [0, *np.unique(ends).tolist()]
+    return bounds if len(bounds) > 2 else None
 
 
 def _power(signals: Array) -> Array:

@@ -21,8 +21,8 @@ STUCK_RUN, MOST_STUCK, REPEATED = 15, 0.5, 0.01
 def decide_starts(recordings: Sequence[Recording]) -> tuple[tuple[int, ...], Decision]:
     """Leave out leading samples in which no channel has begun to change."""
     starts = []
-    for each in recordings:
-        signals = np.column_stack([each.inputs, each.outputs])
+    for recording in recordings:
+        signals = np.column_stack([recording.inputs, recording.outputs])
         finite = np.isfinite(np.sum(signals, axis=1))
         still = (signals == signals[0]).all(axis=1) | ~finite
         leading = int(np.argmin(still)) if not still.all() else 0
@@ -50,10 +50,10 @@ def decide_clipping(
     """Breaks at a limit of the output where far more samples lie than beside it."""
     # A rest before the first change is not clipped.
     outputs = [
-        each.output[start + KEPT_REST if start else 0 :]
-        for each, start in zip(recordings, starts, strict=True)
+        recording.output[start + KEPT_REST if start else 0 :]
+        for recording, start in zip(recordings, starts, strict=True)
     ]
-    y = np.concatenate([each[np.isfinite(each)] for each in outputs])
+    y = np.concatenate([output[np.isfinite(output)] for output in outputs])
     levels, counts = np.unique(y, return_counts=True)
     limits, alternatives = [-np.inf, np.inf], [Alternative("none", 0.0)]
     if levels.size > MAX_DESIGNED_LEVELS:
@@ -61,17 +61,17 @@ def decide_clipping(
             near = counts[::order][:6]
             share = near[0] / y.size
             ratio = float(near[0] / np.mean(near[1:]))
-            runs = max(_longest_run(each, levels[::order][0]) for each in outputs)
+            runs = max(_longest_run(output, levels[::order][0]) for output in outputs)
             if ratio > CLIPPED_RATIO and runs >= CLIPPED_RUN and share < MOST_CLIPPED:
                 limits[side] = float(levels[::order][0])
                 alternatives.append(Alternative(f"at {limits[side]:g}", share))
-    found = len(alternatives) > 1
+    is_clipped = len(alternatives) > 1
     sentence = (
         "Samples at a limit of the output, many in sequence, are clipped: they become breaks."
-        if found
+        if is_clipped
         else "No limit of the output holds more samples than the levels beside it."
     )
-    choice = " and ".join(each.name for each in alternatives[1:]) if found else "none"
+    choice = " and ".join(a.name for a in alternatives[1:]) if is_clipped else "none"
     decision = Decision(
         *("clipping", choice, tuple(alternatives), "share of samples at the limit", sentence)
     )
@@ -80,21 +80,21 @@ def decide_clipping(
 
 def decide_stuck(recordings: Sequence[Recording], starts: Sequence[int]) -> tuple[bool, Decision]:
     """Breaks where the output repeats one value for long, in a record without other repetitions."""
-    outputs = [each.output[start:] for each, start in zip(recordings, starts, strict=True)]
+    outputs = [r.output[start:] for r, start in zip(recordings, starts, strict=True)]
     still = np.concatenate([standing_still(y) for y in outputs])
     repeated = np.concatenate([np.append(y[1:] == y[:-1], False) for y in outputs])
     share, others = float(np.mean(still)), float(np.mean(repeated & ~still))
-    found = 0.0 < share < MOST_STUCK and others < REPEATED
+    is_stuck = 0.0 < share < MOST_STUCK and others < REPEATED
     sentence = (
         "The output stands still for long stretches of a record without other repetitions: they "
         "become breaks."
-        if found
+        if is_stuck
         else "No stretch in which the output stands still is distinguished from the rest."
     )
     alternatives = (Alternative("no", others), Alternative("yes", share))
     criterion = "share of samples that repeat the one before: scattered ones, in long stretches"
-    choice = "yes" if found else "no"
-    return found, Decision("stuck samples", choice, alternatives, criterion, sentence)
+    choice = "yes" if is_stuck else "no"
+    return is_stuck, Decision("stuck samples", choice, alternatives, criterion, sentence)
 
 
 def standing_still(signal: Array) -> Flags:

@@ -42,9 +42,9 @@ def decide_decimation(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     """
     edge = power_edge(stretches)
     below = f"{100 * POWER_SHARE:g} % of the power of each output lie below {edge:.3g}"
-    longest = dict.fromkeys((each.recording for each in stretches), 0)
-    for each in stretches:
-        longest[each.recording] = max(longest[each.recording], each.samples)
+    longest = dict.fromkeys((stretch.recording for stretch in stretches), 0)
+    for stretch in stretches:
+        longest[stretch.recording] = max(longest[stretch.recording], stretch.samples)
     largest = min(
         2.0 / (OVERSAMPLED * max(edge, 1e-9)),
         total_samples(stretches) / LEAST_SAMPLES,
@@ -68,8 +68,8 @@ def decide_decimation(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     if not kept:
         return 1, Decision("decimation", "1", (Alternative("1", np.nan),), CRITERION, sentence)
     alternatives = [Alternative(str(f), _decimated_error(stretches, f)) for f in (1, *kept)]
-    best = min(each.score for each in alternatives)
-    within = (each for each in alternatives if each.score <= (1.0 + LEAST_GAIN) * best)
+    best = min(alternative.score for alternative in alternatives)
+    within = (a for a in alternatives if a.score <= (1.0 + LEAST_GAIN) * best)
     chosen = next(within, alternatives[0])
     sentence = (
         f"{below} of the sampling rate. A factor of {chosen.name} simulates held-out samples best."
@@ -83,7 +83,7 @@ def power_edge(stretches: Sequence[Segment]) -> float:
 
     The lowest of ``BANDS`` bands is taken for a floor of white noise, and left out of all.
     """
-    longest, edges = max(stretches, key=lambda each: each.samples), []
+    longest, edges = max(stretches, key=lambda stretch: stretch.samples), []
     for y in longest.outputs.T:
         power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(len(y)))) ** 2
         floor = min(map(np.mean, np.array_split(power, min(BANDS, len(power)))))
@@ -100,13 +100,13 @@ def coherence_edge(stretches: Sequence[Segment]) -> float:
     1 %.  An output that drifts has nearly all its power far below the frequencies of
     its modes; coherence does not depend on power.  0 where no band is coherent.
     """
-    longest = max(stretches, key=lambda each: each.samples)
+    longest = max(stretches, key=lambda stretch: stretch.samples)
     nfft = max(8192, 1 << (longest.samples - 1).bit_length())
     try:
-        found = frequency_response(Recording(longest.inputs, longest.outputs, 1.0), nfft=nfft)
+        response = frequency_response(Recording(longest.inputs, longest.outputs, 1.0), nfft=nfft)
     except InputError:
         return 0.0
-    above = found.coherence > found.coherence_limit(COHERENT_BY_CHANCE)[:, None]
+    above = response.coherence > response.coherence_limit(COHERENT_BY_CHANCE)[:, None]
     bands = np.array_split(above, COHERENCE_BANDS)
     coherent = [number for number, band in enumerate(bands, 1) if band.mean(axis=0).max() > 0.5]
     return 0.5 * max(coherent, default=0) / COHERENCE_BANDS
@@ -114,12 +114,11 @@ def coherence_edge(stretches: Sequence[Segment]) -> float:
 
 def _decimated_error(stretches: Sequence[Segment], factor: int) -> float:
     """Best error of a few models at a lower rate; what the filter takes is added, in percent."""
-    lower = [decimated_stretch(each, factor) for each in stretches]
-    lost = sum(
-        np.sum((each.outputs - smoothed(each.outputs, factor)) ** 2, axis=0) for each in stretches
-    )
+    lower = [decimated_stretch(stretch, factor) for stretch in stretches]
+    lost = sum(np.sum((s.outputs - smoothed(s.outputs, factor)) ** 2, axis=0) for s in stretches)
     total = sum(
-        np.sum((each.outputs - each.outputs.mean(axis=0)) ** 2, axis=0) for each in stretches
+        np.sum((stretch.outputs - stretch.outputs.mean(axis=0)) ** 2, axis=0)
+        for stretch in stretches
     )
     return float(100.0 * np.sqrt(np.mean(_least_error(lower) + lost / total)))
 
@@ -127,16 +126,16 @@ def _decimated_error(stretches: Sequence[Segment], factor: int) -> float:
 def _least_error(stretches: Sequence[Segment]) -> Array:
     """Mean square errors of the best of a few models on held-out halves, relative, (l,)."""
     folds = folds_of(stretches, 2, 1, SHORTEST_BLOCK)
-    held_out = [each for fold in folds for each in fold.held_out]
+    held_out = [stretch for fold in folds for stretch in fold.held_out]
     power = np.mean(np.concatenate([y.outputs - y.outputs.mean(axis=0) for y in held_out]) ** 2, 0)
     errors: dict[str, list[Array]] = defaultdict(list)
     for fold in folds:
         for name, model in _probes(fold.training):
             parts = zip(fold.before, fold.held_out, strict=True)
-            left = [errors_simulated_on(model, *each) for each in parts]
+            left = [errors_simulated_on(model, *part) for part in parts]
             errors[name].append(np.mean(np.concatenate(left) ** 2, axis=0) / power)
-    found = [np.mean(each, axis=0) for each in errors.values() if len(each) == len(folds)]
-    return min(found, key=np.mean, default=np.full(len(power), np.inf))
+    means = [np.mean(error, axis=0) for error in errors.values() if len(error) == len(folds)]
+    return min(means, key=np.mean, default=np.full(len(power), np.inf))
 
 
 def _probes(training: Sequence[Segment]) -> Iterator[tuple[str, Model]]:
@@ -145,7 +144,7 @@ def _probes(training: Sequence[Segment]) -> Iterator[tuple[str, Model]]:
     if outputs > 1:
         delays = (0,) * inputs
         fits = fits_in_state_space(training, "ss_oe", PROBES, delays, CommonSettings())
-        yield from ((str(n), found.model) for n, found in fits)
+        yield from ((str(n), fitted.model) for n, fitted in fits)
         return
     for n in PROBES:
         nb = (n,) * inputs

@@ -37,16 +37,16 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
 
     `stretches`: Centred, with an input.
     """
-    found = [_likeliest(stretches, d) for d in range(MOST_DIFFERENCES + 1)]
-    times, left, level = 0, 0.0, found[0]
+    likeliest = [_likeliest(stretches, d) for d in range(MOST_DIFFERENCES + 1)]
+    times, left, level = 0, 0.0, likeliest[0]
     if level is None:
         sentence = "The record is too short to decide whether the output drifts."
     else:
-        known = [each for each in found if each is not None]
+        known = [fits for fits in likeliest if fits is not None]
         best = min(known, key=_bic)
-        times, evidence = found.index(best), _bic(level) - _bic(best)
+        times, evidence = likeliest.index(best), _bic(level) - _bic(best)
         # Any model tells of a stationary response, though roots at 1 may describe it best.
-        shares = [_left_over(each, stretches) for each in known] if times else [[0.0]]
+        shares = [_left_over(fits, stretches) for fits in known] if times else [[0.0]]
         left = min(map(min, zip(*shares, strict=True)))
         walk = f"a random walk (the BIC falls by {evidence:.3g})"
         if times == 0 or evidence < VERY_STRONG:
@@ -69,14 +69,14 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
             )
     criterion = "BIC of ARX models on the same samples, not divided by their number"
     alternatives = tuple(
-        Alternative(str(d), np.nan if each is None else _bic(each)) for d, each in enumerate(found)
+        Alternative(str(d), np.nan if f is None else _bic(f)) for d, f in enumerate(likeliest)
     )
     return times, Decision("differences", str(times), alternatives, criterion, sentence)
 
 
 def differenced(stretch: Segment, times: int) -> Segment:
     """All channels differenced, ``times`` samples shorter."""
-    inputs, outputs = (np.diff(each, times, axis=0) for each in (stretch.inputs, stretch.outputs))
+    inputs, outputs = (np.diff(s, times, axis=0) for s in (stretch.inputs, stretch.outputs))
     return Segment(inputs, outputs, stretch.recording)
 
 
@@ -96,7 +96,7 @@ def _likeliest(stretches: Sequence[Segment], times: int) -> list[ArxFit] | None:
     """Of each output the ARX model of the lowest BIC of signals differenced some times."""
     orders = _orders(stretches, ORDERS)
     first = max(orders, default=0) + MOST_DIFFERENCES
-    lower = [differenced(each, times) for each in stretches]
+    lower = [differenced(stretch, times) for stretch in stretches]
     fits = [
         likeliest_arx(alone, orders, first - times, levels=times == 0)
         for alone in _of_outputs(lower)
@@ -113,8 +113,8 @@ def _left_over(fits: Sequence[ArxFit], stretches: Sequence[Segment]) -> list[flo
     """Share of each output's mean square that the simulation of its model leaves over."""
     shares = []
     with np.errstate(all="ignore"):
-        for each, alone in zip(fits, _of_outputs(stretches), strict=True):
-            errors = [errors_simulated_on(each.model, None, s, True) for s in alone]
+        for fit, alone in zip(fits, _of_outputs(stretches), strict=True):
+            errors = [errors_simulated_on(fit.model, None, s, True) for s in alone]
             output = np.concatenate([s.output - s.output.mean() for s in alone])
             left = float(np.mean(np.concatenate(errors) ** 2) / np.mean(output**2))
             shares.append(left if np.isfinite(left) else np.inf)
@@ -135,9 +135,9 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
         with suppress(NoModelError):
             total, model = 0.0, Orders(na=n, nb=(n + 1,) * inputs)
             for alone in _of_outputs(stretches):
-                found = fit(alone, model, name)
-                residuals = np.concatenate(found.residuals)
-                penalty = found.parameters * np.log(len(residuals)) / len(residuals)
+                fitted = fit(alone, model, name)
+                residuals = np.concatenate(fitted.residuals)
+                penalty = fitted.parameters * np.log(len(residuals)) / len(residuals)
                 total += 0.5 * (log_loss(residuals, name) + penalty)
             lowest[name] = min(lowest[name], total)
     evidence = total_samples(stretches) * (lowest["quadratic"] - lowest["absolute"])
@@ -152,6 +152,6 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
         )
     )
     objective = "absolute" if is_absolute else "quadratic"
-    alternatives = tuple(Alternative(*each) for each in lowest.items())
+    alternatives = tuple(Alternative(*item) for item in lowest.items())
     criterion = "negative log-likelihood of a residual by its BIC"
     return objective, Decision("objective", objective, alternatives, criterion, sentence)

@@ -18,9 +18,9 @@ def decide_outliers(
 
     `validation`: Recording of its own. `divided`: Where the samples of both parts lie.
     """
-    rate, own = divided.sampling_rate, 1 + max(recording.segment_recordings)
+    rate, count_before = divided.sampling_rate, 1 + max(recording.segment_recordings)
     recording, fitted = _replaced(recording, divided.estimation, rate)
-    later = [replace(each, recording=each.recording - own) for each in divided.validation]
+    later = [replace(o, recording=o.recording - count_before) for o in divided.validation]
     if validation is None:
         recording, held_out = _replaced(recording, divided.validation, rate)
     else:
@@ -28,7 +28,7 @@ def decide_outliers(
     count = len(fitted) + len(held_out)
     sentence = "No output sample is wrong alone."
     if count:
-        named = [f"{each:.6g} s" for each in (*fitted, *held_out)]
+        named = [f"{time:.6g} s" for time in (*fitted, *held_out)]
         sentence = (
             f"Output samples at {count} times are wrong alone, {len(held_out)} of them among those"
             f" for validation: off by more than {LEAST_DEVIATION:g} standard errors from the"
@@ -47,11 +47,11 @@ def _replaced(
     """A recording whose wrong samples at some places are replaced, and their times (s)."""
     rate, parts, rows = recording.sampling_rate, [], []
     for begin, segment in zip(recording.segment_starts, recording.segments, strict=True):
-        for each in origins:
-            first = max(round(each.start * rate) - segment.first, 0)
-            end = round((each.start + each.samples / prepared_rate) * rate) - segment.first
+        for origin in origins:
+            first = max(round(origin.start * rate) - segment.first, 0)
+            end = round((origin.start + origin.samples / prepared_rate) * rate) - segment.first
             stop = min(end, segment.samples)
-            if each.recording == segment.recording and first < stop:
+            if origin.recording == segment.recording and first < stop:
                 parts.append(segment.between(first, stop))
                 rows.append(slice(begin + first, begin + stop))
     if not parts:

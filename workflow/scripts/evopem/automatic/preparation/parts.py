@@ -47,18 +47,18 @@ def _decide_transforms(divided: PreparedData, given: GivenPreparation) -> Transf
     recording = divided.estimation.with_segments(
         [
             replace(
-                each,
-                inputs=each.inputs + np.array(origin.input_means),
-                outputs=each.outputs + np.array(origin.output_means),
+                segment,
+                inputs=segment.inputs + np.array(origin.input_means),
+                outputs=segment.outputs + np.array(origin.output_means),
             )
-            for each, origin in zip(divided.estimation.segments, origins, strict=True)
+            for segment, origin in zip(divided.estimation.segments, origins, strict=True)
         ]
     )
     as_recorded = GivenPreparation(given.start, 1, 0, "quadratic")
-    found = stretches_of(recording, decide_preparation(recording, as_recorded))
+    stretches = stretches_of(recording, decide_preparation(recording, as_recorded))
     return decide_transforms(
-        [each.segment for each in found],
-        [recording.segments[each.place].first + each.begin for each in found],
+        [stretch.segment for stretch in stretches],
+        [recording.segments[stretch.place].first + stretch.begin for stretch in stretches],
         box_cox=given.box_cox,
         trend=given.differences is not None,
         continued=len(origins) == 1 and divided.transforms.validation_source == "cut",
@@ -79,6 +79,6 @@ def _without_trend(
         inputs=recording.inputs - np.outer(recording.times, slopes[0]),
         outputs=recording.outputs - np.outer(recording.times, slopes[1]),
     )
-    found = prepare(level, replace(settings, split=split))
-    transforms = replace(found.transforms, input_trends=slopes[0], output_trends=slopes[1])
-    return replace(found, transforms=transforms)
+    prepared = prepare(level, replace(settings, split=split))
+    transforms = replace(prepared.transforms, input_trends=slopes[0], output_trends=slopes[1])
+    return replace(prepared, transforms=transforms)

@@ -87,12 +87,12 @@ class PreparedRecord:
     def of(cls, recording: Recording, plan: PreparationPlan) -> Self:
         """The stretches of a recording over powers of two."""
         scales = [
-            np.array([power_of_two_scale(each) for each in signals.T])
+            np.array([power_of_two_scale(signal) for signal in signals.T])
             for signals in (recording.inputs, recording.outputs)
         ]
         scaled = (
-            replace(each, inputs=each.inputs / scales[0], outputs=each.outputs / scales[1])
-            for each in recording.segments
+            replace(segment, inputs=segment.inputs / scales[0], outputs=segment.outputs / scales[1])
+            for segment in recording.segments
         )
         return cls(tuple(scaled), recording.sampling_rate, plan, (scales[0], scales[1]))
 
@@ -103,15 +103,15 @@ class PreparedRecord:
 
 def means_of(stretches: Sequence[Segment]) -> tuple[Array, Array]:
     """Means of the inputs, (m,), and of the outputs, (l,), of all stretches."""
-    u = np.concatenate([each.inputs for each in stretches])
-    y = np.concatenate([each.outputs for each in stretches])
+    u = np.concatenate([stretch.inputs for stretch in stretches])
+    y = np.concatenate([stretch.outputs for stretch in stretches])
     return u.mean(axis=0), y.mean(axis=0)
 
 
 def centred(stretches: Sequence[Segment]) -> list[Segment]:
     """Stretches less the means of all."""
     u, y = means_of(stretches)
-    return [replace(each, inputs=each.inputs - u, outputs=each.outputs - y) for each in stretches]
+    return [replace(s, inputs=s.inputs - u, outputs=s.outputs - y) for s in stretches]
 
 
 _NOTHING_GIVEN = GivenPreparation()
@@ -138,18 +138,18 @@ def decide_preparation(
         subject: str, field: str, decide: Callable[[], Decided], value: object = None
     ) -> None:
         nonlocal plan
-        found, about = (value, given_by_configuration(subject, str(value)))
+        setting, about = (value, given_by_configuration(subject, str(value)))
         if value is None:
-            found, about = decide()
-        changes = {field: found, "decisions": (*plan.decisions, about)}
+            setting, about = decide()
+        changes = {field: setting, "decisions": (*plan.decisions, about)}
         plan = replace(plan, **changes)  # type: ignore[arg-type]
 
     def usable(field: str, decide: Callable[..., Decided]) -> Decided:
         """Breaks, or none where they leave no stretch of a recording."""
-        found, about = decide(records, plan.starts)
-        broken = replace(plan, **{field: found})  # type: ignore[arg-type]
+        breaks, about = decide(records, plan.starts)
+        broken = replace(plan, **{field: breaks})  # type: ignore[arg-type]
         if _recordings(recording, broken) == _recordings(recording, plan):
-            return found, about
+            return breaks, about
         sentence = f"Breaks would leave no stretch of {SHORTEST_STRETCH} samples: there are none."
         kept = replace(about, choice=about.alternatives[0].name, sentence=sentence)
         return getattr(plan, field), kept
@@ -176,20 +176,20 @@ def decide_preparation(
 
 def _recordings(recording: Recording, plan: PreparationPlan) -> set[int]:
     """The recordings that have a stretch."""
-    return {each.segment.recording for each in stretches_of(recording, plan)}
+    return {stretch.segment.recording for stretch in stretches_of(recording, plan)}
 
 
 def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequence[str]) -> None:
     """Refuse recordings that are too short without a gap, and channels that never change."""
-    found = stretches_of(recording, plan)
+    stretches = stretches_of(recording, plan)
     for number in dict.fromkeys(recording.segment_recordings):
-        if number not in {each.segment.recording for each in found}:
+        if number not in {stretch.segment.recording for stretch in stretches}:
             raise InputError(
                 names[number] if names else f"recording {number + 1}",
                 f"no stretch for estimation has {SHORTEST_STRETCH} samples without a gap",
                 "give a longer recording, or one with fewer missing samples",
             )
-    kept = recording.with_segments([each.segment for each in found])
+    kept = recording.with_segments([stretch.segment for stretch in stretches])
     for name, signal in kept.signals.items():
         if np.ptp(signal) == 0.0:
             raise InputError(
@@ -201,9 +201,9 @@ def _check_stretches(recording: Recording, plan: PreparationPlan, names: Sequenc
 
 def prepare(recording: Recording, plan: PreparationPlan) -> PreparedRecord:
     """Apply a plan to the recordings that it was made for."""
-    found = [differenced(each.segment, plan.differences) for each in stretches_of(recording, plan)]
+    stretches = [differenced(s.segment, plan.differences) for s in stretches_of(recording, plan)]
     rate = recording.sampling_rate / plan.factor
-    return PreparedRecord.of(replace(recording_of(centred(found)), sampling_rate=rate), plan)
+    return PreparedRecord.of(replace(recording_of(centred(stretches)), sampling_rate=rate), plan)
 
 
 def stretches_of(recording: Recording, plan: PreparationPlan) -> list[Stretch]:
@@ -238,22 +238,22 @@ def prepared_data(divided: PreparedData, plan: PreparationPlan, place: str) -> P
     """
     before = divided.transforms
     kept = stretches_of(divided.estimation, plan)
-    offsets = means_of([differenced(each.segment, plan.differences) for each in kept])
+    offsets = means_of([differenced(stretch.segment, plan.differences) for stretch in kept])
     estimation, origins = _part(divided.estimation, before.estimation, plan, offsets)
     others = plan.for_others(divided.validation)
     validation, held_out = _part(divided.validation, before.validation, others, offsets)
     for origin, whole in zip(before.validation, divided.validation.segments, strict=True):
-        if origin.recording not in {each.recording for each in held_out}:
+        if origin.recording not in {origin.recording for origin in held_out}:
             raise InputError(
                 f"{place}.split",
                 f"{whole.samples} validation samples are too few",
                 "leave more samples to validation, or record longer",
             )
-    ends = [each.first + each.samples for each in before.estimation]
+    ends = [origin.first + origin.samples for origin in before.estimation]
     continued = (
         plan.factor == 1
         and plan.differences == 0
-        and [each.first + each.samples for each in origins] == ends
+        and [origin.first + origin.samples for origin in origins] == ends
     )
     slower = before.sampling_rate if plan.factor > 1 else None
     source = before.validation_source

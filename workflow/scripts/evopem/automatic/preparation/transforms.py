@@ -83,8 +83,8 @@ def decide_transforms(
     if box_cox and trend:
         return TransformPlan(decisions=(given_by_configuration("transform", "as written"),))
     kept = [
-        replace(each, inputs=np.column_stack([each.inputs, begin + np.arange(each.samples)]))
-        for each, begin in zip(stretches, begins, strict=True)
+        replace(s, inputs=np.column_stack([s.inputs, begin + np.arange(s.samples)]))
+        for s, begin in zip(stretches, begins, strict=True)
     ]
     kept = list(first_samples(kept, MOST_SAMPLES))
     folds, tried, sentences = _folds(kept), [_NONE], []
@@ -106,7 +106,7 @@ def decide_transforms(
         tried += bent
         sentences.append(sentence)
     errors = [_errors(folds, plan_of) for _, plan_of in tried] if tried[1:] else []
-    better = [k for k, found in enumerate(errors) if _gains(found, errors[0])]
+    better = [k for k, of_transform in enumerate(errors) if _gains(of_transform, errors[0])]
     chosen = min(better, key=lambda k: _together(errors[k]), default=0)
     if errors:
         simulated = "every part of the held-out samples is simulated better, in recorded units."
@@ -122,7 +122,7 @@ def decide_transforms(
 
 def _box_cox(stretches: Sequence[Segment]) -> tuple[list[Transform], str]:
     """The Box-Cox transform that is tried, if any, and why."""
-    probability = spread_test([_transformed(each) for each in stretches])
+    probability = spread_test([_transformed(stretch) for stretch in stretches])
     depends = probability < SPREAD_LEVEL
     sentence = (
         f"The spread of the residuals of an ARX model {'depends' if depends else 'does not depend'}"
@@ -130,7 +130,7 @@ def _box_cox(stretches: Sequence[Segment]) -> tuple[list[Transform], str]:
     )
     if not depends:
         return [], sentence
-    outputs = [each.output for each in stretches]
+    outputs = [stretch.output for stretch in stretches]
     shift = positive_shift(*outputs)
     try:
         parameter = round(likeliest_box_cox(np.concatenate(outputs), shift), 2)
@@ -143,9 +143,9 @@ def _box_cox(stretches: Sequence[Segment]) -> tuple[list[Transform], str]:
 
 def _lines(stretches: Sequence[Segment]) -> TransformPlan:
     """Slopes of the lines through all channels, with a level for each recording."""
-    signals = np.concatenate([np.column_stack([each.inputs, each.output]) for each in stretches])
+    signals = np.concatenate([np.column_stack([s.inputs, s.output]) for s in stretches])
     t = signals[:, -2]
-    owner = np.concatenate([np.full(each.samples, each.recording) for each in stretches])
+    owner = np.concatenate([np.full(stretch.samples, stretch.recording) for stretch in stretches])
     levels = [owner == number for number in dict.fromkeys(owner.tolist())]
     columns = np.column_stack([t - t.mean(), *levels]).astype(float)
     *inputs, _, output = np.linalg.lstsq(columns, signals, rcond=None)[0][0].tolist()
@@ -163,11 +163,11 @@ def _slope_and_ratio(stretches: Sequence[Segment]) -> tuple[float, float]:
     That of time and output after all other columns (Frisch & Waugh 1933).
     """
     n, rows, targets = DRIFT_ORDER, [], []
-    for each in (long for long in stretches if long.samples > 2 * DRIFT_ORDER):
-        u = each.inputs - each.inputs.mean(axis=0)
-        y = each.output - each.output.mean()
-        lagged = [y[n - k : each.samples - k] for k in range(1, n + 1)]
-        lagged += [u[n - k : each.samples - k, :-1] for k in range(n + 1)]
+    for stretch in (long for long in stretches if long.samples > 2 * DRIFT_ORDER):
+        u = stretch.inputs - stretch.inputs.mean(axis=0)
+        y = stretch.output - stretch.output.mean()
+        lagged = [y[n - k : stretch.samples - k] for k in range(1, n + 1)]
+        lagged += [u[n - k : stretch.samples - k, :-1] for k in range(n + 1)]
         rows.append(np.column_stack([*lagged, np.ones(len(y) - n)]))
         targets.append(np.column_stack([u[n:, -1], y[n:]]))
     if not rows:
@@ -194,12 +194,12 @@ def spread_test(stretches: Sequence[Segment]) -> float:
     scaled = PreparedRecord.of(recording_of(centred(stretches)), PreparationPlan(())).stretches
     orders = Orders(na=SPREAD_ORDER, nb=(SPREAD_ORDER + 1,) * scaled[0].inputs.shape[1])
     try:
-        found = fit(scaled, orders)
+        fitted = fit(scaled, orders)
     except NoModelError:
         return float("nan")
-    longer = [each for each in scaled if each.samples > found.first + 1]
-    outputs = [each.output[-len(e) :] for each, e in zip(longer, found.residuals, strict=False)]
-    residuals = np.concatenate(found.residuals)[:, 0]
+    longer = [stretch for stretch in scaled if stretch.samples > fitted.first + 1]
+    outputs = [s.output[-len(e) :] for s, e in zip(longer, fitted.residuals, strict=False)]
+    residuals = np.concatenate(fitted.residuals)[:, 0]
     return float(spearmanr(np.abs(residuals), np.concatenate(outputs) - residuals).pvalue)
 
 
@@ -233,20 +233,20 @@ def _errors(folds: Sequence[Fold], plan_of: PlanOf) -> Array:
     for (column, fold), (row, (na, nb, nf)) in product(enumerate(folds), enumerate(PROBES)):
         inputs = fold.training[0].inputs.shape[1] - 1  # beside the time
         orders = Orders(na=na, nb=(nb,) * inputs, nf=(nf,) * inputs)
-        outputs = [each.output - each.output.mean() for each in fold.held_out]
+        outputs = [stretch.output - stretch.output.mean() for stretch in fold.held_out]
         power = float(np.mean(np.concatenate(outputs) ** 2))
         try:
             plan = plan_of(fold.training)
-            fitted = [_transformed(each, plan) for each in fold.training]
+            fitted = [_transformed(stretch, plan) for stretch in fold.training]
             model = fit(fitted, orders, stages=FOLD_STAGES).model
             left = []
             for parts in zip(fold.before, fold.held_out, strict=True):
-                past, stretch = (_transformed(each, plan) for each in parts)
-                found = simulated_on(model, past, stretch, fitted_level=True)[:, 0]
+                past, stretch = (_transformed(part, plan) for part in parts)
+                simulated = simulated_on(model, past, stretch, fitted_level=True)[:, 0]
                 if plan.box_cox is not None:
-                    found = invert_box_cox(found, plan.box_cox, plan.shift)
-                t, y = (each[-len(found) :] for each in (parts[1].inputs[:, -1], parts[1].output))
-                left.append(found + plan.output_trend * t - y)
+                    simulated = invert_box_cox(simulated, plan.box_cox, plan.shift)
+                t, y = (x[-len(simulated) :] for x in (parts[1].inputs[:, -1], parts[1].output))
+                left.append(simulated + plan.output_trend * t - y)
         except (NoModelError, InputError):
             continue
         with np.errstate(all="ignore"):

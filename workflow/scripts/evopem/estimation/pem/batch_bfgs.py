@@ -51,8 +51,8 @@ def descend(
             rows = state.line["active"].nonzero()[0]
             trial = trial_points(state, rows)
             values, gradients = evaluate(trial, rows)
-            found = values, gradients, tolerance, max_iterations
-            evaluations += advance(state, rows, trial, *found)
+            line_search = values, gradients, tolerance, max_iterations
+            evaluations += advance(state, rows, trial, *line_search)
             made += 1
             if np.count_nonzero(state.line["active"]) <= few:
                 break

@@ -159,9 +159,9 @@ def _fixed(name: str, constraints: Constraints, orders: Orders) -> tuple[Flags, 
     count = orders.part(name).stop - orders.part(name).start
     free, values = np.ones(count, dtype=bool), np.zeros(count)
     for key, value in constraints.fixed_coefficients.items():
-        found = coefficient_index(key, orders)
-        if found is not None and found[0] == name:
-            free[found[1]], values[found[1]] = False, value
+        place = coefficient_index(key, orders)
+        if place is not None and place[0] == name:
+            free[place[1]], values[place[1]] = False, value
     return free, values
 
 

@@ -88,13 +88,13 @@ class ConstrainedParameters:
         ends = np.cumsum([0, *(polynomial.size for polynomial in self.polynomials.values())])
         self.parts = {n: slice(ends[i], ends[i + 1]) for i, n in enumerate(self.polynomials)}
         codes: list[int] = []
-        self.own: dict[str, slice] = {}
+        self.columns: dict[str, slice] = {}
         for name, polynomial in self.polynomials.items():
-            self.own[name] = slice(len(codes), len(codes) + len(polynomial.codes))
+            self.columns[name] = slice(len(codes), len(codes) + len(polynomial.codes))
             codes += polynomial.codes
         for name, given in self.gains.items():
-            own = slice(len(codes), len(codes) + len(given.gain.codes))
-            self.own[_gain_of(name)] = own
+            of_gain = slice(len(codes), len(codes) + len(given.gain.codes))
+            self.columns[_gain_of(name)] = of_gain
             codes += given.gain.codes
         self.codes = np.array(codes, dtype=int)
         self.dimension = int(ends[-1])
@@ -102,7 +102,7 @@ class ConstrainedParameters:
         self.linear = np.zeros(len(codes), dtype=bool)
         for name in self.polynomials:
             if name[0] == "b" or name == "rest":
-                self.linear[self.own[name]] = True
+                self.linear[self.columns[name]] = True
 
     @property
     def plant(self) -> list[str]:
@@ -131,19 +131,19 @@ class ConstrainedParameters:
         """The point of bounded coordinates, and its derivatives by them."""
         point, derivatives = np.zeros(self.dimension), np.zeros((self.dimension, len(bounded)))
         for name, where in self.parts.items():
-            own = self.own[name]
-            point[where], derivatives[where, own] = self.polynomials[name].part(bounded[own])
+            span = self.columns[name]
+            point[where], derivatives[where, span] = self.polynomials[name].part(bounded[span])
         if self.tied:
             point[self.parts["c"]] = point[self.parts["a"]]
             derivatives[self.parts["c"]] = derivatives[self.parts["a"]]
         for name, given in self.gains.items():
-            own, b = self.own[_gain_of(name)], self.parts[name]
-            g, by_coordinate = given.gain.value(bounded[own])
+            span, b = self.columns[_gain_of(name)], self.parts[name]
+            g, by_coordinate = given.gain.value(bounded[span])
             at_one, change = self._at_one(given, point, derivatives)
             missing = g * at_one - float(np.sum(point[b]))
             point[b] += missing * given.shared
             change *= g
-            change[own] += by_coordinate * at_one
+            change[span] += by_coordinate * at_one
             derivatives[b] += np.outer(given.shared, change)
         return point, derivatives
 
@@ -158,11 +158,11 @@ class ConstrainedParameters:
         """Bounded coordinates of the nearest allowed point."""
         bounded = np.zeros(len(self.codes))
         for name, where in self.parts.items():
-            bounded[self.own[name]] = self.polynomials[name].coordinates(point[where])
+            bounded[self.columns[name]] = self.polynomials[name].coordinates(point[where])
         for name, given in self.gains.items():
             at_one, _ = self._at_one(given, point, np.zeros((len(point), 0)))
             gain = float(np.sum(point[self.parts[name]])) / at_one
-            bounded[self.own[_gain_of(name)]] = given.gain.coordinates(gain)
+            bounded[self.columns[_gain_of(name)]] = given.gain.coordinates(gain)
         return bounded
 
     def random(self, bounded: Array, generator: np.random.Generator) -> Array:
@@ -171,10 +171,10 @@ class ConstrainedParameters:
         for name in self.plant:
             polynomial = self.polynomials[name]
             if isinstance(polynomial, RegionSections):
-                bounded[self.own[name]] = polynomial.random(generator)
+                bounded[self.columns[name]] = polynomial.random(generator)
         for name, given in self.gains.items():
             if given.gain.codes:
-                bounded[self.own[_gain_of(name)]] = generator.random()
+                bounded[self.columns[_gain_of(name)]] = generator.random()
         return self.unbounded(bounded)
 
     def snapped(self, z: Array) -> Array:
@@ -194,19 +194,19 @@ class ConstrainedParameters:
         bounded, _, _ = self.bounded(z)
         point, derivatives = self.point(bounded)
         of_polynomials = [
-            each.active(bounded[self.own[name]]) for name, each in self.polynomials.items()
+            p.active(bounded[self.columns[name]]) for name, p in self.polynomials.items()
         ]
-        names = {name for found, _ in of_polynomials for name in found}
+        names = {name for is_active, _ in of_polynomials for name in is_active}
         tangent = block_diag(*(free for _, free in of_polynomials))
         if self.tied:
             tangent[self.parts["c"]] = tangent[self.parts["a"]]
         for name, given in self.gains.items():
-            where = self.own[_gain_of(name)]
-            own = bounded[where]
+            where = self.columns[_gain_of(name)]
+            values = bounded[where]
             _, change = self._at_one(given, point, tangent)
-            change *= given.gain.value(own)[0]
+            change *= given.gain.value(values)[0]
             tangent[self.parts[name]] += np.outer(given.shared, change)
-            if given.gain.active(own):
+            if given.gain.active(values):
                 if given.gain.codes:
                     names.add("static_gain_bounds")
             else:
@@ -215,8 +215,8 @@ class ConstrainedParameters:
 
     def mapped(self, z: Array) -> Mapped:
         """The points of rows of coordinates."""
-        rows = [self.bounded(each) for each in z]
-        values, slopes, bends = (np.array(each) for each in zip(*rows, strict=True))
+        rows = [self.bounded(row) for row in z]
+        values, slopes, bends = (np.array(columns) for columns in zip(*rows, strict=True))
         points, derivatives = zip(*map(self.point, values), strict=True)
         barrier, by_bounded, bend = zip(*map(self.barriers, values), strict=True)
         barriers = np.array(barrier), np.array(by_bounded), np.array(bend)
@@ -228,11 +228,11 @@ class ConstrainedParameters:
         gradient = np.zeros(len(bounded))
         curvature = np.zeros((len(bounded), len(bounded)))
         for name in self.plant:
-            own, polynomial = self.own[name], self.polynomials[name]
+            span, polynomial = self.columns[name], self.polynomials[name]
             if isinstance(polynomial, Linear):  # sections cannot leave their region
-                found, slope, bend = polynomial.barrier(bounded[own])
-                value += found
-                gradient[own], curvature[own, own] = slope, bend
+                barrier, slope, bend = polynomial.barrier(bounded[span])
+                value += barrier
+                gradient[span], curvature[span, span] = slope, bend
         return value, gradient, curvature
 
 

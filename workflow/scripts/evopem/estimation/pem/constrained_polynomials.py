@@ -35,16 +35,16 @@ class RegionSections:
 
     def _factors(self, bounded: Array) -> list[tuple[Array, Array]]:
         """Each section with its leading 1, and its derivatives by its own shares."""
-        found = []
+        factors = []
         for k in range(self.order // 2):
             kind, shares = int(bounded[3 * k]), bounded[3 * k + 1 : 3 * k + 3]
             section, derivatives = self.region.section(kind, shares)
-            found.append((np.concatenate([[1.0], section]), derivatives))
+            factors.append((np.concatenate([[1.0], section]), derivatives))
         if self.order % 2:
             low, high = self.region.real or (0.0, 0.0)
             pole = low + (high - low) * bounded[-1]
-            found.append((np.array([1.0, -pole]), np.array([[low - high]])))
-        return found
+            factors.append((np.array([1.0, -pole]), np.array([[low - high]])))
+        return factors
 
     def part(self, bounded: Array) -> tuple[Array, Array]:
         """Coefficients, and their derivatives by the bounded coordinates."""
@@ -53,10 +53,10 @@ class RegionSections:
         for section, _ in factors:
             whole = np.convolve(whole, section)
         derivatives = np.zeros((len(whole) - 1, len(bounded)))
-        for k, (_, own) in enumerate(factors):
+        for k, (_, slopes) in enumerate(factors):
             moves = self._moves(factors, k)
-            first = 3 * k + (1 if own.shape[0] == 2 else 0)
-            derivatives[:, first : first + own.shape[1]] = moves @ own
+            first = 3 * k + (1 if slopes.shape[0] == 2 else 0)
+            derivatives[:, first : first + slopes.shape[1]] = moves @ slopes
         return whole[1:], derivatives
 
     def _moves(self, factors: list[tuple[Array, Array]], k: int) -> Array:
@@ -76,9 +76,9 @@ class RegionSections:
         factors = self._factors(bounded)
         names: list[str] = []
         free = []
-        for k, (_, own) in enumerate(factors):
+        for k, (_, slopes) in enumerate(factors):
             moves = self._moves(factors, k)
-            if own.shape[0] == 1:
+            if slopes.shape[0] == 1:
                 name = self.region.active_real(float(bounded[-1]))
                 if name is None:
                     free.append(moves)
@@ -86,10 +86,10 @@ class RegionSections:
                     names.append(name)
                 continue
             shares = bounded[3 * k + 1 : 3 * k + 3]
-            found, fixed = self.region.active(int(bounded[3 * k]), shares)
-            names += found
+            is_active, fixed = self.region.active(int(bounded[3 * k]), shares)
+            names += is_active
             left = [index for index in (0, 1) if index not in fixed]
-            free.append(moves if not fixed else moves @ own[:, left])
+            free.append(moves if not fixed else moves @ slopes[:, left])
         rows = len(self.factor) - 1 + self.order
         return names, np.hstack([np.zeros((rows, 0)), *free])
 
@@ -168,8 +168,8 @@ class Linear:
 
     def coordinates(self, coefficients: Array) -> Array:
         """Bounded coordinates of the nearest allowed value."""
-        found = np.linalg.lstsq(self.basis, coefficients - self.offset, rcond=None)[0]
-        return np.asarray(found, dtype=float)
+        point = np.linalg.lstsq(self.basis, coefficients - self.offset, rcond=None)[0]
+        return np.asarray(point, dtype=float)
 
     def barrier(self, bounded: Array) -> tuple[float, Array, Array]:
         """Stability barrier of the inner polynomial, its gradient and curvature."""

@@ -74,13 +74,13 @@ class CoordinateErrors:
         _, slopes = self.errors.values_and_gradients(mapped.points, smoothing, barriers)
         _, of_prior, of_priors = self._of_priors(mapped.points)
         moves = mapped.derivatives
-        found = np.swapaxes(moves, 1, 2) @ (matrices + of_priors) @ moves
-        found += barriers[:, None, None] * mapped.barriers[2]
-        found *= mapped.slopes[:, :, None] * mapped.slopes[:, None, :]
+        curved = np.swapaxes(moves, 1, 2) @ (matrices + of_priors) @ moves
+        curved += barriers[:, None, None] * mapped.barriers[2]
+        curved *= mapped.slopes[:, :, None] * mapped.slopes[:, None, :]
         # At an end of a bounded coordinate its slope vanishes, and this is the curvature.
         total = np.einsum("mn,mnk->mk", slopes + of_prior, moves)
-        np.einsum("ijj->ij", found)[:] += np.maximum(total * mapped.bends, 0.0)
-        return np.asarray(found)
+        np.einsum("ijj->ij", curved)[:] += np.maximum(total * mapped.bends, 0.0)
+        return np.asarray(curved)
 
     def _mapped(self, z: Array) -> Mapped:
         mapped = self.coordinates.mapped(z)

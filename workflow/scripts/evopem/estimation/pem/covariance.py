@@ -65,8 +65,8 @@ def coloured_covariance(
         return None
     if input_alone:
         fitted = Fitted(jacobian, np.eye(estimated), np.zeros((0, estimated)), counts)
-        found = whitened_covariance(fitted, residuals, objective)
-        return found and of_coefficients(found, parameters)
+        covariance = whitened_covariance(fitted, residuals, objective)
+        return covariance and of_coefficients(covariance, parameters)
     inverse, null_space = pseudo_inverse_factor(np.asarray(np.linalg.qr(jacobian, mode="r")))
     scores = np.split(jacobian * score[:, None], np.cumsum(np.asarray(counts, dtype=int))[:-1])
     meat = sum(map(_newey_west, scores)) * samples / max(samples - estimated, 1)
@@ -151,7 +151,7 @@ class Fitted:
             return along
         joints = np.cumsum(np.asarray(self.counts, dtype=int))[:-1]
         parts = np.split(along, joints)
-        return np.concatenate([lfilter(*noise_filter, each[::-1], axis=0)[::-1] for each in parts])
+        return np.concatenate([lfilter(*noise_filter, part[::-1], axis=0)[::-1] for part in parts])
 
 
 def tangent_covariance(

@@ -29,20 +29,20 @@ class KStepErrors:
         weights = self.weights(point)
         return np.concatenate(
             [
-                _filtered(weights, each.residuals(point[at])[each.residual_start :])[
-                    each.loss_start - each.residual_start :
+                _filtered(weights, errors.residuals(point[at])[errors.residual_start :])[
+                    errors.loss_start - errors.residual_start :
                 ]
-                for each, at in self.one_step.places
+                for errors, at in self.one_step.places
             ]
         )
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of :meth:`residuals` by a point, (N, n)."""
         blocks = []
-        for each, at in self.one_step.places:
-            own = self._jacobian(each, point[at])
-            block = np.zeros((len(own), len(point)))
-            block[:, at] = own
+        for errors, at in self.one_step.places:
+            columns = self._jacobian(errors, point[at])
+            block = np.zeros((len(columns), len(point)))
+            block[:, at] = columns
             blocks.append(block)
         return np.concatenate(blocks)
 

@@ -46,17 +46,17 @@ class PolynomialErrors:
         self.window = window or ScoringWindow(orders.first_residual, orders.first_residual)
         first = self.window.loss_start
         needed = first + sum(orders.nf) + orders.noise_states
-        self.stretches = tuple(each for each in stretches if each.samples > needed)
+        self.stretches = tuple(stretch for stretch in stretches if stretch.samples > needed)
         if not self.stretches:
             raise NoModelError(f"no stretch has the {needed + 1} samples that {orders} needs")
         self.orders, self.objective = orders, objective
         self.plant_radius, self.noise_radius = plant_radius, noise_radius
         # Numbers of the recordings, in the order of their levels.
-        self.recordings = tuple(dict.fromkeys(each.recording for each in self.stretches))
+        self.recordings = tuple(dict.fromkeys(stretch.recording for stretch in self.stretches))
         self.levels = len(self.recordings) if level else 0
-        longest = max(self.stretches, key=lambda each: each.samples)
+        longest = max(self.stretches, key=lambda stretch: stretch.samples)
         self.inputs, self.output = longest.inputs[:, : orders.inputs], longest.output
-        counted = [each.output[first:] for each in self.stretches]
+        counted = [stretch.output[first:] for stretch in self.stretches]
         losses = [np.sum(np.abs(y)) if objective == "absolute" else y @ y for y in counted]
         self._scales = np.maximum(losses, np.finfo(float).tiny)
         self._scale = float(np.sum(self._scales))
@@ -67,9 +67,9 @@ class PolynomialErrors:
     def _errors(self) -> Iterator[StretchErrors]:
         """The part of the objective of each stretch."""
         factor, absolute = self.loss_factor, self.objective == "absolute"
-        for each, scale in zip(self.stretches, self._scales, strict=True):
+        for stretch, scale in zip(self.stretches, self._scales, strict=True):
             # A square in the unit of the loss.
-            unit = float(scale) / (each.samples - self.window.loss_start) if absolute else 1.0
+            unit = float(scale) / (stretch.samples - self.window.loss_start) if absolute else 1.0
             objective = Objective(
                 absolute=absolute,
                 factor=factor,
@@ -78,9 +78,9 @@ class PolynomialErrors:
                 plant_radius=self.plant_radius,
                 noise_radius=self.noise_radius,
             )
-            inputs = each.inputs[:, : self.orders.inputs]
+            inputs = stretch.inputs[:, : self.orders.inputs]
             yield StretchErrors(
-                inputs, each.output, self.orders, self.window, objective, self.level
+                inputs, stretch.output, self.orders, self.window, objective, self.level
             )
 
     def _places(self) -> Iterator[Indices]:
@@ -134,9 +134,9 @@ class PolynomialErrors:
     def polynomials(self) -> list[tuple[str, slice]]:
         """Letter and place in a point of each of A, C, D and F_i that has coefficients."""
         o = self.orders
-        found = [(name, o.part(name)) for name in "acd"]
-        found += [("f", o.part("f", place)) for place in range(o.inputs)]
-        return [(name, part) for name, part in found if part.stop > part.start]
+        parts = [(name, o.part(name)) for name in "acd"]
+        parts += [("f", o.part("f", place)) for place in range(o.inputs)]
+        return [(name, part) for name, part in parts if part.stop > part.start]
 
     def linear(self, *names: str) -> Flags:
         """Which entries of a point some parts are."""
@@ -152,10 +152,8 @@ class PolynomialErrors:
     def scaled(self, means: Array, input_scales: Array, output_scale: float) -> PolynomialErrors:
         """The problem of inputs less their means and of outputs, divided by scales."""
         divided = [
-            Segment(
-                (own.inputs - means) / input_scales, each.outputs / output_scale, each.recording
-            )
-            for each, (own, _) in zip(self.stretches, self.places, strict=True)
+            Segment((errors.inputs - means) / input_scales, s.outputs / output_scale, s.recording)
+            for s, (errors, _) in zip(self.stretches, self.places, strict=True)
         ]
         return self._with(stretches=divided)
 
@@ -178,7 +176,7 @@ class PolynomialErrors:
 
     def residual_counts(self) -> list[int]:
         """Number of residuals that count in each stretch."""
-        return [each.samples - self.window.loss_start for each in self.stretches]
+        return [stretch.samples - self.window.loss_start for stretch in self.stretches]
 
     @property
     def loss_factor(self) -> float:
@@ -223,9 +221,9 @@ class PolynomialErrors:
         # Each stretch counts its share of the barriers.
         for (errors, at), scale in zip(self.places, self._scales, strict=True):
             share = scale / self._scale
-            found = errors.values_and_gradients(points[:, at], smoothing, share * barriers)
-            total += found[0]
-            gradients[:, at] += found[1]
+            values = errors.values_and_gradients(points[:, at], smoothing, share * barriers)
+            total += values[0]
+            gradients[:, at] += values[1]
         return total, gradients
 
     @property
@@ -237,8 +235,8 @@ class PolynomialErrors:
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""
         matrices = self._curvatures(points, smoothing, False)
-        for (_, part), each in zip(self.polynomials(), self._barriers(points), strict=True):
-            matrices[:, part, part] += barriers[:, None, None] * each[2]
+        for (_, part), barrier in zip(self.polynomials(), self._barriers(points), strict=True):
+            matrices[:, part, part] += barriers[:, None, None] * barrier[2]
         return matrices
 
     def curvatures_of(self, points: Array, smoothing: Array, entries: Flags) -> Array:
@@ -259,9 +257,9 @@ class PolynomialErrors:
         """Barriers at the edge of the stability region, (M,), their gradients and curvatures."""
         values, gradients = np.zeros(len(points)), np.zeros(points.shape)
         curvatures = np.zeros((*points.shape, points.shape[1]))
-        for (_, part), found in zip(self.polynomials(), self._barriers(points), strict=True):
-            values += found[0]
-            gradients[:, part], curvatures[:, part, part] = found[1:]
+        for (_, part), barrier in zip(self.polynomials(), self._barriers(points), strict=True):
+            values += barrier[0]
+            gradients[:, part], curvatures[:, part, part] = barrier[1:]
         return values, gradients, curvatures
 
     def _barriers(self, points: Array) -> Iterator[tuple[Array, Array, Array]]:
@@ -281,11 +279,13 @@ class PolynomialErrors:
     def residuals_of_stretches(self, point: Array) -> list[Array]:
         """Residuals of one point that count, stretch by stretch."""
         first = self.window.loss_start
-        return [errors.residuals(own)[first:] for errors, own in self.of_stretches(point)]
+        return [errors.residuals(at)[first:] for errors, at in self.of_stretches(point)]
 
     def scored_outputs(self) -> Array:
         """The outputs of the residuals that count, of all stretches one after the other."""
-        return np.concatenate([each.output[self.window.loss_start :] for each in self.stretches])
+        return np.concatenate(
+            [stretch.output[self.window.loss_start :] for stretch in self.stretches]
+        )
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives of the residuals that count by a point, (N, n)."""
@@ -295,10 +295,10 @@ class PolynomialErrors:
         """Consecutive rows of :meth:`jacobian`, which long records need."""
         for errors, at in self.places:
             before = self.window.loss_start - self.window.residual_start
-            for own in errors.jacobian_blocks(point[at]):
-                block = np.zeros((max(len(own) - before, 0), self.dimension))
-                block[:, at] = own[before:]
-                before = max(before - len(own), 0)
+            for stretch_block in errors.jacobian_blocks(point[at]):
+                block = np.zeros((max(len(stretch_block) - before, 0), self.dimension))
+                block[:, at] = stretch_block[before:]
+                before = max(before - len(stretch_block), 0)
                 yield block
 
     def completed_by_states(self, model: PolynomialModel) -> Array:
@@ -310,11 +310,11 @@ class PolynomialErrors:
         columns, residuals = self.jacobian(point)[:, linear], self.residuals(point)
         best, lowest = point, float(residuals @ residuals)
         for rcond in RANKS if columns.shape[1] else ():
-            found = point.copy()
-            found[linear] = np.linalg.lstsq(columns, -residuals, rcond=rcond)[0]
-            reached = self.residuals(found)
+            completed = point.copy()
+            completed[linear] = np.linalg.lstsq(columns, -residuals, rcond=rcond)[0]
+            reached = self.residuals(completed)
             if reached @ reached < lowest:
-                best, lowest = found, float(reached @ reached)
+                best, lowest = completed, float(reached @ reached)
         return best
 
     def feasible(self, points: Array) -> Flags:

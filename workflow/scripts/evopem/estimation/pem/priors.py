@@ -72,12 +72,12 @@ class Priors:
             for mode in modes_of(point[part], self.sampling_rate)
         ]
         if modes:
-            _, part, pole = min(modes, key=lambda each: each[0])
+            _, part, pole = min(modes, key=lambda mode: mode[0])
             return part, pole
         real = [(part, z) for part in self.denominators for z in roots(point[part]) if z != 0.0]
         wanted = np.exp(2j * np.pi * term.mode_hz / self.sampling_rate)
         without = (self.denominators[-1], 0j)
-        return min(real, key=lambda each: abs(each[1] - wanted), default=without)
+        return min(real, key=lambda indexed_pole: abs(indexed_pole[1] - wanted), default=without)
 
 
 def priors_of(
@@ -95,8 +95,8 @@ def priors_of(
         quantity, index = prior.quantity, 0
         near = prior.mean if prior.mode_hz is None else prior.mode_hz
         scale = b_scale if quantity == "static_gain" or quantity[0] == "b" else 1.0
-        if (found := coefficient_index(quantity, orders)) is not None:
-            quantity, index = "coefficient", orders.part(found[0]).start + found[1]
+        if (place := coefficient_index(quantity, orders)) is not None:
+            quantity, index = "coefficient", orders.part(place[0]).start + place[1]
         mean, deviation = prior.mean / scale, prior.standard_deviation / scale
         terms.append(PriorTerm(quantity, mean, deviation, index, near))
     return Priors(tuple(terms), parts, sampling_rate)

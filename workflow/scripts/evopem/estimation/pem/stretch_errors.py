@@ -104,8 +104,8 @@ class StretchErrors:
     ) -> tuple[int, int]:
         """Trials of descents, as :func:`.batch_bfgs.descend_by` asks for them."""
         if not trials:
-            found = self._passed(GRADIENTS, state.x, smoothing, barriers)
-            state.line["value"], state.g[:] = found
+            passed = self._passed(GRADIENTS, state.x, smoothing, barriers)
+            state.line["value"], state.g[:] = passed
             return 0, 0
         given = self._record, self.objective, self._workspace, GRADIENTS, state
         limits = tolerance, max_iterations, trials, few
@@ -144,7 +144,7 @@ class StretchErrors:
         delayed and filtered through D/C, D/CF_i or 1/C (Ljung 1999, section 10.3)."""
         parts = self._regressors(point)
         for first, stop in chunks(0, self.samples - self.residual_start):
-            yield np.concatenate([each.rows(first, stop) for each in parts]).T
+            yield np.concatenate([part.rows(first, stop) for part in parts]).T
 
     def _regressors(self, point: Array) -> list[_Regressors]:
         """What the entries of a point multiply, in their order."""
@@ -164,7 +164,7 @@ class StretchErrors:
                 x = work.x[i * record.rows :][rows, 0]
                 of_f.append(_Regressors(*_from_rest(-x, nf), 1, nf, d, (c, f)))
                 of_states.append(_Regressors(*_from_rest(impulse, nf), 0, nf, d, (c, f)))
-        found = [
+        regressors = [
             _Regressors(self.output, start, 1, o.na, d, (c,)),
             *of_b,
             _Regressors(*_from_rest(-e, o.nc), 1, o.nc, none, (c,)),
@@ -174,7 +174,7 @@ class StretchErrors:
             *of_states,
             _Regressors(*_from_rest(impulse, o.noise_states), 0, o.noise_states, none, (c,)),
         ]
-        return [each for each in found if each.copies]
+        return [regressors for regressors in regressors if regressors.copies]
 
 
 @lru_cache(maxsize=64)
@@ -201,7 +201,7 @@ class _Regressors:
         self.signal, self.first, self.copies = signal, start - delay, copies
         self.numerator, self.denominators = numerator, denominators
         self.past = np.zeros((copies, len(numerator) - 1))
-        self.states = [np.zeros((copies, len(each) - 1)) for each in denominators]
+        self.states = [np.zeros((copies, len(denominator) - 1)) for denominator in denominators]
 
     def rows(self, begin: int, end: int) -> Array:
         """Samples ``begin ... end - 1`` of each copy, (copies, M), the ones before being known."""

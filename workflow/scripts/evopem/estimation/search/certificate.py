@@ -61,13 +61,13 @@ def enough_agree(agreeing: int, restarts: int, undiscovered: float, spent: bool 
     )
 
 
-def is_certified(found: SearchDiagnostics, polynomial: bool = True) -> bool:
+def is_certified(diagnostics: SearchDiagnostics, polynomial: bool = True) -> bool:
     """Whether most restarts, random points of one optimum among them, or enough of them ended at
     the lowest value."""
-    agreeing, restarts = found.n_confirming + 1, found.n_restarts
-    undiscovered = found.undiscovered_probability
+    agreeing, restarts = diagnostics.n_confirming + 1, diagnostics.n_restarts
+    undiscovered = diagnostics.undiscovered_probability
     one_optimum = agreeing > 1 and 2 * agreeing > restarts and undiscovered <= ONE_OPTIMUM
-    spent = polynomial and found.withstood
+    spent = polynomial and diagnostics.withstood
     return one_optimum or enough_agree(agreeing, restarts, undiscovered, spent)
 
 

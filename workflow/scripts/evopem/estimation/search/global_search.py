@@ -108,36 +108,36 @@ def global_search(
     earlier search reached.  Restarts that agree on a higher one do not end the search.  ``target``:
     the search ends once it is unlikely to get so low.  InputError when no value was finite."""
     replacement = SectionReplacement(problem) if isinstance(problem, PolynomialProblem) else None
-    found, replacement = _Record(log), replacement if replacement and replacement.possible else None
+    state, replacement = _Record(log), replacement if replacement and replacement.possible else None
     if settings.evaluations == FIRST_PASS:
-        _descend_coarsely(problem, generator, found)
+        _descend_coarsely(problem, generator, state)
     else:
-        _descend_from_random_points(problem, settings.evaluations, generator, found)
+        _descend_from_random_points(problem, settings.evaluations, generator, state)
         alone = replacement is not None and replacement.problem.errors.orders.inputs <= 1
-        if found.undiscovered >= HOPELESS and not alone:
-            left = settings.evaluations - found.spent
-            _search_neighbours(problem, None, left, generator, found)
+        if state.undiscovered >= HOPELESS and not alone:
+            left = settings.evaluations - state.spent
+            _search_neighbours(problem, None, left, generator, state)
     refuted_from = np.inf
     while True:
-        best = min(found.value, known_minimum)
-        ended = found.spent >= settings.evaluations or found.is_unlikely(target, known_minimum)
-        enough = found.agree(best)
-        if enough or (ended and found.agree(best, spent=True)):
-            if same_optimum(refuted_from, found.value):
-                found.withstood = True
+        best = min(state.value, known_minimum)
+        ended = state.spent >= settings.evaluations or state.is_unlikely(target, known_minimum)
+        enough = state.agree(best)
+        if enough or (ended and state.agree(best, spent=True)):
+            if same_optimum(refuted_from, state.value):
+                state.withstood = True
                 break
-            refuted_from = found.value
+            refuted_from = state.value
             limit = np.inf if enough else REFUTING * settings.evaluations
-            _refute(problem, replacement, limit, generator, found)
+            _refute(problem, replacement, limit, generator, state)
         elif ended:
             break
         elif replacement is not None:
-            hopping = replacement.search(settings.evaluations - found.spent, generator)
-            found.optima.extend(hopping.optima)
-            found.add("section replacement", hopping.point, hopping.value, hopping.evaluations)
+            hopping = replacement.search(settings.evaluations - state.spent, generator)
+            state.optima.extend(hopping.optima)
+            state.add("section replacement", hopping.point, hopping.value, hopping.evaluations)
         else:
-            _restart(problem, settings, generator, found, known_minimum)
-    return found.result()
+            _restart(problem, settings, generator, state, known_minimum)
+    return state.result()
 
 
 def _refute(
@@ -145,19 +145,19 @@ def _refute(
     replacement: SectionReplacement | None,
     max_evaluations: float,
     generator: np.random.Generator,
-    found: _Record,
+    state: _Record,
 ) -> None:
     """Look for a lower optimum than that of agreeing restarts: a neighbour, or one at the edge."""
-    if not found.one_optimum:
-        many = found.undiscovered > MANY_OPTIMA and max_evaluations == np.inf
+    if not state.one_optimum:
+        many = state.undiscovered > MANY_OPTIMA and max_evaluations == np.inf
         for _ in range(REFUTATIONS if many else 1):
-            _search_neighbours(problem, replacement, max_evaluations, generator, found)
-    if isinstance(problem, PolynomialProblem) and found.point is not None:
-        before = found.value
+            _search_neighbours(problem, replacement, max_evaluations, generator, state)
+    if isinstance(problem, PolynomialProblem) and state.point is not None:
+        before = state.value
         if problem.errors.orders.nc:
-            hopping = problem.from_edge(found.point, before, generator)
-            found.lower("roots of C at the edge", hopping.point, hopping.value, hopping.evaluations)
-        found.one_optimum &= same_optimum(before, found.value)
+            hopping = problem.from_edge(state.point, before, generator)
+            state.lower("roots of C at the edge", hopping.point, hopping.value, hopping.evaluations)
+        state.one_optimum &= same_optimum(before, state.value)
 
 
 def _search_neighbours(
@@ -165,19 +165,19 @@ def _search_neighbours(
     replacement: SectionReplacement | None,
     max_evaluations: float,
     generator: np.random.Generator,
-    found: _Record,
+    state: _Record,
 ) -> None:
     """Look for a lower optimum next to the lowest one; this is no independent restart."""
-    if found.point is None:
+    if state.point is None:
         return
     search = partial(basin_hopping, problem) if replacement is None else replacement.search_from
-    hopping = search(found.point, found.value, max_evaluations, generator)
-    found.optima.extend(hopping.optima)
-    found.lower("neighbours of the lowest", hopping.point, hopping.value, hopping.evaluations)
+    hopping = search(state.point, state.value, max_evaluations, generator)
+    state.optima.extend(hopping.optima)
+    state.lower("neighbours of the lowest", hopping.point, hopping.value, hopping.evaluations)
 
 
 def _descend_from_random_points(
-    problem: BasinHoppingProblem, evaluations: int, generator: np.random.Generator, found: _Record
+    problem: BasinHoppingProblem, evaluations: int, generator: np.random.Generator, state: _Record
 ) -> None:
     """Descend from batches of random points, and polish the lowest of each.  No further batch
     follows one that leaves a hopeless undiscovered probability.  They are polished together,
@@ -185,25 +185,25 @@ def _descend_from_random_points(
     lowest: list[Array] = []
     used = 0
     while not lowest or (
-        found.random_points < BATCHES * BATCH
+        state.random_points < BATCHES * BATCH
         and used < evaluations
-        and found.undiscovered < HOPELESS
+        and state.undiscovered < HOPELESS
     ):
         descents = problem.descend(problem.random(BATCH, generator))
-        found.optima.extend(converged_values(descents))
+        state.optima.extend(converged_values(descents))
         lowest.append(descents.points[int(np.argmin(descents.values))])
-        found.random_points += BATCH
-        found.undiscovered = undiscovered(found.optima)
+        state.random_points += BATCH
+        state.undiscovered = undiscovered(state.optima)
         used += descents.evaluations
     polished = problem.polish(np.array(lowest))
     used += polished.evaluations
     for point, value in zip(polished.points, polished.values, strict=True):
-        found.add("random points", point, float(value), used // len(lowest))
-    found.one_optimum = found.undiscovered <= ONE_OPTIMUM and count_distinct(found.optima) == 1
+        state.add("random points", point, float(value), used // len(lowest))
+    state.one_optimum = state.undiscovered <= ONE_OPTIMUM and count_distinct(state.optima) == 1
 
 
 def _descend_coarsely(
-    problem: BasinHoppingProblem, generator: np.random.Generator, found: _Record
+    problem: BasinHoppingProblem, generator: np.random.Generator, state: _Record
 ) -> None:
     """The first pass of a race: coarse descents from a few random points, and from the same
     estimates of the record every time, which are no independent restart: random points alone may
@@ -212,14 +212,14 @@ def _descend_coarsely(
         problem.descend_coarsely if isinstance(problem, PolynomialProblem) else problem.descend
     )
     descents = descend(problem.random(FIRST_BATCH, generator))
-    found.optima, found.random_points = converged_values(descents), FIRST_BATCH
-    found.add("first pass", *_lowest_of(descents), descents.evaluations)
-    found.undiscovered = undiscovered(found.optima, SAME_COARSE_DESCENT)
+    state.optima, state.random_points = converged_values(descents), FIRST_BATCH
+    state.add("first pass", *_lowest_of(descents), descents.evaluations)
+    state.undiscovered = undiscovered(state.optima, SAME_COARSE_DESCENT)
     if isinstance(problem, PolynomialProblem):
         estimates, used = problem.lowest_estimates(FIRST_ESTIMATES)
         if len(estimates):
             descents = descend(estimates)
-            found.lower("estimates", *_lowest_of(descents), used + descents.evaluations)
+            state.lower("estimates", *_lowest_of(descents), used + descents.evaluations)
 
 
 def _lowest_of(descents: Descent) -> tuple[Array, float]:
@@ -262,30 +262,30 @@ def _restart(
     problem: BasinHoppingProblem,
     settings: SearchSettings,
     generator: np.random.Generator,
-    found: _Record,
+    state: _Record,
     known_minimum: float,
 ) -> None:
     """One independent restart, with basin hopping from its end where restarts do not agree."""
-    memetic = found.restarts < MEMETIC_RESTARTS
+    memetic = state.restarts < MEMETIC_RESTARTS
     if memetic:
         short = replace(settings, evaluations=min(settings.evaluations, RESTART_EVALUATIONS))
         ended = memetic_search(problem, short, generator, agreeing_restarts=NEVER)
         point, value = ended.point, ended.value
         evaluations = ended.diagnostics.evaluations
-        found.generations += ended.diagnostics.generations
+        state.generations += ended.diagnostics.generations
     else:
         starts, used = problem.draw(BATCH, generator)
         descents = problem.descend(starts)
-        found.optima.extend(converged_values(descents))
+        state.optima.extend(converged_values(descents))
         point, value = _lowest_of(descents)
         evaluations = used + descents.evaluations
-    best = min(found.value, known_minimum, value)
-    left = settings.evaluations - found.spent - evaluations
-    if memetic and (left <= 0 or found.agree(best, value)):
-        found.add("memetic restart", point, value, evaluations)
+    best = min(state.value, known_minimum, value)
+    left = settings.evaluations - state.spent - evaluations
+    if memetic and (left <= 0 or state.agree(best, value)):
+        state.add("memetic restart", point, value, evaluations)
         return
     hopping = basin_hopping(problem, point, value, left, generator)
-    found.optima.extend(hopping.optima)
-    found.add(
+    state.optima.extend(hopping.optima)
+    state.add(
         "restart and basin hopping", hopping.point, hopping.value, evaluations + hopping.evaluations
     )

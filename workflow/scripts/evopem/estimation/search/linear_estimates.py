@@ -43,7 +43,7 @@ def own_denominators(errors: PolynomialErrors) -> Iterator[list[Array]]:
         responses = long_arx_responses(u, y, longer, o.nk)
         if responses is not None:
             pairs = zip(responses, o.nf, strict=True)
-            yield [reduced_denominator(each[None], nf) for each, nf in pairs]
+            yield [reduced_denominator(polynomial[None], nf) for polynomial, nf in pairs]
 
 
 def steiglitz_mcbride(
@@ -55,10 +55,10 @@ def steiglitz_mcbride(
     for _ in range(STEIGLITZ_MCBRIDE_STEPS):
         filtered = np.stack([*u.T, y])
         filter_rows(filtered, np.append(1.0, denominator), np.zeros((len(filtered), order)))
-        found = arx(filtered[:-1].T, filtered[-1], order, nb, nk)[:order]
-        if not np.isfinite(found).all():
+        updated = arx(filtered[:-1].T, filtered[-1], order, nb, nk)[:order]
+        if not np.isfinite(updated).all():
             return
-        denominator = reflect_into_disc(found[None, :], radius)[0]
+        denominator = reflect_into_disc(updated[None, :], radius)[0]
         yield denominator
 
 
@@ -81,8 +81,8 @@ def reduced_denominator(responses: Array, order: int) -> Array:
     rows = length // 2
     hankel = np.hstack(
         [
-            np.lib.stride_tricks.sliding_window_view(each[1:], length - rows)[: rows - 1]
-            for each in responses
+            np.lib.stride_tricks.sliding_window_view(response[1:], length - rows)[: rows - 1]
+            for response in responses
         ]
     )
     left, singular, _ = np.linalg.svd(hankel, full_matrices=False)
@@ -99,7 +99,7 @@ def subspace_denominator(u: Array, y: Array, order: int) -> Array:
         np.lib.stride_tricks.sliding_window_view(signal, columns)[: 2 * rows]
         for signal in (*u.T, y)
     ]
-    past, future = [each[:rows] for each in windows], [each[rows:] for each in windows]
+    past, future = [window[:rows] for window in windows], [window[rows:] for window in windows]
     stacked = np.concatenate([*future[:-1], *past, future[-1]])
     lower = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
     of_inputs, before = u.shape[1] * rows, (2 * u.shape[1] + 1) * rows

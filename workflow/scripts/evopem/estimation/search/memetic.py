@@ -46,33 +46,33 @@ def memetic_search(
     """Minimise an objective globally; InputError when no value was finite.  Restarts that agree on
     a value above ``known_minimum`` do not end the search.  ``until_certified``: restarts go on
     after the check until a certificate, where all agree with up to twice the evaluations."""
-    found = _Found()
+    state = _Found()
 
     def agreeing() -> int:
-        best = min(found.value, known_minimum)
-        return sum(same_optimum(minimum, best) for minimum in found.minima)
+        best = min(state.value, known_minimum)
+        return sum(same_optimum(minimum, best) for minimum in state.minima)
 
     def agreed() -> bool:
-        if until_certified and found.random_points:
-            return enough_agree(agreeing(), len(found.minima), found.undiscovered)
-        return agreeing() >= agreeing_restarts and 2 * agreeing() >= len(found.minima)
+        if until_certified and state.random_points:
+            return enough_agree(agreeing(), len(state.minima), state.undiscovered)
+        return agreeing() >= agreeing_restarts and 2 * agreeing() >= len(state.minima)
 
     limit = settings.evaluations
-    while found.spent < limit:
-        _restart(problem, replace(settings, evaluations=limit), generator, found, log)
-        if not found.random_points and agreed():
-            found.check(problem, settings.evaluations, generator)
+    while state.spent < limit:
+        _restart(problem, replace(settings, evaluations=limit), generator, state, log)
+        if not state.random_points and agreed():
+            state.check(problem, settings.evaluations, generator)
             if log is not None:
                 log(
-                    f"multistart check: lowest {found.minima[-1]:.9g} of {found.random_points} "
-                    f"points, undiscovered probability {found.undiscovered:.2g}, "
-                    f"{found.spent} evaluations"
+                    f"multistart check: lowest {state.minima[-1]:.9g} of {state.random_points} "
+                    f"points, undiscovered probability {state.undiscovered:.2g}, "
+                    f"{state.spent} evaluations"
                 )
         if agreed():
             break
-        confirming = until_certified and found.random_points and agreeing() == len(found.minima)
+        confirming = until_certified and state.random_points and agreeing() == len(state.minima)
         limit = (CONFIRMING if confirming else 1) * settings.evaluations
-    return found.result()
+    return state.result()
 
 
 class _Found(SearchProgress):
@@ -108,30 +108,30 @@ def _restart(
     problem: Problem,
     settings: SearchSettings,
     generator: np.random.Generator,
-    found: _Found,
+    state: _Found,
     log: Callable[[str], None] | None,
 ) -> None:
     """Generations of an independent population until it has converged, and a polish."""
     parents, used = problem.draw(settings.mu, generator)
     values = problem.values(parents)
-    found.spent += used + len(parents)
+    state.spent += used + len(parents)
     while True:
         parents, values, used, descents = _generation(problem, settings, parents, values, generator)
-        found.spent += used
-        found.generations += 1
-        found.optima.extend(descents)
-        found.reach(parents[0], float(values[0]))
+        state.spent += used
+        state.generations += 1
+        state.optima.extend(descents)
+        state.reach(parents[0], float(values[0]))
         if log is not None:
             log(
-                f"restart {len(found.minima) + 1} generation {found.generations}: lowest "
-                f"{values[0]:.9g}, highest parent {values[-1]:.9g}, {found.spent} evaluations"
+                f"restart {len(state.minima) + 1} generation {state.generations}: lowest "
+                f"{values[0]:.9g}, highest parent {values[-1]:.9g}, {state.spent} evaluations"
             )
-        if found.spent >= settings.evaluations or same_optimum(values[-1], values[0], SAME_DESCENT):
+        if state.spent >= settings.evaluations or same_optimum(values[-1], values[0], SAME_DESCENT):
             break
     polished = problem.polish(parents[:1])
-    found.spent += polished.evaluations
-    found.reach(polished.points[0], float(polished.values[0]))
-    found.minima.append(min(float(polished.values[0]), float(values[0])))
+    state.spent += polished.evaluations
+    state.reach(polished.points[0], float(polished.values[0]))
+    state.minima.append(min(float(polished.values[0]), float(values[0])))
 
 
 def _generation(

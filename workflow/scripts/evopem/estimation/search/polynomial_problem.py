@@ -169,13 +169,13 @@ class PolynomialProblem(BasinHoppingProblem):
 
     def starts(self) -> Array:
         """Feasible points to descend from, (M, n), the lowest first."""
-        found: list[Array] = []
+        begins: list[Array] = []
         if self._own_starts:
-            found.append(self.estimates[0])
+            begins.append(self.estimates[0])
         for model in self._models:
-            found.append(self.completed(self.adapted(model))[0])
-            found.append(self._with_further_poles(model))
-        points = np.concatenate(found)
+            begins.append(self.completed(self.adapted(model))[0])
+            begins.append(self._with_further_poles(model))
+        points = np.concatenate(begins)
         values = self.values(points)
         finite = np.isfinite(values)
         points, values = points[finite], values[finite]
@@ -194,8 +194,8 @@ class PolynomialProblem(BasinHoppingProblem):
         points, used = [np.empty((0, self.errors.dimension))], 0
         for plant in self._plants():
             if all(np.isfinite(denominator).all() for denominator in plant):
-                found, more = self._from_denominators(plant)
-                points.append(found)
+                candidates, more = self._from_denominators(plant)
+                points.append(candidates)
                 used += more
         return np.concatenate(points), used
 
@@ -217,7 +217,7 @@ class PolynomialProblem(BasinHoppingProblem):
         """Each F_i by Steiglitz-McBride iterations on what the other inputs leave of the output."""
         from scipy.signal import lfilter
 
-        o, found = self.errors.orders, []
+        o, points = self.errors.orders, []
         u, y = self.errors.inputs, self.errors.output
         u, y = u - np.mean(u, axis=0), y - np.mean(y)
         point = self._from_denominators(plant)[0][0]
@@ -233,13 +233,13 @@ class PolynomialProblem(BasinHoppingProblem):
             rest = y - sum(outputs) + outputs[i]
             given = o.nf[i], o.nb[i : i + 1], o.nk[i : i + 1], self.errors.plant_radius
             steps = list(steiglitz_mcbride(u[:, i : i + 1], rest, *given)) if o.nf[i] else []
-            found.append(steps[-1] if steps else denominator)
-        return found
+            points.append(steps[-1] if steps else denominator)
+        return points
 
     def _from_denominators(self, plant: Sequence[Array]) -> tuple[Array, int]:
         """Points with denominators as F_i or as A, the noise white and by its own model."""
         o = self.errors.orders
-        plant = [reflect_into_disc(each[None, :], self.errors.plant_radius)[0] for each in plant]
+        plant = [reflect_into_disc(d[None, :], self.errors.plant_radius)[0] for d in plant]
         points = []
         for name in "fa":
             point = np.zeros(self.errors.dimension)
@@ -287,21 +287,19 @@ class PolynomialProblem(BasinHoppingProblem):
         monic = {"a": [model.plant_denominator]}
         if any(o.nf):
             monic = {"f": [np.convolve(model.A, f) for f in model.F]}
-        grown = [
-            (o.part(name, i), each) for name, own in monic.items() for i, each in enumerate(own)
-        ]
-        missing = [part.stop - part.start - len(each) + 1 for part, each in grown]
+        grown = [(o.part(name, i), c) for name, known in monic.items() for i, c in enumerate(known)]
+        missing = [part.stop - part.start - len(coefficients) + 1 for part, coefficients in grown]
         if max(missing) <= 0 or o.inputs == 0 or (o.na and any(o.nf)):
             return np.empty((0, self.errors.dimension))
         points = np.repeat(self.adapted(model)[:1], PAIRS, axis=0)
         # The draws of these orders, the same in every search.
-        nb, nf, nk = (each or (0,) for each in (o.nb, o.nf, o.nk))
+        nb, nf, nk = (orders or (0,) for orders in (o.nb, o.nf, o.nk))
         generator = np.random.default_rng([o.na, *nb, o.nc, o.nd, *nf, *nk])
-        for (part, own), more in zip(grown, missing, strict=True):
+        for (part, known), more in zip(grown, missing, strict=True):
             drawn = random_denominators(PAIRS, max(more, 0), generator)
             for point, further in zip(points, drawn, strict=True):
                 if more > 0:
-                    point[part] = np.convolve(own, np.append(1.0, further))[1:]
+                    point[part] = np.convolve(known, np.append(1.0, further))[1:]
         points, _ = self.completed(points)
         return points[np.argsort(self.values(points), kind="stable")[:DESCENDED]]
 

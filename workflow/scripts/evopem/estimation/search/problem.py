@@ -173,7 +173,7 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
     that of the one with more random points."""
     best = second if second.value < first.value else first
     one, other = first.diagnostics, second.diagnostics
-    drawn = max(one, other, key=lambda each: (each.n_multistart, each.undiscovered_probability))
+    drawn = max(one, other, key=lambda d: (d.n_multistart, d.undiscovered_probability))
     continued = (
         (one.evaluations + spent, min(value, first.value)) for spent, value in other.convergence
     )
@@ -188,8 +188,8 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
         undiscovered_probability=drawn.undiscovered_probability,
         convergence=(*one.convergence, *continued),
         withstood=any(
-            each.diagnostics.withstood and same_optimum(each.value, best.value)
-            for each in (first, second)
+            result.diagnostics.withstood and same_optimum(result.value, best.value)
+            for result in (first, second)
         ),
     )
     return replace(best, diagnostics=diagnostics)

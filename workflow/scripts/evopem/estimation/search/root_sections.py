@@ -27,9 +27,9 @@ class RootSections(NamedTuple):
 
 def sections_of(coefficients: Array) -> RootSections:
     """Sections of ``1 + x_1 q^-1 + ... + x_m q^-m``; (m,) coefficients."""
-    found = roots(coefficients)
-    upper = found[found.imag > 0.0]
-    real = np.sort(found[found.imag == 0.0].real)
+    all_roots = roots(coefficients)
+    upper = all_roots[all_roots.imag > 0.0]
+    real = np.sort(all_roots[all_roots.imag == 0.0].real)
     odd = len(coefficients) % 2
     single, paired = real[len(real) - odd :], real[: len(real) - odd].reshape(-1, 2)
     factors = np.concatenate(
@@ -81,24 +81,24 @@ def random_sections(count: int, generator: np.random.Generator) -> Array:
 
 def each_without(coefficients: Array) -> Iterator[tuple[Array, Array]]:
     """Each section of a polynomial, (2,), and the polynomial without it, with the leading 1."""
-    found = sections_of(coefficients)
-    for row, section in enumerate(found.quadratic):
-        rest = RootSections(np.delete(found.quadratic, row, axis=0), found.single)
+    sections = sections_of(coefficients)
+    for row, section in enumerate(sections.quadratic):
+        rest = RootSections(np.delete(sections.quadratic, row, axis=0), sections.single)
         yield section, np.append(1.0, product_of(rest))
 
 
 def at_radius(radius: float, c: Array, generator: np.random.Generator) -> Iterator[Array]:
     """Polynomials (m,) with one section at a radius, by its own angle, by random ones or with real
     roots, or with the real root left over there."""
-    found = sections_of(c)
+    sections = sections_of(c)
     for (first, second), rest in each_without(c):
-        own = np.angle(-first + 1j * np.sqrt(max(4.0 * second - first**2, 0.0)))
+        angle = np.angle(-first + 1j * np.sqrt(max(4.0 * second - first**2, 0.0)))
         drawn = np.pi * (np.arange(PLACES // 2) + generator.random(PLACES // 2)) / (PLACES // 2)
-        at_angles = [[-2.0 * radius * np.cos(each), radius**2] for each in (own, *drawn)]
+        at_angles = [[-2.0 * radius * np.cos(turn), radius**2] for turn in (angle, *drawn)]
         for factor in (*at_angles, [-radius, 0.0], [radius, 0.0], [0.0, -(radius**2)]):
             yield np.convolve(rest, [1.0, *factor])[1:]
-    for end in (-radius, radius) if len(found.single) else ():
-        yield product_of(found._replace(single=np.array([end])))
+    for end in (-radius, radius) if len(sections.single) else ():
+        yield product_of(sections._replace(single=np.array([end])))
 
 
 def without_nearest(coefficients: Array, section: Array) -> Array | None:
@@ -107,7 +107,7 @@ def without_nearest(coefficients: Array, section: Array) -> Array | None:
     roots_of_section = _section_roots(section)
     nearest = min(
         each_without(coefficients),
-        key=lambda each: np.min(np.abs(_section_roots(each[0])[:, None] - roots_of_section)),
+        key=lambda section: np.min(np.abs(_section_roots(section[0])[:, None] - roots_of_section)),
         default=None,
     )
     return None if nearest is None else nearest[1]

@@ -33,11 +33,11 @@ class SectionCoordinates:
         coordinates = points.copy()
         for part, radius in self._polynomials:
             for row in coordinates:
-                found = sections_of(row[part])
-                second = np.clip(found.quadratic[:, 1] / radius**2, INSIDE - 1.0, 1.0 - INSIDE)
-                first = found.quadratic[:, 0] / (radius * (1.0 + second))
+                sections = sections_of(row[part])
+                second = np.clip(sections.quadratic[:, 1] / radius**2, INSIDE - 1.0, 1.0 - INSIDE)
+                first = sections.quadratic[:, 0] / (radius * (1.0 + second))
                 quadratic = np.column_stack([first, second]).ravel()
-                reflections = np.concatenate([quadratic, -found.single / radius])
+                reflections = np.concatenate([quadratic, -sections.single / radius])
                 row[part] = np.arcsin(np.clip(reflections, INSIDE - 1.0, 1.0 - INSIDE))
         return coordinates
 
@@ -50,8 +50,8 @@ class SectionCoordinates:
         points, of_polynomials = self._derivatives(z)
         derivatives = np.tile(np.eye(z.shape[1]), (len(z), 1, 1))
         slopes, bends = np.ones_like(z), np.zeros_like(z)
-        for (part, _), each in zip(self._polynomials, of_polynomials, strict=True):
-            derivatives[:, part, part] = each
+        for (part, _), of_polynomial in zip(self._polynomials, of_polynomials, strict=True):
+            derivatives[:, part, part] = of_polynomial
             slopes[:, part], bends[:, part] = np.cos(z[:, part]), -np.sin(z[:, part])
         none = np.zeros(len(z)), np.zeros_like(z), np.zeros_like(derivatives)
         return Mapped(points, derivatives, slopes, bends, none)
@@ -63,8 +63,8 @@ class SectionCoordinates:
         points, derivatives = coordinates.copy(), []
         for part, radius in self._polynomials:
             reflections = np.ascontiguousarray(np.sin(coordinates[:, part]))
-            points[:, part], each = products_of_sections(reflections, radius * (1.0 - drawn_in))
-            derivatives.append(each)
+            points[:, part], of_part = products_of_sections(reflections, radius * (1.0 - drawn_in))
+            derivatives.append(of_part)
         return points, derivatives
 
 
@@ -77,17 +77,17 @@ def in_sections(errors: PolynomialErrors) -> CoordinateErrors:
 def descend_in_sections(errors: PolynomialErrors, points: Array, largest_value: float) -> Descent:
     """Descents to the last digits along the edge; never worse than where they began."""
     sections, asked = SectionCoordinates(errors), in_sections(errors)
-    found = staged_descent(
+    descents = staged_descent(
         asked, sections.of_points(points), POLISH_STAGES, largest_value, wait=None
     )
     ends, values = points.copy(), errors.values(points)
-    evaluations = found.evaluations + len(points)
+    evaluations = descents.evaluations + len(points)
     outside = np.arange(len(points))
     for drawn_in in DRAWN_IN:
-        tried = sections.points(found.points[outside], drawn_in)
+        tried = sections.points(descents.points[outside], drawn_in)
         reached = errors.values(tried)
         evaluations += len(outside)
         lower = reached < values[outside]
         ends[outside[lower]], values[outside[lower]] = tried[lower], reached[lower]
         outside = outside[~np.isfinite(reached)]
-    return replace(found, points=ends, values=values, evaluations=evaluations)
+    return replace(descents, points=ends, values=values, evaluations=evaluations)

@@ -29,17 +29,17 @@ CURVATURE_OF_ABSOLUTE = 2.0 / np.pi
 @lru_cache(maxsize=1)
 def grid() -> Array:
     """Monic sections, (K, 3), at all places."""
-    found, distance = [], NEAREST
+    places, distance = [], NEAREST
     while distance < FARTHEST:
         count = int(np.ceil(np.pi / (SPACING * distance)))
         angles = np.pi * (np.arange(count) + 0.5) / count
         radii = np.full(count, 1.0 - distance)
-        found.append(np.column_stack([np.ones(count), -2.0 * radii * np.cos(angles), radii**2]))
+        places.append(np.column_stack([np.ones(count), -2.0 * radii * np.cos(angles), radii**2]))
         distance *= 2.0
     roots = np.array([sign * (1.0 - away) for away in OF_REAL_ROOTS for sign in (1.0, -1.0)])
     one, other = roots[np.array(np.triu_indices(len(roots)))]
-    found.append(np.column_stack([np.ones(len(one)), -one - other, one * other]))
-    return np.concatenate(found)
+    places.append(np.column_stack([np.ones(len(one)), -one - other, one * other]))
+    return np.concatenate(places)
 
 
 @lru_cache(maxsize=1)
@@ -57,15 +57,15 @@ def gains(
     """Part of the objective that a shared section explains at each of some places, (M,).
     ``shared``: polynomials with it, by letter and input.  ``places`` (M,): rows of grid."""
     stretches = list(errors.of_stretches(point))
-    samples = max(each.samples for each, _ in stretches)
-    signals = [_slopes_and_signals(each, own, shared) for each, own in stretches]
-    slopes = np.concatenate([each[0] for each in signals])
+    samples = max(stretch_errors.samples for stretch_errors, _ in stretches)
+    signals = [_slopes_and_signals(s, stretch_point, shared) for s, stretch_point in stretches]
+    slopes = np.concatenate([signal[0] for signal in signals])
     # One row for each signal, in it one for each stretch.
-    spectra = np.stack([np.fft.rfft(each, samples) for each in signals], axis=1)
+    spectra = np.stack([np.fft.rfft(signal, samples) for signal in signals], axis=1)
     frequencies = spectra.shape[2]
     bins = min(BINS, frequencies)
     first_of_bin = -(-np.arange(bins) * frequencies // bins)
-    response, power = (each[places] for each in _responses(bins))
+    response, power = (response[places] for response in _responses(bins))
     delay = np.exp(-1j * np.pi * np.arange(frequencies) / frequencies)
 
     def summed(*products: Complex) -> Complex:

@@ -64,22 +64,22 @@ class SectionReplacement:
 
     def search(self, max_evaluations: float, generator: np.random.Generator) -> BasinHopping:
         """An independent search: orders extended from the smallest, then sections replaced."""
-        found = _Found(self.problem, generator)
+        record = _Found(self.problem, generator)
         # A problem is made when it is needed, and not kept: its tables are as long as the record.
         smaller = self._of(self._steps[0][0])
-        optima = found.descents(smaller, smaller.random(FIRST, generator))
+        optima = record.descents(smaller, smaller.random(FIRST, generator))
         for orders, shared in self._steps[1:]:
             larger = self._of(orders)
-            optima = found.with_sections(optima, smaller, larger, shared)
+            optima = record.with_sections(optima, smaller, larger, shared)
             smaller = larger
-        return self._replaced(optima, found, max_evaluations)
+        return self._replaced(optima, record, max_evaluations)
 
     def search_from(
         self, point: Array, value: float, max_evaluations: float, generator: np.random.Generator
     ) -> BasinHopping:
         """Replace sections of an optimum, by other places than those that searches prefer."""
-        found = _Found(self.problem, generator, by_gains=False)
-        return self._replaced([Optimum(value, point)], found, max_evaluations)
+        record = _Found(self.problem, generator, by_gains=False)
+        return self._replaced([Optimum(value, point)], record, max_evaluations)
 
     def _of(self, orders: Orders) -> PolynomialProblem:
         """The problem of some orders on the way."""
@@ -88,33 +88,33 @@ class SectionReplacement:
         return self.problem.of_orders(orders)
 
     def _replaced(
-        self, optima: list[Optimum], found: _Found, max_evaluations: float
+        self, optima: list[Optimum], record: _Found, max_evaluations: float
     ) -> BasinHopping:
         """Replace sections of the best optimum not tried, until that has failed for some time."""
         tried: list[float] = []
         failed = 0
-        while optima and failed < PATIENCE and found.evaluations < max_evaluations:
+        while optima and failed < PATIENCE and record.evaluations < max_evaluations:
             lowest = optima[0].value
-            fresh = [each for each in optima if each.value not in tried]
+            fresh = [local for local in optima if local.value not in tried]
             chosen = (fresh or optima)[0]
             tried.append(chosen.value)
             for shared in self._shared:
-                optima = _lowest([*optima, *self._neighbours(chosen, shared, found)])
+                optima = _lowest([*optima, *self._neighbours(chosen, shared, record)])
             failed = failed + 1 if same_optimum(lowest, optima[0].value) else 0
         if not optima:
-            return BasinHopping(np.empty(0), np.inf, found.evaluations, [])
-        best = found.polished(optima[0])
-        return BasinHopping(best.point, best.value, found.evaluations, found.ended)
+            return BasinHopping(np.empty(0), np.inf, record.evaluations, [])
+        best = record.polished(optima[0])
+        return BasinHopping(best.point, best.value, record.evaluations, record.ended)
 
-    def _neighbours(self, optimum: Optimum, shared: Shared, found: _Found) -> list[Optimum]:
+    def _neighbours(self, optimum: Optimum, shared: Shared, record: _Found) -> list[Optimum]:
         """Optima with one of the sections of an optimum elsewhere."""
         errors = self.problem.errors
         orders = with_fewer_sections(errors.orders, shared)
         assert orders is not None
         smaller = self._of(orders)
         starts = without_common_section(optimum.point, errors, smaller.errors, shared)
-        left = found.descents(smaller, smaller.repair(starts))
-        return found.with_sections(left, smaller, self.problem, shared)
+        left = record.descents(smaller, smaller.repair(starts))
+        return record.with_sections(left, smaller, self.problem, shared)
 
 
 class _Found:
@@ -138,9 +138,9 @@ class _Found:
         """Optima of larger orders from the most promising places of a further section."""
         starts, promised = [np.empty((0, larger.errors.dimension))], [np.empty(0)]
         for optimum in optima:
-            grown, each = self._most_promising(optimum, smaller, larger, shared)
+            grown, gained = self._most_promising(optimum, smaller, larger, shared)
             starts.append(grown)
-            promised.append(each)
+            promised.append(gained)
         best = np.argsort(np.concatenate(promised), kind="stable")[:DESCENDED]
         return self.descents(larger, np.concatenate(starts)[best])
 
@@ -207,9 +207,9 @@ class _Found:
 def _lowest(optima: list[Optimum]) -> list[Optimum]:
     """The lowest of some optima, none of them twice."""
     kept: list[Optimum] = []
-    for each in sorted(optima, key=lambda each: each.value):
-        if np.isfinite(each.value) and not (kept and same_optimum(each.value, kept[-1].value)):
-            kept.append(each)
+    for local in sorted(optima, key=lambda local: local.value):
+        if np.isfinite(local.value) and not (kept and same_optimum(local.value, kept[-1].value)):
+            kept.append(local)
     return kept[:KEPT]
 
 
@@ -233,7 +233,7 @@ def order_extension(orders: Orders) -> list[tuple[Orders, Shared]]:
 
 def with_fewer_sections(orders: Orders, shared: Shared) -> Orders | None:
     """Orders with a section less, or None where a polynomial would have no roots."""
-    if min(_length(orders.part(*each)) for each in shared) < 3:
+    if min(_length(orders.part(*piece)) for piece in shared) < 3:
         return None
 
     def lower(letter: str, numbers: Sequence[int]) -> tuple[int, ...]:
@@ -261,10 +261,10 @@ def with_common_section(
 ) -> Array:
     """A point of smaller orders times each of some sections, (M, n).  The residuals are those of
     the point but for what the states do to the first of them."""
-    own, pieces, points = _pieces(smaller), _pieces(larger), []
+    of_smaller, pieces, points = _pieces(smaller), _pieces(larger), []
     for section in sections:
         grown = np.zeros(larger.dimension)
-        for (of, stretch), part in own.items():
+        for (of, stretch), part in of_smaller.items():
             coefficients, into = point[part], pieces[of, stretch]
             if of in shared and len(coefficients):
                 if stretch is None and of[0] != "b":
@@ -304,18 +304,18 @@ def _pieces(errors: PolynomialErrors) -> Pieces:
     o, parts = errors.orders, errors.parts()
     letters: list[tuple[str, int]] = [("a", 0), ("c", 0), ("d", 0)]
     letters += product("bf", range(o.inputs))
-    found: Pieces = {(of, None): o.part(*of) for of in letters}
+    pieces: Pieces = {(of, None): o.part(*of) for of in letters}
     level: tuple[str, int] = ("level", 0)
-    found[(level, None)] = parts["level"]
+    pieces[(level, None)] = parts["level"]
     first = parts["plant"].start
     for stretch in range(len(errors.stretches)):
         for i, count in enumerate(o.nf):
-            found[(("f", i), stretch)] = slice(first, first + count)
+            pieces[(("f", i), stretch)] = slice(first, first + count)
             first += count
     for stretch in range(len(errors.stretches)):
-        found[(("c", 0), stretch)] = slice(first, first + o.noise_states)
+        pieces[(("c", 0), stretch)] = slice(first, first + o.noise_states)
         first += o.noise_states
-    return found
+    return pieces
 
 
 def _length(part: slice) -> int:

@@ -89,11 +89,11 @@ def staged_descent(
 
 def coarse_descent(errors: PredictionErrors, points: Array, largest_value: float) -> Descent:
     """Descents to 1e-4 of the value; the lowest goes a little further."""
-    found = staged_descent(errors, points, COARSE_STAGES, largest_value)
-    lowest = [int(np.argmin(found.values))]
-    polished = polish(errors, found.points[lowest], largest_value, LAST_COARSE_STAGES)
-    found.points[lowest], found.values[lowest] = polished.points, polished.values
-    return replace(found, evaluations=found.evaluations + polished.evaluations)
+    descents = staged_descent(errors, points, COARSE_STAGES, largest_value)
+    lowest = [int(np.argmin(descents.values))]
+    polished = polish(errors, descents.points[lowest], largest_value, LAST_COARSE_STAGES)
+    descents.points[lowest], descents.values[lowest] = polished.points, polished.values
+    return replace(descents, evaluations=descents.evaluations + polished.evaluations)
 
 
 def polish(
@@ -132,9 +132,9 @@ def _bfgs(
     def inverse_hessians(at: Array, rows: Indices) -> Array:
         return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
 
-    own = errors.advance_descents if isinstance(errors, PolynomialErrors) else None
-    if own is not None:
-        advance = partial(own, smoothing, barriers, tolerance, MAX_ITERATIONS)
+    advance_descents = errors.advance_descents if isinstance(errors, PolynomialErrors) else None
+    if advance_descents is not None:
+        advance = partial(advance_descents, smoothing, barriers, tolerance, MAX_ITERATIONS)
         return descend_by(advance, points, inverse_hessians, wait=wait)
     return descend(
         lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),

@@ -88,7 +88,7 @@ class EntryProblem:
         sizes = [*(len(block.codes) for block in self.blocks), int(self._rest.sum())]
         sizes += [len(gain.codes) for gain in self.gains.values()]
         slices = [slice(*pair) for pair in pairwise(np.cumsum([0, *sizes]).tolist())]
-        self.own, self._free = slices[: len(self.blocks)], slices[len(self.blocks)]
+        self.columns, self._free = slices[: len(self.blocks)], slices[len(self.blocks)]
         self.gain_at = dict(zip(self.gains, slices[len(self.blocks) + 1 :], strict=True))
         self.dimension = sum(sizes)
         self.weighing, self.criterion = plain.weighing, plain.criterion
@@ -107,11 +107,11 @@ class EntryProblem:
         entries[rest] = point[self._free]
         by_point[rest, self._free] = np.eye(len(rest))
         places = np.arange(self.layout.dimension).reshape(self.layout.sections, -1)
-        for at, block, own in zip(places[:, :2], self.blocks, self.own, strict=True):
-            entries[at], by_point[at, own] = block.values(point[own])
+        for at, block, columns in zip(places[:, :2], self.blocks, self.columns, strict=True):
+            entries[at], by_point[at, columns] = block.values(point[columns])
         for at, (column, gain) in enumerate(self.gains.items(), len(self._rest)):
-            own = self.gain_at[column]
-            entries[at], by_point[at, own] = gain.value(point[own])
+            columns = self.gain_at[column]
+            entries[at], by_point[at, columns] = gain.value(point[columns])
         return entries, by_point
 
     def matrices(self, entries: NDArray, scale: Array | None = None) -> Matrices:
@@ -139,7 +139,7 @@ class EntryProblem:
         steps = entries[:, None] + 1j * COMPLEX_STEP * np.eye(len(entries))
         scale = np.repeat(self._scales(point)[:, None], len(entries), axis=1)
         stepped = function(self.matrices(steps, scale))
-        return [each.imag / COMPLEX_STEP @ by_point for each in stepped]
+        return [moved.imag / COMPLEX_STEP @ by_point for moved in stepped]
 
     def _direct(self, column: int, outputs: NDArray) -> NDArray | float:
         """The entry of D of an input, of the row of an output."""
@@ -165,14 +165,14 @@ class EntryProblem:
         self._latest = EntryErrors(point.copy(), now, states[:, 0], one_step, errors)
         return self._latest
 
-    def derivatives(self, found: EntryErrors) -> Array:
+    def derivatives(self, errors: EntryErrors) -> Array:
         """Derivatives of the errors by the point, (N, l, n)."""
-        if self._derivatives is None or self._derivatives[0] is not found:
-            data, now, driving = self.plain.data, found.matrices, self.plain.signals.driving
-            by = Matrices(*self.by_point(found.point, tuple))
+        if self._derivatives is None or self._derivatives[0] is not errors:
+            data, now, driving = self.plain.data, errors.matrices, self.plain.signals.driving
+            by = Matrices(*self.by_point(errors.point, tuple))
             C, K = output_and_gain(self.plain, now)
-            seen = np.hstack([found.states, self.regressors])
-            signals = np.hstack([found.states, data.inputs, found.one_step])
+            seen = np.hstack([errors.states, self.regressors])
+            signals = np.hstack([errors.states, data.inputs, errors.one_step])
             with np.errstate(all="ignore"):
                 direct = np.tensordot(seen, by.outputs.T, ([1], [1]))
                 inputs = np.tensordot(signals[:, : len(C.T)], by.A.T, ([1], [1])) - direct @ K.T
@@ -181,7 +181,7 @@ class EntryProblem:
                 initial = np.moveaxis(by.drives[:, driving:].T, 1, 0)
                 states = driven_states(now.A - K @ C, initial, inputs, data.bounds)
                 of_one_step = -np.swapaxes(states @ C.T + direct, 1, 2)
-                self._derivatives = found, self._derivatives_ahead(found, of_one_step)
+                self._derivatives = errors, self._derivatives_ahead(errors, of_one_step)
         return self._derivatives[1]
 
     def _responses(self, now: Matrices) -> Iterator[NDArray]:
@@ -199,20 +199,20 @@ class EntryProblem:
                 ahead[after] += errors[before] @ H.T
         return ahead
 
-    def _derivatives_ahead(self, found: EntryErrors, derivatives: Array) -> Array:
+    def _derivatives_ahead(self, errors: EntryErrors, derivatives: Array) -> Array:
         """Their derivatives from those of the errors of one step."""
         ahead = derivatives.copy()
-        responses = self._responses(found.matrices), self.by_point(found.point, self._responses)
+        responses = self._responses(errors.matrices), self.by_point(errors.point, self._responses)
         for lag, (H, dH) in enumerate(zip(*responses, strict=True), 1):
             for after, before in _lagged(self.plain.data.bounds, lag):
                 ahead[after] += H @ derivatives[before]
-                ahead[after] += np.tensordot(found.one_step[before], dH, ([1], [1]))
+                ahead[after] += np.tensordot(errors.one_step[before], dH, ([1], [1]))
         return ahead
 
     def scaled(self, point: Array) -> ScaledModel:
         """The model of a point."""
-        found = self.projection(point)
-        return ScaledModel(self.plain, found.matrices, found.one_step)
+        projection = self.projection(point)
+        return ScaledModel(self.plain, projection.matrices, projection.one_step)
 
     def descend(self, point: Array, last: bool = False) -> Optimum:
         """The optimum that a descent ends at, the last one to the last digits."""
@@ -239,12 +239,12 @@ class EntryProblem:
     def moved(self, point: Array, step: Array) -> Array:
         """A point after a step, within the bounds of its coordinates; s of sections follows."""
         after = point + step
-        for block, own in zip(self.blocks, self.own, strict=True):
-            after[own] = block.repaired(after[own])
+        for block, columns in zip(self.blocks, self.columns, strict=True):
+            after[columns] = block.repaired(after[columns])
         for column, gain in self.gains.items():
-            own = self.gain_at[column]
+            columns = self.gain_at[column]
             upper = 1.0 if np.isfinite(gain.upper - gain.lower) else np.inf
-            after[own] = np.clip(after[own], 0.0, upper)
+            after[columns] = np.clip(after[columns], 0.0, upper)
         ratio = self._scales(after) / self._scales(point)
         factors, dimension = np.ones(len(self._rest)), self.layout.dimension
         self.layout.rows(factors)[:, 2 + self.layout.drives :] /= ratio[:, None]
@@ -255,8 +255,8 @@ class EntryProblem:
 
     def _scales(self, point: Array) -> Array:
         """s of each section."""
-        blocks = zip(self.blocks, self.own, strict=True)
-        return scale_of(np.array([block.values(point[own])[0][1] for block, own in blocks]))
+        blocks = zip(self.blocks, self.columns, strict=True)
+        return scale_of(np.array([block.values(point[columns])[0][1] for block, columns in blocks]))
 
     def stable(self, projection: EntryErrors) -> bool:
         """Whether the predictor is stable; the poles of A are within their bounds."""
@@ -283,8 +283,8 @@ class EntryProblem:
         """Coordinates at a bound, beyond which the criterion falls; those of kinds."""
         after = self.moved(point, -1e-6 * np.sign(gradient))
         shares = np.zeros(self.dimension, dtype=bool)
-        for block, own in zip(self.blocks, self.own, strict=True):
-            shares[own] = block.allowed is not None
+        for block, columns in zip(self.blocks, self.columns, strict=True):
+            shares[columns] = block.allowed is not None
         shares[self._free.stop :] = True
         return shares & (after == point)
 
@@ -298,8 +298,8 @@ class EntryProblem:
 
     def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
         """Derivatives of the errors of each output."""
-        found = self.projection(point)
-        derivatives, scores = self.derivatives(found), np.sign(found.errors) / self.sizes
+        projection = self.projection(point)
+        derivatives, scores = self.derivatives(projection), np.sign(projection.errors) / self.sizes
         held = self._held(point, np.tensordot(scores, derivatives, 2))
         for k, size in enumerate(self.sizes):
             columns = derivatives[:, k] / size
@@ -323,8 +323,8 @@ class EntryProblem:
         entries = np.hstack([rows[:, :2], b1[:, :-n], b2[:, :-n]])
         point = np.zeros(self.dimension)
         point[self._free] = np.append(entries, outputs)[self._rest]
-        for block, own, row in zip(self.blocks, self.own, rows, strict=True):
-            point[own] = block.coordinates(row[:2])
+        for block, columns, row in zip(self.blocks, self.columns, rows, strict=True):
+            point[columns] = block.coordinates(row[:2])
         for column, gain in self.gains.items():
             at_rest = np.linalg.solve(np.eye(n) - matrices.A, matrices.drives[:, column])
             direct = self._direct(column, matrices.outputs[0])
@@ -346,16 +346,16 @@ class EntryProblem:
 
         None of errors of several steps under the absolute objective, which are coloured.
         """
-        plain, found, several = self.plain, self.projection(point), self.horizon > 1
-        scored = scores_of(plain, found.errors, self.objective)
+        plain, projection, several = self.plain, self.projection(point), self.horizon > 1
+        scored = scores_of(plain, projection.errors, self.objective)
         if scored is None or (several and self.objective == "absolute"):
             return None
         free = self.active(point)[1]
-        J, columns = self.derivatives(found)[:, :, free], np.arange(free.sum())
+        J, columns = self.derivatives(projection)[:, :, free], np.arange(free.sum())
         (entries, by_point), scale = self.entries(point), self._scales(point)
 
         def recorded(moved: NDArray) -> tuple[NDArray, ...]:
-            return ScaledModel(plain, self.matrices(moved, scale), found.one_step).recorded()
+            return ScaledModel(plain, self.matrices(moved, scale), projection.one_step).recorded()
 
         mapping = jacobian_of(recorded, entries) @ by_point
         return sandwich(
@@ -371,15 +371,15 @@ class EntryProblem:
         """Active inequalities, and the coordinates that they leave free, (n,) of bool."""
         names: set[str] = set()
         free = np.ones(self.dimension, dtype=bool)
-        for block, own in zip(self.blocks, self.own, strict=True):
-            found, fixed = block.active(point[own])
-            names.update(found)
-            free[own.start + np.array(fixed, dtype=int)] = False
+        for block, columns in zip(self.blocks, self.columns, strict=True):
+            is_active, fixed = block.active(point[columns])
+            names.update(is_active)
+            free[columns.start + np.array(fixed, dtype=int)] = False
         for column, gain in self.gains.items():
-            own = self.gain_at[column]
-            if gain.codes and gain.active(point[own]):
+            columns = self.gain_at[column]
+            if gain.codes and gain.active(point[columns]):
                 names.add("static_gain_bounds")
-                free[own] = False
+                free[columns] = False
         return tuple(sorted(names)), free
 
 

@@ -127,7 +127,7 @@ def scaled_recording(
     if len(nk) != count or any(delay < 0 for delay in nk):
         raise ValueError(f"{count} inputs need {count} delays of at least 0, not {nk}")
     segments = recording.segments
-    shortest = min(each.samples for each in segments)
+    shortest = min(segment.samples for segment in segments)
     if shortest <= max(nk, default=0) + 10:
         raise NoModelError(f"a segment of {shortest} samples is too short")
     for name, values in recording.signals.items():
@@ -137,11 +137,11 @@ def scaled_recording(
         raise NoModelError("an output is zero throughout")
     shifts = [max(delay - 1, 0) for delay in nk]
     lost = max(shifts, default=0)
-    u = np.concatenate([_shifted(each.inputs, shifts, lost) for each in segments])
-    y = np.concatenate([each.outputs[lost:] for each in segments])
+    u = np.concatenate([_shifted(segment.inputs, shifts, lost) for segment in segments])
+    y = np.concatenate([segment.outputs[lost:] for segment in segments])
     offsets = y.mean(axis=0) if level else np.zeros(y.shape[1])
     y_scale, u_scale = _sizes(y - offsets), _sizes(u)
-    lengths = [each.samples - lost for each in segments]
+    lengths = [segment.samples - lost for segment in segments]
     numbers = np.unique(recording.segment_recordings, return_inverse=True)[1]
     return ScaledRecording(
         recording=recording,
@@ -303,17 +303,17 @@ class StateSpaceErrors:
         states = driven_states(A, initial[:, None], inputs[:, None], self.data.bounds)[:, 0]
         return sections, states, np.column_stack([states, *self.direct])
 
-    def jacobian(self, found: Projection, signals: Array, output: int) -> tuple[Array, Indices]:
+    def jacobian(self, solved: Projection, signals: Array, output: int) -> tuple[Array, Indices]:
         """Derivatives of what is predicted of an output, from those signals of the sections.
 
         By the coordinates and by its own linear coefficients, and where these stand among the
         coordinates and all coefficients, output by output.
         """
-        q, c = found.regressors.shape[1], found.linear[: self.order, output]
-        by_coordinates = self.signals.of_output(found.sections, signals, c)
-        own = self.layout.dimension + output * q + np.arange(q)
-        columns = np.column_stack([by_coordinates, found.regressors])
-        return columns, np.concatenate([np.arange(self.layout.dimension), own])
+        q, c = solved.regressors.shape[1], solved.linear[: self.order, output]
+        by_coordinates = self.signals.of_output(solved.sections, signals, c)
+        output_columns = self.layout.dimension + output * q + np.arange(q)
+        columns = np.column_stack([by_coordinates, solved.regressors])
+        return columns, np.concatenate([np.arange(self.layout.dimension), output_columns])
 
     def criterion(self, covariance: Array) -> float:
         """Criterion of the errors' covariance, (ny, ny); its unit is one for each output."""

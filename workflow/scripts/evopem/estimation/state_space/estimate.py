@@ -102,8 +102,8 @@ def estimate_state_space(
         return replace(free, focus=focus)
     with one_blas_thread():
         errors = replace(task, structure=free.model.structure).errors(recording, free.model.order)
-        found = meeting(free, errors, horizon or 1, constraints, task.settings)
-    return replace(found, focus=focus)
+        estimate = meeting(free, errors, horizon or 1, constraints, task.settings)
+    return replace(estimate, focus=focus)
 
 
 def _searched(
@@ -116,7 +116,7 @@ def _searched(
     """With K or without, of one step and without constraints."""
     with one_blas_thread():
         errors = task.errors(recording, order)
-        points = [point_of_model(each, errors) for each in starts]
+        points = [point_of_model(start, errors) for start in starts]
         return described(*searched(errors, points, task.settings, log))
 
 
@@ -130,8 +130,8 @@ def _beside(
 ) -> StateSpaceEstimate:
     """Structure ``ss_bj``; for simulation, without a horizon, the plant beside its noise model."""
     weighting = task.weighting if horizon is None else PLANT_WEIGHTING
-    own = replace(task, structure="ss_oe", weighting=weighting)
-    plant = _searched(recording, order, own, (), log)
+    of_plant = replace(task, structure="ss_oe", weighting=weighting)
+    plant = _searched(recording, order, of_plant, (), log)
     if horizon is None:
         model = with_noise_model(plant.model, recording, task.settings)
         return replace(plant, model=model, focus_objective=plant.objective)
@@ -265,9 +265,9 @@ def check_state_space_constraints(constraints: Constraints, errors: StateSpaceEr
     inputs, n = recording.inputs.shape[1], errors.order
     na, nf = (n, 0) if errors.innovations else (0, n)
     for name in names:
-        own = constraints.of_input(name)
+        of_input = constraints.of_input(name)
         keys = ("static_gain", "static_gain_bounds")
-        key = next((each for each in keys if getattr(own, each) is not None), "")
+        key = next((key for key in keys if getattr(of_input, key) is not None), "")
         named = inputs < 2 or isinstance(getattr(constraints, key, None), dict)
         if key and not (named and recording.outputs.shape[1] == 1):
             raise InputError(
@@ -279,7 +279,7 @@ def check_state_space_constraints(constraints: Constraints, errors: StateSpaceEr
             )
         nb = n if inputs or not key else 0
         orders = Orders(nb=nb, na=na, nc=na, nf=nf, nk=min(nb, 1))
-        check_constraints(own, orders, recording.sampling_rate)
+        check_constraints(of_input, orders, recording.sampling_rate)
 
 
 def meeting(
@@ -294,23 +294,23 @@ def meeting(
     ``free``: that of one step without constraints.  ValueError without a model of finite errors.
     """
     problem = EntryProblem(errors, horizon, constraints, settings.objective)
-    found = problem_for(errors, settings).projection(free.search.point)
-    point = problem.begun(problem.point_of(PointModel(errors, found).matrices))
+    projection = problem_for(errors, settings).projection(free.search.point)
+    point = problem.begun(problem.point_of(PointModel(errors, projection).matrices))
     begun = problem.percent(problem.projection(point).errors)
     if horizon == 1 and abs(begun - free.objective) <= SAME * free.objective:
         names, _ = problem.active(point)
         return replace(free, constraints=_effect(constraints, begun, free.objective, names))
     begins = [point]
     if constraints is not None and errors.data.inputs.shape[1]:
-        begins += [problem.begun(each) for each in _allowed(problem, point, settings)]
-    optima = [each for each in map(problem.descend, begins) if np.isfinite(each.value)]
+        begins += [problem.begun(allowed) for allowed in _allowed(problem, point, settings)]
+    optima = [optimum for optimum in map(problem.descend, begins) if np.isfinite(optimum.value)]
     if not optima:
         raise ValueError("no model that meets the constraints has finite errors")
-    best = problem.descend(min(optima, key=lambda each: each.value).point, last=True)
+    best = problem.descend(min(optima, key=lambda optimum: optimum.value).point, last=True)
     *values, value = (
-        problem.percent(problem.projection(each.point).errors) for each in (*optima, best)
+        problem.percent(problem.projection(optimum.point).errors) for optimum in (*optima, best)
     )
-    spent = sum(each.evaluations for each in (*optima, best))
+    spent = sum(optimum.evaluations for optimum in (*optima, best))
     diagnostics = replace(
         SearchDiagnostics.of_descents(
             value, free.search.diagnostics.evaluations + spent, count_distinct(values)
@@ -335,11 +335,11 @@ def _allowed(problem: EntryProblem, point: Array, settings: SearchSettings) -> I
     plant = replace(errors, structure="ss_oe")
     key = (errors.order, int(errors.innovations), CONSTRAINED)
     generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-    allowed = [[point[at] for at in problem.own]]
+    allowed = [[point[at] for at in problem.columns]]
     allowed += [[block.random(generator) for block in problem.blocks] for _ in range(RANDOM_STARTS)]
     for coordinates in allowed:
-        own = zip(problem.blocks, coordinates, strict=True)
-        poles = np.concatenate([poles_of(b.values(z)[0])[: b.states] for b, z in own])
+        pairs = zip(problem.blocks, coordinates, strict=True)
+        poles = np.concatenate([poles_of(b.values(z)[0])[: b.states] for b, z in pairs])
         projection = plant.projection(from_poles(plant, poles))
         if np.isfinite(projection.linear).all():
             A, drives, outputs = PointModel(plant, projection).matrices

@@ -230,8 +230,8 @@ def _descended_from(
     problem = problem_for(errors, task.settings)
     start = problem.completed(point_of_model(model, errors))
     # A descent that began with an unstable A may need its last steps to leave it.
-    for each in (rough_tolerance(errors), TOLERANCE) if tolerance is None else (tolerance,):
-        result = result_of(problem.descents(start[None, :], steps, each))
+    for limit in (rough_tolerance(errors), TOLERANCE) if tolerance is None else (tolerance,):
+        result = result_of(problem.descents(start[None, :], steps, limit))
         if np.isfinite(result.value):
             return problem, result
     raise NoModelError("the descent found no stable model")
@@ -261,11 +261,11 @@ def described(
 def _check(errors: StateSpaceErrors, scaled: ScaledModel, model: StateSpaceModel) -> None:
     """Compare the errors of a returned model with those of its search, in the first segment."""
     data, drift = errors.data, scaled.matrices.outputs[:, errors.level_columns.stop :]
-    own, count = data.recording.segments[0], data.bounds[1]
-    outputs = own.outputs.copy()
+    segment, count = data.recording.segments[0], data.bounds[1]
+    outputs = segment.outputs.copy()
     outputs[len(outputs) - count :] -= (data.drift[:count] @ drift.T) * data.output_scales
     one_step = scaled.one_step[:count] * data.output_scales
-    check_returned(model, own.inputs, outputs, one_step, f"model of {model.order} states")
+    check_returned(model, segment.inputs, outputs, one_step, f"model of {model.order} states")
 
 
 def criteria_of(

@@ -181,21 +181,21 @@ def parameter_covariance(
 
 
 def scores_of(
-    errors: StateSpaceErrors, found: Array, objective: Objective
+    errors: StateSpaceErrors, whitened: Array, objective: Objective
 ) -> tuple[Array, Array] | None:
     """Errors, (N, l), and their weights, (l, l), in a covariance, or what takes their place.
 
     Of absolute errors signs over twice the density at zero (Bassett & Koenker 1978); else None.
     """
     if objective == "quadratic":
-        return found, errors.weights(found.T @ found / len(found))
-    vanishing = -(-errors.estimated // found.shape[1])
-    density = np.array([density_at_zero(each, vanishing) for each in found.T])
+        return whitened, errors.weights(whitened.T @ whitened / len(whitened))
+    vanishing = -(-errors.estimated // whitened.shape[1])
+    density = np.array([density_at_zero(column, vanishing) for column in whitened.T])
     if not np.all(density > 0.0):
         return None
     sizes = errors.data.absolute_sizes
-    relative = damped_descent.output_weights(found / sizes, errors.weighing) / sizes
-    return np.sign(found) / (2.0 * density), np.diag(2.0 * density * relative)
+    relative = damped_descent.output_weights(whitened / sizes, errors.weighing) / sizes
+    return np.sign(whitened) / (2.0 * density), np.diag(2.0 * density * relative)
 
 
 def sandwich(
@@ -224,22 +224,22 @@ def sandwich(
     hessian, score = np.zeros((count, count)), np.zeros((count, count))
     gradient = np.zeros(count)
     for one, other in combinations_with_replacement(range(len(weights)), 2):
-        (columns, own), (others, their) = jacobian(one), jacobian(other)
+        (columns, weighted), (others, their) = jacobian(one), jacobian(other)
         gram = columns.T @ others
         of_lags = np.concatenate([between[:0:-1, other, one], between[:, one, other]])
         summed = of_lags[0] * gram
         if len(of_lags) > 1:
             summed = columns.T @ _filtered(others, of_lags, data.bounds)
         for total, of_pair in ((hessian, weights[one, other] * gram), (score, summed)):
-            total[np.ix_(own, their)] += of_pair
+            total[np.ix_(weighted, their)] += of_pair
             if one != other:
-                total[np.ix_(their, own)] += of_pair.T
+                total[np.ix_(their, weighted)] += of_pair.T
         if one == other:
-            gradient[own] += columns.T @ (scores @ weights[one])
+            gradient[weighted] += columns.T @ (scores @ weights[one])
     score *= data.samples / degrees_of_freedom(errors)
     seen = np.diag(hessian) > 0.0
     unseen, mapping = mapping[:, ~seen], mapping[:, seen]
-    hessian, score = (each[np.ix_(seen, seen)] for each in (hessian, score))
+    hessian, score = (matrix[np.ix_(seen, seen)] for matrix in (hessian, score))
     scale = np.sqrt(np.diag(hessian))
     values, vectors = np.linalg.eigh(hessian / np.outer(scale, scale))
     kept = np.arange(len(values)) >= redundant

@@ -34,15 +34,15 @@ class Block:
         """Kinds of the coordinates."""
         return [FREE] * self.states if self.allowed is None else self.allowed.codes
 
-    def values(self, own: Array) -> tuple[Array, Array]:
+    def values(self, point: Array) -> tuple[Array, Array]:
         """``[sigma, delta]``, and their derivatives by the coordinates."""
         if self.allowed is None:
-            return np.append(own, 0.0)[:2], np.eye(2)[:, : self.states]
-        found, moves = self.allowed.part(own)
+            return np.append(point, 0.0)[:2], np.eye(2)[:, : self.states]
+        polynomial, moves = self.allowed.part(point)
         if self.states == 1:
-            return np.append(-found, 0.0), np.vstack([-moves, 0.0 * moves])
-        section = np.array([-0.5 * found[0], 0.25 * found[0] ** 2 - found[1]])
-        return section, np.array([[-0.5, 0.0], [0.5 * found[0], -1.0]]) @ moves
+            return np.append(-polynomial, 0.0), np.vstack([-moves, 0.0 * moves])
+        section = np.array([-0.5 * polynomial[0], 0.25 * polynomial[0] ** 2 - polynomial[1]])
+        return section, np.array([[-0.5, 0.0], [0.5 * polynomial[0], -1.0]]) @ moves
 
     def coordinates(self, section: Array) -> Array:
         """Those nearest to ``[sigma, delta]``."""
@@ -52,22 +52,22 @@ class Block:
         coefficients = np.asarray(np.poly(poles).real[1:], dtype=float)
         return self.allowed.coordinates(coefficients)
 
-    def repaired(self, own: Array) -> Array:
+    def repaired(self, point: Array) -> Array:
         """Coordinates within their bounds."""
         if self.allowed is not None:
-            return np.where(np.array(self.codes) == SHARE, np.clip(own, 0.0, 1.0), own)
-        section = np.append(own, 0.0)
+            return np.where(np.array(self.codes) == SHARE, np.clip(point, 0.0, 1.0), point)
+        section = np.append(point, 0.0)
         drawn = drawn_in(section[0], section[1], self.radius * (1.0 - EDGE))
         return np.array(drawn)[: self.states]
 
-    def active(self, own: Array) -> tuple[list[str], list[int]]:
+    def active(self, point: Array) -> tuple[list[str], list[int]]:
         """Active constraints, and the coordinates that they fix."""
         if self.allowed is None or not self.codes:
             return [], []
         if self.codes[0] == KIND:
-            names, fixed = self.allowed.region.active(int(own[0]), own[1:])
+            names, fixed = self.allowed.region.active(int(point[0]), point[1:])
             return names, [0, *(1 + k for k in fixed)]
-        name = self.allowed.region.active_real(float(own[0]))
+        name = self.allowed.region.active_real(float(point[0]))
         return ([], []) if name is None else ([name], [0])
 
     def random(self, generator: np.random.Generator) -> Array:

@@ -125,7 +125,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         self.sizes = plain.data.absolute_sizes
         self.grams = len(self.sizes)
         self.weighing, self.stable = plain.weighing, plain.stable
-        self._regressors = plain.order + sum(each.shape[1] for each in plain.direct)
+        self._regressors = plain.order + sum(block.shape[1] for block in plain.direct)
         self.dimension = plain.layout.dimension + self._regressors * len(self.sizes)
         self._latest: tuple[Array, Projection] | None = None
 
@@ -171,8 +171,8 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
     ) -> Descent:
         """Optima next to those of the quadratic objective, and the evaluations."""
         starts = self._all_completed(coordinates)
-        found = self._descended(starts, width)
-        return replace(found, evaluations=found.evaluations + len(starts))
+        descended = self._descended(starts, width)
+        return replace(descended, evaluations=descended.evaluations + len(starts))
 
     def completed(self, coordinates: Array) -> Array:
         """The point of some coordinates, C, D and constants of nearly the least absolute errors."""
@@ -194,7 +194,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
 
     def repair(self, points: Array) -> Array:
         """Move poles beyond the radius to it."""
-        return np.array([self.moved(each, np.zeros_like(each)) for each in points])
+        return np.array([self.moved(point, np.zeros_like(point)) for point in points])
 
     def values(self, points: Array) -> Array:
         """Objective of each row in percent, infinite where it is not feasible, (M,)."""
@@ -229,7 +229,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         return _descent_of(optima, points, percent_of_absolute)
 
     def _all_completed(self, coordinates: Sequence[Array] | Array) -> Array:
-        completed = [self.completed(each) for each in coordinates]
+        completed = [self.completed(coordinate) for coordinate in coordinates]
         return np.array(completed).reshape(-1, self.dimension)
 
 

@@ -83,10 +83,10 @@ def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Opt
     others = optima[FINISHING:]
     if steps > first:
         optima = [
-            each if each.converged else continued(errors, each, steps - first, rough)
-            for each in optima[:FINISHING]
+            optimum if optimum.converged else continued(errors, optimum, steps - first, rough)
+            for optimum in optima[:FINISHING]
         ]
-        optima = sorted(optima, key=lambda each: each.value)
+        optima = sorted(optima, key=lambda optimum: optimum.value)
     return [continued(errors, optima[0], steps, TOLERANCE), *optima[1:], *others] if optima else []
 
 
@@ -227,11 +227,11 @@ def is_heavy(errors: StateSpaceErrors) -> bool:
 def _evaluations(problem: StateSpaceProblem, settings: SearchSettings) -> int:
     """By the size of the problem; the settings limit it, or raise it above their default."""
     raised = max(settings.evaluations / SearchSettings.evaluations, 1.0)
-    each = problem.plain.cost
+    cost = problem.plain.cost
     if is_heavy(problem.plain) and raised == 1.0:
         return 0
-    own = np.clip(BUDGET / each / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS)
-    return int(min(settings.evaluations, raised * own))
+    budgets = np.clip(BUDGET / cost / problem.grams, LEAST_EVALUATIONS, MOST_EVALUATIONS)
+    return int(min(settings.evaluations, raised * budgets))
 
 
 def searched(
@@ -247,16 +247,16 @@ def searched(
     given = descended(plain, starts, len(starts))
     points = [optimum.point for optimum in given]
     spent = sum(optimum.evaluations for optimum in given)
-    for each in (plain, *_other_form(plain)):
-        optima = _optima_from_estimates(each, models, generator, log)
-        if each is not plain:
+    for form in (plain, *_other_form(plain)):
+        optima = _optima_from_estimates(form, models, generator, log)
+        if form is not plain:
             spent += sum(optimum.evaluations for optimum in optima)
-            crossing = [converted(plain, each, optimum.point) for optimum in optima[:CROSSED]]
+            crossing = [converted(plain, form, optimum.point) for optimum in optima[:CROSSED]]
             optima = descended(plain, crossing, CROSSED)
         points += [optimum.point for optimum in optima]
         spent += sum(optimum.evaluations for optimum in optima)
         if log is not None:
-            log(f"starts of {each.structure} form: {len(optima)} optima, {spent} evaluations")
+            log(f"starts of {form.structure} form: {len(optima)} optima, {spent} evaluations")
     if problem.objective == "absolute":
         points += starts  # what was an optimum of this objective is none of the quadratic one
     if budget == 0 and points:
@@ -326,8 +326,8 @@ def likeliest_order(errors: StateSpaceErrors, orders: Sequence[int]) -> int:
     for order in orders:
         problem = replace(errors, order=order)
         values = [
-            problem.criterion(problem.projection(each).covariance)
-            for each in lowest(problem, list(models.points(problem)), 1)
+            problem.criterion(problem.projection(start).covariance)
+            for start in lowest(problem, list(models.points(problem)), 1)
         ]
         criteria[order] = min(values, default=np.inf) + (
             problem.parameters * np.log(samples) / samples
@@ -364,7 +364,7 @@ def swept(
 
 def lowest_of(problem: StateSpaceProblem, optima: list[Optimum]) -> SearchResult:
     """The lowest optimum of the objective next to those of the quadratic one, lowest first."""
-    points = [each.point for each in optima[: problem.descended]]
+    points = [optimum.point for optimum in optima[: problem.descended]]
     reached = problem.nearest(points, damped_descent.SWEEP_WIDTH)
     lowest = int(np.argmin(reached.values))
     value = float(reached.values[lowest])

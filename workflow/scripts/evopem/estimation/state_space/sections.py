@@ -139,7 +139,7 @@ def drawn_in(sigma: Array, delta: Array, radius: float) -> tuple[Array, Array]:
     size = np.sqrt(np.maximum(sigma**2 - delta, 1e-300))
     factor = np.minimum(1.0, radius / size)
     half = np.sqrt(np.maximum(delta, 0.0))
-    high, low = (np.clip(sigma + each, -radius, radius) for each in (half, -half))
+    high, low = (np.clip(sigma + shift, -radius, radius) for shift in (half, -half))
     return (
         np.where(delta < 0.0, sigma * factor, 0.5 * (high + low)),
         np.where(delta < 0.0, delta * factor**2, 0.25 * (high - low) ** 2),
@@ -200,7 +200,7 @@ class SectionSignals:
         p = m * layout.drives + np.arange(layout.drives)
         # Of each term and coordinate; those by sigma and delta of a section stand behind responses.
         by_sigma = 2 * count + m, 2 * count + len(m) + m
-        by_delta = tuple(2 * len(m) + each for each in by_sigma)
+        by_delta = tuple(2 * len(m) + place for place in by_sigma)
         self._columns = np.array(
             [
                 np.hstack([by_sigma[0], by_delta[0], p, count + p]),
@@ -229,7 +229,7 @@ class SectionSignals:
         k = np.arange(segments)
         pulses[k, :, self.driving + k] = 1.0
         signals: Array = derivative_signals(
-            *(np.repeat(each, drives) for each in (sections.sigma, sections.coupling)),
+            *(np.repeat(parts, drives) for parts in (sections.sigma, sections.coupling)),
             np.repeat(sections.back, drives),
             np.tile(np.minimum(np.arange(drives), self.driving), layout.sections),
             *(pulses.reshape(segments, -1), self._signals, ratio, states, self.bounds),

@@ -198,8 +198,8 @@ def extended(
     bare = poles_only(added.layout, poles)
     extra = _with_inputs(added, bare, remainder)
     (pairs, single), (more, another) = (
-        np.split(each.layout.rows(of), [each.layout.pairs])
-        for each, of in ((smaller, point), (added, extra))
+        np.split(errors.layout.rows(of), [errors.layout.pairs])
+        for errors, of in ((smaller, point), (added, extra))
     )
     last = np.vstack([single, another])
     if len(last) == 2:

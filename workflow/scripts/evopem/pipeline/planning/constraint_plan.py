@@ -99,8 +99,8 @@ def check_planned_fits(datasets: Mapping[str, DatasetSettings], source: str) -> 
             structure, fit = settings.automatic.structure, settings.fit
             if structure is None and fit.constraints is not None:
                 # Which coefficients there are is not known before the structure.
-                own = replace(fit.constraints, fixed_coefficients={}, fixed_poles=(), priors=())
-                fit = replace(fit, constraints=own)
+                known = replace(fit.constraints, fixed_coefficients={}, fixed_poles=(), priors=())
+                fit = replace(fit, constraints=known)
             structure = structure or ("armax" if inputs else "arma")
             degrees = {name: 1 if name == "nk" else LARGE for name in STRUCTURES[structure]}
             check_fit(fit, [orders_of(structure, degrees)], rate, source, place)

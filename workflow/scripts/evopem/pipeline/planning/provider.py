@@ -64,8 +64,8 @@ class Provider:
                 members.setdefault((stage.name, tuple(made)), []).append(dataset)
         rules: list[StageRule] = []
         for stage in (WHOLE, *STAGES):
-            own = [(made, names) for (name, made), names in members.items() if name == stage.name]
-            for number, (outputs, names) in enumerate(own, start=1):
+            sets = [(made, names) for (name, made), names in members.items() if name == stage.name]
+            for number, (outputs, names) in enumerate(sets, start=1):
                 name = stage.name if number == 1 else f"{stage.name}_{number}"
                 rules.append(StageRule(self, name, stage, frozenset(names), list(outputs)))
         return rules
@@ -76,8 +76,8 @@ class Provider:
             yield WHOLE, results_of(settings, FILES, self.with_report)
             return
         for stage in stages_of(settings, self.with_report):
-            own = {wildcard: f"{{{wildcard}}}" for wildcard in stage.wildcards}
-            yield stage, sorted(StageJob(stage, settings, FILES, own, self.config.run).made)
+            wildcards = {wildcard: f"{{{wildcard}}}" for wildcard in stage.wildcards}
+            yield stage, sorted(StageJob(stage, settings, FILES, wildcards, self.config.run).made)
 
     @property
     def with_report(self) -> bool:
@@ -129,10 +129,10 @@ class Provider:
         Snakemake does not make a missing file again that only finished jobs needed. All are asked
         for, so that whatever was deleted is made again.
         """
-        own = DatasetFiles.of_dataset(dataset)
+        files = DatasetFiles.of_dataset(dataset)
         if self.config.batches:
-            return own.batch_results
-        return results_of(self.config.datasets[dataset], own, self.with_report)
+            return files.batch_results
+        return results_of(self.config.datasets[dataset], files, self.with_report)
 
     @property
     def last_results(self) -> list[str]:
@@ -153,10 +153,10 @@ class Provider:
         Where these are all data sets, the form of a name suffices: a list of thousands would be
         tried for each of thousands of files.
         """
-        own = set(names)
-        if len(own) == len(self.config.datasets):
+        values = set(names)
+        if len(values) == len(self.config.datasets):
             return DATASET_PATTERN
-        return "|".join(map(re.escape, sorted(own))) or "(?!)"
+        return "|".join(map(re.escape, sorted(values))) or "(?!)"
 
     def batch_files(self, wildcards: Wildcards) -> list[str]:
         """The recorded files of a batch that exist: the job of a batch knows what it has read."""
@@ -173,15 +173,15 @@ class Provider:
 
     def batch_memory(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """MB of the job of a batch: those of its largest recording."""
-        own = self._batch(wildcards)
-        return max(estimation_memory(each, threads, attempt) for each in own.values())
+        batch = self._batch(wildcards)
+        return max(estimation_memory(settings, threads, attempt) for settings in batch.values())
 
     def batch_time(self, wildcards: Wildcards, threads: int, attempt: int) -> int:
         """Minutes of the job of a batch: a margin for all, and what each recording may take."""
         margin, per_job = attempt * MARGIN_MINUTES, self.config.run.candidates_per_job
-        own = self._batch(wildcards).values()
+        batch = self._batch(wildcards).values()
         return margin + sum(
-            estimation_time(each, None, per_job, threads, attempt) - margin for each in own
+            estimation_time(s, None, per_job, threads, attempt) - margin for s in batch
         )
 
     def _batch(self, wildcards: Wildcards) -> dict[str, DatasetSettings]:
@@ -229,8 +229,8 @@ class StageRule:
         and the other data sets continue, where Snakemake would stop them all. One that was read
         before stays an input, so that nothing made from it is lost.
         """
-        own = DatasetFiles.of_dataset(wildcards.dataset)
-        infos = {"files": own.recording_info, "validation_files": own.validation_recording_info}
+        files = DatasetFiles.of_dataset(wildcards.dataset)
+        infos = {"files": files.recording_info, "validation_files": files.validation_recording_info}
         source = self.provider.config.datasets[wildcards.dataset].source
         return [
             path
@@ -290,4 +290,4 @@ class StageRule:
 
 def modules_of(datasets: Iterable[DatasetSettings], with_report: bool) -> list[Path]:
     """The modules with the functions of all stages of some data sets."""
-    return sorted({stage.module for each in datasets for stage in stages_of(each, with_report)})
+    return sorted({stage.module for d in datasets for stage in stages_of(d, with_report)})

@@ -101,7 +101,7 @@ def wanted(job: StageJob) -> tuple[str, ...]:
 def _nested(job: StageJob) -> tuple[str, ...]:
     """The structures whose models are starts of a search."""
     nested = NESTED.get(job.values["structure"], ())
-    return tuple(each for each in nested if each in searched_forms(job.settings))
+    return tuple(structure for structure in nested if structure in searched_forms(job.settings))
 
 
 def purposes(job: StageJob) -> tuple[str, ...]:
@@ -243,9 +243,9 @@ class Stage:
         jobs = [StageJob(self, settings, files)]
         for wildcard, listed in self.wildcards.items():
             jobs = [
-                replace(each, values={**each.values, wildcard: value})
-                for each in jobs
-                for value in LISTS[listed](each)
+                replace(job, values={**job.values, wildcard: value})
+                for job in jobs
+                for value in LISTS[listed](job)
             ]
         return jobs
 
@@ -260,7 +260,7 @@ def paths(entry: str, job: StageJob) -> list[str]:
     name, _, condition = entry.partition(" if ")
     name, _, argument = name.partition(":")
     if name.startswith("{"):
-        return [path for each in LISTS[name[1:-1]](job) for path in paths(each, job)]
+        return [path for e in LISTS[name[1:-1]](job) for path in paths(e, job)]
     if not holds(condition, job.settings):
         return []
     value = getattr(job.files, name)
@@ -268,8 +268,8 @@ def paths(entry: str, job: StageJob) -> list[str]:
         return list(value) if isinstance(value, list) else [value]
     keys = [key for key in _WORD.findall(argument) if key in LISTS]
     return [
-        value(*argument.format(**job.values, **dict(zip(keys, each, strict=True))).split(","))
-        for each in product(*(LISTS[key](job) for key in keys))
+        value(*argument.format(**job.values, **dict(zip(keys, values, strict=True))).split(","))
+        for values in product(*(LISTS[key](job) for key in keys))
     ]
 
 

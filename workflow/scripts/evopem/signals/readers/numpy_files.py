@@ -79,8 +79,8 @@ def contents_of(
     """
     units = units or {}
     rates = _stated_rates({**arrays, **(attributes or {})}, units)
-    columns = {name: _columns_of(each.shape, each.dtype) for name, each in arrays.items()}
-    places = [(name, column) for name, found in columns.items() for column in found]
+    columns = {name: _columns_of(array.shape, array.dtype) for name, array in arrays.items()}
+    places = [(name, column) for name, array in columns.items() for column in array]
 
     def load(index: int) -> Channel:
         name, column = places[index]
@@ -95,8 +95,8 @@ def contents_of(
     names = [_name(*place) for place in places]
     listed = [(name, f"/{name}") if kind == "dataset" else (name,) for name in names]
     refusals = {
-        name: _no_signal(path, f'{kind} "{name}"', name, each, columns[name])
-        for name, each in arrays.items()
+        name: _no_signal(path, f'{kind} "{name}"', name, array, columns[name])
+        for name, array in arrays.items()
         if columns[name] != [None]
     }
     return Contents(path, kind, listed, load, refusals)
@@ -142,9 +142,9 @@ def _stated_rates(
 
 def _rate_of(name: str, rates: Mapping[str, tuple[float, str]]) -> tuple[float | None, str]:
     """The sampling rate of the nearest group around an array, or why there is none."""
-    own = _path(name)
-    for depth in range(len(own), -1, -1):
-        here = {key: rate for key, rate in rates.items() if _path(key)[:-1] == own[:depth]}
+    path = _path(name)
+    for depth in range(len(path), -1, -1):
+        here = {key: rate for key, rate in rates.items() if _path(key)[:-1] == path[:depth]}
         if not here:
             continue
         problems = [problem for _, problem in here.values() if problem]

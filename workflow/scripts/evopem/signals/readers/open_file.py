@@ -58,18 +58,18 @@ class Contents:
 
     def read(self, references: Sequence[Reference]) -> list[Channel]:
         """The channels that references stand for, their units told from names like "Tip [m/s²]"."""
-        found = [self.load(self.find(each)) for each in references]
-        split = [split_heading(each.name) for each in found]
+        columns = [self.load(self.find(reference)) for reference in references]
+        split = [split_heading(dataset.name) for dataset in columns]
         return [
             replace(channel, name=name, unit=unit)
             if unit and not channel.unit and self._named(name) == 1
             else channel
-            for channel, (name, unit) in zip(found, split, strict=True)
+            for channel, (name, unit) in zip(columns, split, strict=True)
         ]
 
     def _named(self, name: str) -> int:
         """How many channels have a name, whatever their units."""
-        return sum(split_heading(each)[0] == name for each in self.listed)
+        return sum(split_heading(name_in_file)[0] == name for name_in_file in self.listed)
 
     def find(self, reference: Reference) -> int:
         """Index (from 0) of the channel that a reference stands for."""
@@ -86,7 +86,7 @@ class Contents:
             )
         places = [index for index, names in enumerate(self.names) if reference in names]
         if not places and self._named(reference) == 1:
-            split = [split_heading(each) for each in self.listed]
+            split = [split_heading(name_in_file) for name_in_file in self.listed]
             places = [n for n, (name, unit) in enumerate(split) if unit and name == reference]
         if len(places) == 1:
             return places[0]
@@ -102,11 +102,11 @@ class Contents:
 
 def split_heading(name: str) -> tuple[str, str]:
     """The name without brackets at its end, and what they hold if it is a known unit, else ""."""
-    found = _HEADING.fullmatch(name)
-    if not found:
+    match = _HEADING.fullmatch(name)
+    if not match:
         return name, ""
-    unit = (found.group(2) or found.group(3) or "").strip()
-    return found.group(1), unit if UNIT.fullmatch(unit) and not unit.isdigit() else ""
+    unit = (match.group(2) or match.group(3) or "").strip()
+    return match.group(1), unit if UNIT.fullmatch(unit) and not unit.isdigit() else ""
 
 
 def listing(names: Sequence[str]) -> str:

@@ -35,7 +35,7 @@ def opened(path: Path) -> Iterator[Contents]:
         rate = _sampling_rate(properties)
         return Channel(channel.name, np.asarray(channel[:]), unit, *rate, _start(properties))
 
-    names = [(f"{each.group_name}/{each.name}", each.name) for each in stored]
+    names = [(f"{group.group_name}/{group.name}", group.name) for group in stored]
     yield Contents(path, "channel", names, load)
 
 

@@ -164,10 +164,10 @@ def _decode(path: Path) -> str:
         # Instruments write units such as m/s² in an 8-bit code. All of these codes share ASCII,
         # and with it the numbers.
         text = data.decode("latin-1")
-    found = _CONTROL.search(text)
-    if found:
+    control = _CONTROL.search(text)
+    if control:
         remedy = "give it the extension of its real format or export it as text"
-        place = f"line {text.count(chr(10), 0, found.start()) + 1}"
+        place = f"line {text.count(chr(10), 0, control.start()) + 1}"
         raise InputError(str(path), "is not a text file", remedy, place)
     return text
 

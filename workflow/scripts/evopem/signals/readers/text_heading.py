@@ -153,7 +153,7 @@ def _stated(table: Table, wanted: set[str], header_lines: int) -> Heading:
         problem = f"there is no row below the {header_lines} header lines"
         raise InputError(str(table.path), problem, "correct header_lines")
     fields = [table.fields(i) for i in range(start)]
-    fitting = [i for i, each in enumerate(fields) if len(each) == table.width and any(each)]
+    fitting = [i for i, field in enumerate(fields) if len(field) == table.width and any(field)]
     named = [i for i in fitting if wanted <= set(fields[i])]
     if len(named) > 1 and not wanted and is_unit_row(fields[named[-1]]):
         named.pop()

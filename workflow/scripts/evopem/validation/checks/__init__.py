@@ -20,10 +20,10 @@ from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
 from evopem.validation.checks.roots import DISTINCT
 
 CHECKS = tuple(
-    each
+    value
     for module in (roots, residuals, search, inputs)
-    for each in vars(module).values()
-    if isinstance(each, Judge)
+    for value in vars(module).values()
+    if isinstance(value, Judge)
 )
 """Every check, in the order of the report: that of these modules."""
 
@@ -39,8 +39,8 @@ __all__ = ["SIGNIFICANCE", "Check", "Evidence", "OrderRange", "checks", "failed_
 
 def checks(evidence: Evidence) -> list[Check]:
     """The checks that apply to a model, in the order of the report."""
-    found = [check for judge in CHECKS if (check := judge(evidence)) is not None]
-    return [_after_remedies(check) for check in found] if evidence.is_automatic else found
+    judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
+    return [_after_remedies(check) for check in judged] if evidence.is_automatic else judged
 
 
 def _after_remedies(check: Check) -> Check:

@@ -77,13 +77,13 @@ class Judge:
     name: str
     advice: str
     grade: Literal["defect", "caution", "note"]
-    found: Callable[[Evidence], Found | None]
+    outcome_of: Callable[[Evidence], Found | None]
 
     def __call__(self, evidence: Evidence) -> Check | None:
         """The outcome for a model."""
-        if (found := self.found(evidence)) is None:
+        if (finding := self.outcome_of(evidence)) is None:
             return None
-        passed, statement, *advice = found
+        passed, statement, *advice = finding
         advised = "" if passed else (advice or [self.advice])[0]
         return Check(self.name, passed, statement, advised, self.grade)
 
@@ -92,7 +92,7 @@ def check(
     name: str, advice: str = "", grade: Literal["defect", "caution", "note"] = "defect"
 ) -> Callable[[Callable[[Evidence], Found | None]], Judge]:
     """Make a check of a function that finds whether it passed, and says why."""
-    return lambda found: Judge(name, advice, grade, found)
+    return lambda outcome_of: Judge(name, advice, grade, outcome_of)
 
 
 def failed_checks(checks: Iterable[Check]) -> list[Check]:

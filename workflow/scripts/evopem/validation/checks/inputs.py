@@ -49,10 +49,10 @@ def excitation(evidence: Evidence) -> Found | None:
 
     Of polynomials: the states of a state-space model are shared by inputs and outputs.
     """
-    inputs = [each for each in evidence.validation.inputs if each.excitation_needed]
+    inputs = [channel for channel in evidence.validation.inputs if channel.excitation_needed]
     if not inputs:
         return None
-    worst = min(inputs, key=lambda each: each.excitation_order - each.excitation_needed)
+    worst = min(inputs, key=lambda channel: channel.excitation_order - channel.excitation_needed)
     orders = evidence.model.polynomials.orders
     terms = [name for name in ("na", "nf", "nb") if np.any(getattr(orders, name))]
     called = "The input" if len(inputs) == 1 else f"The input {worst.name}"
@@ -102,7 +102,7 @@ def responds(test: HeldOutTest) -> bool | None:
 def input_rests(validation: Validation) -> bool:
     """Whether no input changes in validation samples that are enough to tell."""
     enough = validation.samples >= FEWEST_SAMPLES
-    return enough and all(each.split.comparable is None for each in validation.inputs)
+    return enough and all(channel.split.comparable is None for channel in validation.inputs)
 
 
 @check(
@@ -149,15 +149,15 @@ def comparable_split(evidence: Evidence) -> Found | None:
             f"{rests} The simulation error there is that of the free response.",
             EXCITE_AGAIN,
         )
-    known = [each for each in inputs if each.split.comparable is not None]
+    known = [channel for channel in inputs if channel.split.comparable is not None]
     if not known:
         return (
             None,
             "The spectra of the input in the two parts could not be compared: a part is too short.",
             "Leave more samples to validation.",
         )
-    worst = max(known, key=lambda each: each.split.share_outside)
-    failed = [each.name for each in known if not each.split.comparable]
+    worst = max(known, key=lambda channel: channel.split.share_outside)
+    failed = [channel.name for channel in known if not channel.split.comparable]
     bands = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in worst.split.bands_hz[:4])
     return (
         not failed,
@@ -179,13 +179,13 @@ def saturation(evidence: Evidence) -> Found:
         for channel in channels:
             called = role if len(channels) == 1 else f"{role} {channel.name}"
             percent[called] = channel.saturated_percent
-    if any(math.isnan(each) for each in percent.values()):
+    if any(math.isnan(share) for share in percent.values()):
         unknown = "The share of saturated samples could not be computed."
         return None, unknown, "Inspect the record."
-    saturated = {channel: each for channel, each in percent.items() if each > MAX_SATURATED_PERCENT}
+    saturated = {channel: s for channel, s in percent.items() if s > MAX_SATURATED_PERCENT}
     if not saturated:
         return True, "No channel stays at its smallest or largest value."
-    shares = [f"{each:.2g} % of the {channel}" for channel, each in saturated.items()]
+    shares = [f"{share:.2g} % of the {channel}" for channel, share in saturated.items()]
     more = f" and {len(shares) - LISTED} more channels" if len(shares) > LISTED else ""
     stays = "is saturated: it stays at its smallest or largest value."
     return False, f"{' and '.join(shares[:LISTED])}{more} {stays}"

@@ -85,12 +85,12 @@ def _verdicts(validation: Validation) -> list[bool | None]:
     outputs = validation.outputs
     return [
         are_white(
-            each.ljung_box.p_value,
-            each.autocorrelation_share_inside95,
+            output.ljung_box.p_value,
+            output.autocorrelation_share_inside95,
             validation.lags,
             len(outputs),
         )
-        for each in outputs
+        for output in outputs
     ]
 
 
@@ -109,9 +109,9 @@ def whiteness(evidence: Evidence) -> Found:
             f" of {test.expected:.3g}.",
             LONGER_RECORD,
         )
-    coloured = [each.name for each, white in zip(outputs, verdicts, strict=True) if not white]
-    worst = min(outputs, key=lambda each: each.ljung_box.p_value)
-    share = min(each.autocorrelation_share_inside95 for each in outputs)
+    coloured = [output.name for output, white in zip(outputs, verdicts, strict=True) if not white]
+    worst = min(outputs, key=lambda output: output.ljung_box.p_value)
+    share = min(output.autocorrelation_share_inside95 for output in outputs)
     tested = f"over {worst.ljung_box.lags} lags: {p_text(worst.ljung_box.p_value)}"
     if not model.has_noise_model:
         claimless = "output-error" if model.orders is None else model.structure.upper()
@@ -142,7 +142,7 @@ def input_independence(evidence: Evidence) -> Found | None:
     pairs, lags = evidence.validation.pairs, evidence.validation.correlation_lags
     if not pairs:
         return None
-    if any(math.isnan(each.share_inside95) or math.isnan(each.max_in_bounds) for each in pairs):
+    if any(math.isnan(pair.share_inside95) or math.isnan(pair.max_in_bounds) for pair in pairs):
         return (
             None,
             "The cross-correlation of residuals and input could not be computed: one of them is"
@@ -150,12 +150,12 @@ def input_independence(evidence: Evidence) -> Found | None:
             "Use a record whose input varies, or fewer parameters.",
         )
     dependent = [
-        f"{each.output} with {each.input}"
-        for each in pairs
-        if not are_independent(each.max_in_bounds, each.share_inside95, lags, len(pairs))
+        f"{pair.output} with {pair.input}"
+        for pair in pairs
+        if not are_independent(pair.max_in_bounds, pair.share_inside95, lags, len(pairs))
     ]
-    worst = max(pairs, key=lambda each: each.max_in_bounds)
-    share = min(each.share_inside95 for each in pairs)
+    worst = max(pairs, key=lambda pair: pair.max_in_bounds)
+    share = min(pair.share_inside95 for pair in pairs)
     count = (2 * lags + 1) * len(pairs)
     of_pair = f", of {worst.output} and {worst.input}," if pairs[1:] else ""
     keys = "“orders.nb” or “orders.plant”" if evidence.model.orders else STATES
@@ -223,10 +223,10 @@ def without_feedback(evidence: Evidence) -> Found | None:
 def spectral_peaks(evidence: Evidence) -> Found:
     """A mode near every peak of the outputs' spectra, or a density there that the model gives."""
     outputs = evidence.validation.outputs
-    count = sum(len(each.peaks) for each in outputs)
+    count = sum(len(output.peaks) for output in outputs)
     if not count:
         return True, "The output's spectrum has no distinct peaks."
-    spacings = [line_spacing([peak.frequency_hz for peak in each.peaks]) for each in outputs]
+    spacings = [line_spacing([peak.frequency_hz for peak in output.peaks]) for output in outputs]
     resolution = evidence.validation.resolution_hz
     modes = (*evidence.model.modes, *evidence.model.noise_modes)
     if None not in spacings:
@@ -296,7 +296,7 @@ def better_than_mean(evidence: Evidence) -> Found | None:
     outputs = evidence.validation.outputs
     if not evidence.validation.inputs or len(outputs) == 1:
         return None
-    bad = [each.name for each in outputs if not each.simulation_error_percent < 100.0]
+    bad = [output.name for output in outputs if not output.simulation_error_percent < 100.0]
     return not bad, f"Worse than the mean: {listed(bad)}." if bad else BETTER
 
 
@@ -304,21 +304,21 @@ def better_than_mean(evidence: Evidence) -> Found | None:
 def outliers(evidence: Evidence) -> Found:
     """Few residual outliers, or an objective that is robust against them."""
     outputs = evidence.validation.outputs
-    if any(math.isnan(each.outlier_percent) for each in outputs):
+    if any(math.isnan(output.outlier_percent) for output in outputs):
         return None, "The share of residual outliers could not be computed.", LONGER_RECORD
-    worst = max(outputs, key=lambda each: each.outlier_percent)
+    worst = max(outputs, key=lambda output: output.outlier_percent)
     percent = worst.outlier_percent
     of_output = f" of {worst.name}" if outputs[1:] else ""
-    found = f"{percent:.2g} % of the residuals{of_output} lie beyond five robust standard"
+    problem = f"{percent:.2g} % of the residuals{of_output} lie beyond five robust standard"
     if percent <= MAX_OUTLIER_PERCENT:
-        return True, f"{found} deviations."
-    biased = f"{found} deviations, so they may bias the estimate."
+        return True, f"{problem} deviations."
+    biased = f"{problem} deviations, so they may bias the estimate."
     if evidence.model.search.settings.objective != "absolute":
         repair = "Inspect them in the record, and repair spikes and drop-outs."
         return False, biased, f"{repair} The objective “absolute” gives outliers less weight."
     if percent <= MAX_OUTLIER_PERCENT_ABSOLUTE:
         return (
             True,
-            f"{found} deviations. The absolute objective is robust against so few outliers.",
+            f"{problem} deviations. The absolute objective is robust against so few outliers.",
         )
     return False, biased

@@ -53,21 +53,21 @@ def invertibility(evidence: Evidence) -> Found | None:
         if not model.has_noise_model:
             return None
         return _inside_unit_circle("eigenvalues of A − K C", model.noise_zeros)
-    found = np.concatenate([model.noise_zeros, roots(model.polynomials.D[1:])])
-    return _inside_unit_circle(f"roots of {_letters(model, 'cd')}", found)
+    all_roots = np.concatenate([model.noise_zeros, roots(model.polynomials.D[1:])])
+    return _inside_unit_circle(f"roots of {_letters(model, 'cd')}", all_roots)
 
 
 def _letters(model: ModelRecord, letters: str) -> str:
     """Those of some polynomials that the structure has: "A", or "A and F"."""
     names = STRUCTURES[model.structure]
-    own = [letter.upper() for letter in letters if f"n{letter}" in names]
-    return " and ".join([", ".join(own[:-1]), own[-1]] if len(own) > 1 else own)
+    upper = [letter.upper() for letter in letters if f"n{letter}" in names]
+    return " and ".join([", ".join(upper[:-1]), upper[-1]] if len(upper) > 1 else upper)
 
 
-def _inside_unit_circle(what: str, found: Complex) -> tuple[bool | None, str]:
-    if found.size == 0:
+def _inside_unit_circle(what: str, all_roots: Complex) -> tuple[bool | None, str]:
+    if all_roots.size == 0:
         return True, "The model has no such roots."
-    largest = float(np.max(np.abs(found)))
+    largest = float(np.max(np.abs(all_roots)))
     if not np.isfinite(largest):
         return None, f"The {what} are not finite."
     where = "inside" if largest < 1.0 else "not inside"
@@ -132,11 +132,11 @@ def cancellation(evidence: Evidence) -> Found | None:
         unknown = "Without a parameter covariance, this distance cannot be compared with its"
         return None, f"{nearest} {distance:.2g} apart. {unknown} uncertainty.", LOWER_THE_ORDERS
     indistinct = [
-        " and ".join(map(_root_text, each)) for each in cancelling_pairs(model, model.covariance)
+        " and ".join(map(_root_text, c)) for c in cancelling_pairs(model, model.covariance)
     ]
     if indistinct:
-        found = "A pole and a zero do not differ significantly at the 95 % level"
-        return False, f"{found}: {'; '.join(indistinct)}.", advice
+        problem = "A pole and a zero do not differ significantly at the 95 % level"
+        return False, f"{problem}: {'; '.join(indistinct)}.", advice
     return (
         True,
         f"{nearest} {distance:.2g} apart. No pair closer than {MAX_CANCELLATION_DISTANCE:g} is"
@@ -151,16 +151,16 @@ def cancelling_pairs(
 
     A pole of F_i with a zero of its own B_i; one of A only where each B_i has such a zero.
     """
-    found = []
+    pairs = []
     for place in range(model.inputs):
         for pole in roots(model.F[place][1:]):
-            found += _zeros_beside(model, covariance, "f", place, pole)
+            pairs += _zeros_beside(model, covariance, "f", place, pole)
     for pole in roots(model.A[1:]):
         of_inputs = [
             _zeros_beside(model, covariance, "a", place, pole) for place in range(model.inputs)
         ]
-        found += of_inputs[0] if all(of_inputs) and of_inputs else []
-    return found
+        pairs += of_inputs[0] if all(of_inputs) and of_inputs else []
+    return pairs
 
 
 def _zeros_beside(
@@ -170,14 +170,14 @@ def _zeros_beside(
     index = np.arange(model.orders.parameters)
     denominator = model.A if letter == "a" else model.F[place]
     at = [index[model.part(letter, place)], index[model.part("b", place)]]
-    own = covariance.part(np.concatenate(at))
+    joint = covariance.part(np.concatenate(at))
     return [
         (complex(pole), complex(zero))
         for zero in model.zeros(place)
         if pole.imag >= 0
         and zero.imag >= 0
         and abs(pole - zero) < MAX_CANCELLATION_DISTANCE
-        and indistinguishable(complex(pole), complex(zero), denominator, model.B[place], own)
+        and indistinguishable(complex(pole), complex(zero), denominator, model.B[place], joint)
     ]
 
 

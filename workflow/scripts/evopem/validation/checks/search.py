@@ -49,14 +49,14 @@ def search_ranges(evidence: Evidence) -> Found:
         statement = f"{model.text} came of a remedy: no range of {kind} models was searched."
         return None, statement, "Compare it with the candidates of the other structures."
     at_end, inside, fixed = [], [], []
-    for each in evidence.ranges:
-        text = f"{each.name} = {each.value}"
-        if each.low == each.high:
+    for span in evidence.ranges:
+        text = f"{span.name} = {span.value}"
+        if span.low == span.high:
             fixed.append(text)
-        elif each.value >= each.high or each.value == each.low > each.least:
-            at_end.append((f"{text} ({each.key}: {each.low} to {each.high})", each.key))
+        elif span.value >= span.high or span.value == span.low > span.least:
+            at_end.append((f"{text} ({span.key}: {span.low} to {span.high})", span.key))
         else:
-            inside.append(f"{text} ({each.key}: {each.low} to {each.high})")
+            inside.append(f"{text} ({span.key}: {span.low} to {span.high})")
     at_end += [(f"{place}, in {model.text}", "orders") for place in model.at_upper_ends]
     if at_end:
         keys = dict.fromkeys(f"“{key}”" for _, key in at_end)

@@ -129,8 +129,8 @@ def _loss_and_gradient(record, workspace, absolute):
             for i in range(record.inputs):
                 nf, at, w = record.nf[i], record.at_f[i], s
                 if nf > 0:
-                    own = i * stretch + now
-                    w = filter_eight(parameters, at, record.rows_f[i], s, xi, own, -1)
+                    row_at = i * stretch + now
+                    w = filter_eight(parameters, at, record.rows_f[i], s, xi, row_at, -1)
                     _correlate(w, workspace.x, i * record.rows + row - 1, nf, gradient, at)
                 q = i * y.size + t - record.nk[i]
                 _correlate(w, u, q, record.nb[i], gradient, record.at_b[i])
@@ -155,7 +155,7 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
     """Residuals, values, or values and gradients of each row, (M,) and (M, n).  Residuals, of
     up to eight rows whether feasible or not, are left in ``workspace.e``."""
     count, n = points.shape
-    found, gradients = np.full(count, np.inf), np.zeros((count, n))
+    values, gradients = np.full(count, np.inf), np.zeros((count, n))
     of_roots = _barriers(record, objective, points, gradients)
     allowed = marked_rows((of_roots < np.inf) | (task == RESIDUALS))
     first = record.loss_start - record.residual_start + record.history
@@ -186,12 +186,12 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
                 square = points[r, k] * points[r, k]
                 value += state_weight(record, objective, n, k) * square
             if np.isfinite(value) and finite:
-                found[r] = value
+                values[r] = value
     for r in range(count):
-        if not np.isfinite(found[r]):
+        if not np.isfinite(values[r]):
             for k in range(n):
                 gradients[r, k] = 0.0
-    return found, gradients
+    return values, gradients
 
 
 @njit
@@ -200,13 +200,13 @@ def _barriers(record, objective, points, gradients):
     The gradients go to their rows, which are zero."""
     order = record.largest_order
     work = np.empty((order + 1, order))
-    found = np.zeros(points.shape[0])
+    barriers = np.zeros(points.shape[0])
     for k in range(record.monic.shape[0]):
         low, high, of_plant = record.monic[k, 0], record.monic[k, 1], record.monic[k, 2]
         radius = objective.plant_radius if of_plant else objective.noise_radius
-        for r in range(found.size):
-            found[r] += barrier(points[r, low:high], radius, work, gradients[r, low:high])
-    return found
+        for r in range(barriers.size):
+            barriers[r] += barrier(points[r, low:high], radius, work, gradients[r, low:high])
+    return barriers
 
 
 @njit

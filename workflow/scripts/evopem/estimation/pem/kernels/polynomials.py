@@ -75,16 +75,16 @@ def barrier_curvature(coefficients, radius, work, slopes, next_slopes, curvature
     for order in range(m, 0, -1):
         x, k, below = work[order], work[order, order - 1], work[order - 1]
         d = 1.0 / (1.0 - k * k)
-        own = slopes[order - 1]
+        slope = slopes[order - 1]
         weight = 2.0 * (1.0 + k * k) * d * d
         for i in range(m):
             for j in range(m):
-                curvature[i, j] += weight * own[i] * own[j]
+                curvature[i, j] += weight * slope[i] * slope[j]
         for i in range(order - 1):
             mirror = order - 2 - i
             for j in range(m):
                 change = slopes[i, j] - k * slopes[mirror, j]
-                change += (2.0 * k * below[i] - x[mirror]) * own[j]
+                change += (2.0 * k * below[i] - x[mirror]) * slope[j]
                 next_slopes[i, j] = change * d
         for i in range(order - 1):
             for j in range(m):

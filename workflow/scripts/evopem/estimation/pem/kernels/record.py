@@ -101,31 +101,31 @@ def record_of(
     o = orders
     na, nb, nc, nd, nf, nk = o.na, o.nb, o.nc, o.nd, o.nf, o.nk
     rows_c = max(nc, MIN_NC) if nc else 0
-    rows_f = [max(each, MIN_NC) if each else 0 for each in nf]
+    rows_f = [max(order, MIN_NC) if order else 0 for order in nf]
     states = max(nc, nd)
     # Kind, input, rows, those of them that a point has, and sign of each part.
     parts = [
         (OF_A, 0, na, na, 1.0),
-        *((OF_B, i, each, each, -1.0) for i, each in enumerate(nb)),
+        *((OF_B, i, order, order, -1.0) for i, order in enumerate(nb)),
         (OF_C, 0, rows_c, nc, -1.0),
         (OF_D, 0, nd, nd, 1.0),
-        *((OF_F, i, rows_f[i], each, -1.0) for i, each in enumerate(nf)),
+        *((OF_F, i, rows_f[i], order, -1.0) for i, order in enumerate(nf)),
         (LEVEL, 0, int(level), int(level), -1.0),
-        *((PLANT_STATE, i, each, each, 1.0) for i, each in enumerate(nf)),
+        *((PLANT_STATE, i, order, order, 1.0) for i, order in enumerate(nf)),
         (NOISE_STATE, 0, states, states, 1.0),
     ]
     at: list[list[int]] = [[] for _ in range(8)]
     entry: list[int] = []
     monic: list[tuple[int, int, bool]] = []
     sign: list[float] = []
-    found = 0
-    for kind, _, rows, count, own in parts:
+    total = 0
+    for kind, _, rows, count, place in parts:
         at[kind].append(len(entry))
-        entry += [*range(found, found + count), *([-1] * (rows - count))]
-        sign += [own] * rows
+        entry += [*range(total, total + count), *([-1] * (rows - count))]
+        sign += [place] * rows
         if count and kind in (OF_A, OF_C, OF_D, OF_F):
-            monic.append((found, found + count, kind in (OF_A, OF_F)))
-        found += count
+            monic.append((total, total + count, kind in (OF_A, OF_F)))
+        total += count
     first = [kind[0] if kind else 0 for kind in at]
     starts = np.cumsum([0, *(rows for _, _, rows, _, _ in parts)])
     kept = [
@@ -138,7 +138,7 @@ def record_of(
     history = max([rows_c, nd, *rows_f]) + FRONT
     return Record(
         y=_framed(output, length),
-        u=np.concatenate([np.zeros(0), *(_framed(each, length) for each in inputs.T)]),
+        u=np.concatenate([np.zeros(0), *(_framed(signal, length) for signal in inputs.T)]),
         inputs=len(nb),
         na=na,
         nb=np.array(nb, dtype=np.intp),
@@ -236,26 +236,26 @@ def lag_sums_for(record: Record, linear: bool) -> LagSums:
 def _parts_of_sums(record: Record, linear: bool) -> Indices:
     """See :class:`LagSums`."""
     kinds = (OF_B, LEVEL, PLANT_STATE, NOISE_STATE) if linear else range(NOISE_RESPONSE)
-    own = [tuple(part) for part in record.parts.tolist() if part[0] in kinds]
+    parts = [tuple(part) for part in record.parts.tolist() if part[0] in kinds]
     responses: dict[tuple[int, int], tuple[int, int]] = {}
-    needed = {(kind, i): count for kind, i, count, _ in own}
-    for kind, i, count, _ in own:
+    needed = {(kind, i): count for kind, i, count, _ in parts}
+    for kind, i, count, _ in parts:
         if kind in (OF_A, OF_B) and count > 1:
             response = (NOISE_RESPONSE, 0) if record.nd else (NOISE_STATE, 0)
             if kind == OF_B and record.nf[i]:
                 response = (PLANT_STATE, i)
             responses[kind, i] = response
             needed[response] = max(needed.get(response, 0), count - 1)
-    signed = {(kind, i): (count, row) for kind, i, count, row in own}
+    signed = {(kind, i): (count, row) for kind, i, count, row in parts}
     places = list(needed)
-    found, first = [], 0
+    sums, first = [], 0
     for (kind, i), copies in needed.items():
         count, row = signed.get((kind, i), (0, 0))
         from_past = responses.get((kind, i))
         place = -1 if from_past is None else places.index(from_past)
-        found.append((kind, i, copies, first, count, row, place))
+        sums.append((kind, i, copies, first, count, row, place))
         first += copies
-    return np.array(found, dtype=np.intp).reshape(-1, 7)
+    return np.array(sums, dtype=np.intp).reshape(-1, 7)
 
 
 @njit

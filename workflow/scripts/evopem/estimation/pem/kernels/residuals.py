@@ -138,8 +138,8 @@ def compute_residuals(record, workspace):
             if since < nf:
                 state = record.at_g[i]
                 w = _add_impulses(parameters, state + since, state + nf - 1, w)
-            own = i * record.rows + row
-            w = filter_eight(parameters, record.at_f[i], record.rows_f[i], w, x, own, 1)
+            row_at = i * record.rows + row
+            w = filter_eight(parameters, record.at_f[i], record.rows_f[i], w, x, row_at, 1)
             s = sums_of_eight(s, w)
         s = sums_of_eight(s, load_eight(y, t, 1))
         if record.na > 0:

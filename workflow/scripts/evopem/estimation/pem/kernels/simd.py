@@ -83,8 +83,8 @@ def load_either(typingctx, source, row):
     table = source.ndim == 2
 
     def codegen(context, builder, signature, args):
-        found = _loaded(context, builder, signature.args[0], *args)
-        return found if table else _splat(builder, found)
+        loaded = _loaded(context, builder, signature.args[0], *args)
+        return loaded if table else _splat(builder, loaded)
 
     return _lanes(source, types.intp), codegen
 
