@@ -33,12 +33,15 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 import evopem  # noqa: E402
 from evopem.errors import InputError  # noqa: E402
+from evopem.models.response_tables import response_interval  # noqa: E402
 from evopem.report.verdict import verdict  # noqa: E402
 
 COMMAND = "benchmarks/calibration.py"
 KEPT = ROOT / "results" / "calibration.jsonl"
 RATE = 100.0  # Hz
 NORMAL_95 = 1.959963984540054
+# Frequencies of the excited band at which a response is compared.
+FREQUENCIES = 200
 # A mode of the model is that of the system within these shares of frequency and damping.
 SAME_FREQUENCY, SAME_DAMPING = 0.05, 0.5
 # Share of the energy, and signal to noise, from which on a mode should have been found.
@@ -119,30 +122,26 @@ def delays_of(model: Any) -> list[int]:
 
 
 def response_of(case: Case, found: Any) -> Line:
-    """Error of the frequency response in the excited band, and what its intervals cover."""
-    table = found.results.frequency_response
-    errors, gains, phases = [], [], []
-    rate = found.model.sampling_rate
-    for j, output in enumerate(found.results.model.output_names):
-        for i, name in enumerate(found.results.model.input_names):
-            rows = table[(table["output"] == output) & (table["input"] == name)]
-            angles = 2.0 * np.pi * rows["frequency_hz"].to_numpy() / RATE
-            inside = (angles > case.band[0]) & (angles < min(case.band[1], np.pi * rate / RATE))
-            rows, angles = rows[inside], angles[inside]
-            if not len(rows):
-                continue
-            scale = case.output_scales[j] / case.input_scale
-            true = scale * case.system.frequency_response(angles)[:, j, i]
-            gain, phase = rows["gain"].to_numpy(), np.radians(rows["phase_deg"].to_numpy())
-            errors.append(_relative(gain * np.exp(1j * phase), true))
-            lower, upper = rows["gain_lower"].to_numpy(), rows["gain_upper"].to_numpy()
-            gains.append(float(np.mean((lower <= abs(true)) & (abs(true) <= upper))))
-            off = np.angle(true * np.exp(-1j * phase), deg=True)
-            width = NORMAL_95 * rows["phase_se_deg"].to_numpy()
-            phases.append(float(np.mean(abs(off) <= width)))
-    if not errors:
+    """Error of the frequency response in the excited band, and what its intervals cover.
+
+    The frequencies are those of the oracle.
+    """
+    model = found.model
+    angles = np.geomspace(*case.band, FREQUENCIES)
+    angles = angles[angles < np.pi * model.sampling_rate / RATE]
+    if not len(angles):
         return {}
-    return {"response_error": _mean(errors), "gain": _mean(gains), "phase": _mean(phases)}
+    frequencies = angles * RATE / (2.0 * np.pi)
+    true = case.system.frequency_response(angles) * case.output_scales[:, None] / case.input_scale
+    estimate = model.frequency_response(frequencies)
+    lower, upper, spread = response_interval(model, frequencies)
+    gain, off = np.abs(true), np.abs(np.angle(true / estimate))
+    pairs = [(j, i) for j in range(true.shape[1]) for i in range(true.shape[2])]
+    return {
+        "response_error": _mean(_relative(estimate[:, j, i], true[:, j, i]) for j, i in pairs),
+        "gain": float(np.mean((lower <= gain) & (gain <= upper))),
+        "phase": float(np.mean(off <= NORMAL_95 * spread)),
+    }
 
 
 def _relative(estimate: Complex, true: Complex) -> float:
@@ -227,7 +226,7 @@ def oracle(case: Case) -> float:
     model = evopem.estimate(
         u[:count, 0], y[:count, 0], orders, structure=structure, sampling_rate=RATE
     ).model
-    angles = np.geomspace(*case.band, 200)
+    angles = np.geomspace(*case.band, FREQUENCIES)
     response = model.frequency_response(angles * RATE / (2.0 * np.pi))[:, 0, 0]
     return _relative(response, case.system.frequency_response(angles)[:, 0, 0])
 

@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from evopem.automatic.candidates import Scorer
+from evopem.automatic.cross_validation.folds import decide_folds
+from evopem.automatic.fit import CommonSettings
 from evopem.automatic.orders import decide_delays
 from evopem.estimation.delays import delays_by_criterion, longest_delay
+from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
 
 POLES = [0.97 * np.exp(0.08j), 0.97 * np.exp(-0.08j), 0.9 * np.exp(0.2j), 0.9 * np.exp(-0.2j)]
@@ -62,3 +66,19 @@ def test_a_delay_that_the_input_shows_is_kept():
     ((by_arx, _),) = delays_by_criterion(segments, [(0, longest_delay(segments))])
     assert decide_delays(segments, ["u"]).delays == (by_arx,)
     assert by_arx == 31
+
+
+def test_folds_of_a_short_record_are_longer_than_its_delay():
+    """Parts of the interleaved design have fewer samples than the delay: no model were scored."""
+    g = np.random.default_rng(5)
+    u = g.standard_normal(320)
+    y = lfilter([0.0] * 53 + [1.0], [1.0, -0.8], u)
+    segments = (Segment(u, y + 0.3 * y.std() * g.standard_normal(320)),)
+    assert (2, 3) in decide_folds(segments).designs
+    plan = decide_folds(segments, 53)
+    assert plan.designs
+    assert (2, 3) not in plan.designs
+    scorer = Scorer(segments, plan, CommonSettings(), delays=(53,))
+    candidate = scorer.candidate("oe", Orders(nb=1, nf=1, nk=53))
+    assert candidate is not None
+    assert candidate.scores.simulation < 60.0

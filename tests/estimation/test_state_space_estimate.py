@@ -38,6 +38,7 @@ from evopem.estimation.state_space.starting_points import (
     extended,
     from_poles,
     point_of,
+    point_of_model,
     poles_only,
     random_poles,
 )
@@ -649,3 +650,32 @@ def test_forgetting_costs_an_undamped_mode_the_likelihood_of_a_few_parameters():
     assert 0.0 <= 600 * np.log(forgetting.objective / free.objective) < 6.0
     for found in (free, forgetting):
         assert np.abs(found.model.poles()) == pytest.approx([0.9998] * 2, abs=5e-4)
+
+
+def test_a_model_with_close_slow_poles_is_converted_as_it_is():
+    """Its poles lie closer to each other than usual ones, and its initial state decays slowly."""
+    poles = np.array([0.9996, 0.9995, 0.99945])
+    residues = np.array([1.0, -0.7, 0.4])
+    truth = StateSpaceModel(
+        A=np.diag(poles),
+        B=np.ones((3, 1)),
+        C=residues[None, :],
+        D=np.zeros((1, 1)),
+        K=np.zeros((3, 1)),
+        noise_covariance=np.eye(1),
+        sampling_rate=10.0,
+        level=np.zeros(1),
+        structure="ss_oe",
+    )
+    generator = np.random.default_rng(3)
+    u = generator.standard_normal(1500)
+    y = truth.simulate(u, initial=[40.0, -50.0, 60.0])[:, 0]
+    y += 1e-3 * y.std() * generator.standard_normal(1500)
+    recording = Recording(u, y, 10.0)
+    errors = StateSpaceTask("ss_oe", level=False).errors(recording, 3)
+    start = point_of_model(truth, errors)
+    converted_poles = np.linalg.eigvals(
+        state_matrix(sections_of(errors.layout, start), errors.layout)
+    )
+    np.testing.assert_allclose(np.sort(converted_poles.real), np.sort(poles), atol=1e-5)
+    assert errors.percent(errors.value(start)) < 1e-3

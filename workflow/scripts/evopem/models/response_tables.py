@@ -19,6 +19,9 @@ Column = list[float] | list[str] | list[int] | Array
 
 # Frequencies, and those of each of several pairs of channels.
 FREQUENCIES, FREQUENCIES_OF_PAIRS = 2049, 513
+# Frequencies of a peak that is narrower than some of these steps, in half widths from its centre,
+# and of each decade below the first of them.
+AT_PEAK, NARROW, OF_DECADE = np.linspace(-4.0, 4.0, 17), 8.0, 20
 # Samples of a time response: until it has settled to this share, within limits.
 SETTLED = 1e-3
 FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
@@ -153,6 +156,24 @@ def response_standard_errors(model: Model, response: Callable[[Any], Array]) -> 
     return errors.reshape(jacobian.shape[1:])
 
 
+def resolving_frequencies(model: Model, count: int) -> Array:
+    """Frequencies in Hz to half the rate, evenly spaced, and closer where peaks are narrow."""
+    highest = model.sampling_rate / 2.0
+    even = np.linspace(0.0, highest, count)
+    poles = state_space_of(model).poles()
+    rates = np.log(poles[poles != 0.0].astype(complex)) * model.sampling_rate
+    centres, widths = np.abs(rates) / (2.0 * np.pi), np.abs(rates.real) / (2.0 * np.pi)
+    narrow = (widths < NARROW * even[1]) & (centres > 0.0)
+    peaks = centres[narrow, None] + widths[narrow, None] * AT_PEAK
+    lowest = centres[narrow].min(initial=even[1]) / 10.0
+    decades = math.log10(even[1] / lowest)
+    below = 1 + math.ceil(OF_DECADE * decades) if decades > 1.0 else 0
+    low = np.geomspace(lowest, even[1], below)
+    added = np.concatenate([peaks.ravel(), low])
+    inside = (added > 0.0) & (added < highest) & np.isfinite(added)
+    return np.unique(np.concatenate([even, added[inside]]))
+
+
 def frequency_response_table(
     model: Model,
     inputs: Sequence[str],
@@ -168,7 +189,7 @@ def frequency_response_table(
     """
     if frequencies is None:
         count = FREQUENCIES if len(inputs) * len(outputs) <= 1 else FREQUENCIES_OF_PAIRS
-        frequencies = np.linspace(0.0, model.sampling_rate / 2.0, count)
+        frequencies = resolving_frequencies(plant or model, count)
     shown = plant or model
     response, bands = shown.frequency_response(frequencies), response_interval(shown, frequencies)
     noise, of_noise = model.noise_response(frequencies), response_interval(model, frequencies, True)

@@ -70,8 +70,10 @@ def prepare_samples(
         stretches = PreparedRecord.of(prepared.estimation, plan).stretches
         names = prepared.estimation.input_names
         with errors_name_dataset(files), one_blas_thread():
-            save(decide_folds(stretches), files.decision("folds"))
-            save(decide_delays(stretches, names, delays), files.decision("delay"))
+            delay = decide_delays(stretches, names, delays)
+            save(delay, files.decision("delay"))
+            longest = max(delay.delays, default=0)
+            save(decide_folds(stretches, longest), files.decision("folds"))
 
 
 def _check_samples(requirements: SampleRequirements, prepared: PreparedData, place: str) -> None:

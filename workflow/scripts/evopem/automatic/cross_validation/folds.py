@@ -85,8 +85,11 @@ def is_large(segments: Sequence[Segment], values: int = LARGE) -> bool:
     return sum(segment.inputs.size + segment.outputs.size for segment in segments) > values
 
 
-def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
-    """Choose the designs of folds whose parts have common input spectra, and judge repetitions."""
+def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:
+    """Choose the designs of folds whose parts have common input spectra, and judge repetitions.
+
+    Blocks are longer than the longest ``delay``: training parts between them are fitted as well.
+    """
     samples = total_samples(stretches)
     channels = stretches[0].inputs.shape[1], stretches[0].outputs.shape[1]
     designs: tuple[tuple[int, int], ...] = DESIGNS
@@ -94,7 +97,7 @@ def decide_folds(stretches: Sequence[Segment]) -> FoldPlan:
         designs = OF_LARGE if is_large(stretches) else OF_SEVERAL
 
     def possible(some: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-        return [d for d in some if samples >= d[0] * d[1] * SHORTEST_BLOCK] or [(2, 1)]
+        return [d for d in some if samples >= d[0] * d[1] * (SHORTEST_BLOCK + delay)] or [(2, 1)]
 
     overlaps = {
         d: _overlap(folds_of(stretches, *d, shortest=1))

@@ -23,8 +23,11 @@ from evopem.models.state_space import StateSpaceModel
 NEAREST, FARTHEST, REAL_PAIRS = 0.003, 0.6, 0.2
 # Ridge of the full residues of given poles, relative to the mean square of the regressors.
 RESIDUE_RIDGE = 1e-8
-# Half the distance that two real poles of a section get at least when a model is converted.
-SEPARATION = 2e-3
+# Samples of a segment that determine the initial state of a model.
+MOST_SAMPLES = 2000
+# Half the distance that two real poles of a section get at least when a model is converted, and at
+# most in shares of their distance from the unit circle: slow poles are told apart by less.
+SEPARATION, SHARE_OF_DISTANCE, NEAREST_ONE = 2e-3, 0.02, 1e-7
 
 
 def random_poles(order: int, generator: np.random.Generator) -> Complex:
@@ -55,9 +58,7 @@ def poles_only(layout: Layout, poles: Complex, driven: NDArray | None = None) ->
     """
     upper, real = np.flatnonzero(poles.imag > 0.0), np.flatnonzero(poles.imag == 0.0)
     real = real[np.argsort(poles[real].real, kind="stable")]
-    values = poles[real].real.copy()
-    for k in range(1, len(values)):
-        values[k] = max(values[k], values[k - 1] + 2.0 * SEPARATION)
+    values = _apart(poles[real].real)
     drives = layout.drives
     driven = np.zeros((len(poles), drives)) if driven is None else driven
     point = np.zeros(layout.dimension)
@@ -78,6 +79,23 @@ def poles_only(layout: Layout, poles: Complex, driven: NDArray | None = None) ->
         row[:2] = 0.5 * (low + high), 0.25 * (high - low) ** 2
         row[2 : 2 + drives], row[2 + drives :] = of_high + of_low, of_high - of_low
     return point
+
+
+def _apart(poles: Array) -> Array:
+    """Ascending real poles, of which those that almost coincide are moved towards the origin."""
+    apart = poles.copy()
+    for k in range(len(apart) - 1, 0, -1):
+        if apart[k] > 0.0:
+            apart[k - 1] = min(apart[k - 1], apart[k] - _least_distance(apart[k]))
+    for k in range(1, len(apart)):
+        if apart[k - 1] < 0.0:
+            apart[k] = max(apart[k], apart[k - 1] + _least_distance(apart[k - 1]))
+    return apart
+
+
+def _least_distance(pole: float) -> float:
+    from_circle = max(1.0 - abs(pole), NEAREST_ONE)
+    return 2.0 * min(SEPARATION, SHARE_OF_DISTANCE * from_circle)
 
 
 def point_of(layout: Layout, A: Array, B: Array) -> Array:
@@ -162,7 +180,24 @@ def point_of_model(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
     drives = (model.B - model.K @ model.D) * errors.data.input_scales
     if errors.innovations:
         drives = np.column_stack([drives, model.K * errors.data.output_scales])
-    return from_matrices(errors, model.predictor, drives)
+    states = _initial_states(model, errors)
+    point = point_of(errors.layout, model.predictor, np.column_stack([drives, states]))
+    return normalised(
+        errors.layout, inside(errors.layout, point, errors.section_radius * (1.0 - 1e-6))
+    )
+
+
+def _initial_states(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
+    """The states of a model at the first sample of each segment that fit it, (n, segments)."""
+    data, states = errors.data, []
+    form = replace(model, input_delays=(), covariance=None)
+    for first, end in pairwise(data.bounds):
+        stop = min(end, first + MOST_SAMPLES)
+        u = data.inputs[first:stop] * data.input_scales
+        y = data.outputs[first:stop] * data.output_scales + data.output_offsets
+        levelled = form.with_fitted_level(u, y) if data.levels else form
+        states.append(levelled.prediction_state(u, y))
+    return np.nan_to_num(np.array(states).T)
 
 
 def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
