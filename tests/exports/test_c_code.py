@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -215,6 +216,12 @@ def test_what_cannot_be_exported_is_said_in_a_sentence(model_file, capsys, argum
     assert error.startswith(sentence)
     assert error.count("\n") == 1
     assert [path.name for path in model_file.iterdir()] == ["arm.json"]
+
+
+def test_a_missing_package_is_named(model_file, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    assert main(["export", "arm.json", "--c"]) == 1
+    assert "the exported files need jinja2, which is not installed" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("delay", [-1, 10**9])

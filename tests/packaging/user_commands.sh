@@ -60,6 +60,9 @@ say "pip install PATH"
 python -m pip install --quiet --no-deps "$checkout"
 cd "$work"
 python -c "import evopem; print(evopem.load('own/results/truth/model.json').orders)"
+say "evopem export MODEL --c FOLDER"
+evopem export own/results/truth/model.json --c code
+[[ -s code/truth.c ]]
 say "evopem data.csv --input u --output y --rate 100"
 mkdir -p recorded
 python - <<'PYTHON'
