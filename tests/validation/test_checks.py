@@ -18,6 +18,8 @@ from evopem.signals.recording_info import ChannelInfo, RecordingInfo
 from evopem.validation.checks import Evidence, checks
 from evopem.validation.checks.roots import cancelling_pairs
 from evopem.validation.checks.search import ranges_of_phases, repeatability
+from evopem.validation.distortion import Distortion
+from evopem.validation.error_parts import ErrorParts, Part
 from evopem.validation.peak_evidence import PeakEvidence
 from evopem.validation.residual_tests import correlation_with_input
 from evopem.validation.validation import Validation
@@ -505,3 +507,17 @@ def test_root_covariance_of_a_polynomial_that_is_not_monic():
     b = np.array([2.0, -1.0])
     spread = root_covariance(b, 0.5, np.diag([0.01, 0.04]))
     np.testing.assert_allclose(spread, [[(0.04 + 0.25 * 0.01) / 4, 0.0], [0.0, 0.0]])
+
+
+@pytest.mark.parametrize(("p_value", "shown"), [(1e-6, True), (0.3, False)])
+@pytest.mark.parametrize("rest", [2.0, 6.0])
+def test_failed_tests_of_residuals_name_distortion_that_is_shown(good, p_value, shown, rest):
+    parts = ErrorParts("y", 6.4, Part(1, 1, 1), Part(4.9, 4.0, 5.8), Part(rest, rest, rest))
+    found = Distortion("", "validation", 64, 3, 1, p_value, False, (parts,))
+    correlated = good.with_("pairs", share_inside95=0.8)
+    assert "istortion" not in correlated.check("Residuals independent").statement
+    assert good.with_("validation", distortion=found).checks == good.checks
+    failed = correlated.with_("validation", distortion=found).check("Residuals independent")
+    assert failed.passed is False
+    assert ("Nonlinear distortion, at least 4.9 %" in failed.statement) is shown
+    assert ("not to blame" in failed.advice) is (shown and rest < 4.9)

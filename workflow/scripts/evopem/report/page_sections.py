@@ -24,6 +24,7 @@ from evopem.models.mode_matching import deviations, matched_modes
 from evopem.models.modes import Mode
 from evopem.models.orders import armax_orders
 from evopem.report import equations
+from evopem.report.error_parts import error_parts
 from evopem.report.numbers import hertz, is_number, number
 from evopem.report.verdict import mode_lines, verdict
 from evopem.results.dataset import DatasetResults
@@ -74,7 +75,12 @@ class Section:
 
 
 def _summary(results: DatasetResults) -> dict[str, Any]:
-    return {"verdict": verdict(results), "evidence": mode_lines(results), "checks": results.checks}
+    return {
+        "verdict": verdict(results),
+        "parts_of_error": error_parts(results.validation.distortion),
+        "evidence": mode_lines(results),
+        "checks": results.checks,
+    }
 
 
 def _model(results: DatasetResults) -> dict[str, Any]:

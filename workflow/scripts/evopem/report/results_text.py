@@ -4,6 +4,7 @@ import re
 import textwrap
 from html import escape
 
+from evopem.report.error_parts import error_parts
 from evopem.report.numbers import aligned, count, is_number, mode_cells, number, percent, plural
 from evopem.results.fleet import DatasetSummary
 
@@ -21,6 +22,7 @@ def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "
         "",
         f"  model   {_model(summary)}",
         *_wrapped(_errors(summary), "  errors  "),
+        *_wrapped(" ".join(error_parts(summary.distortion)[:1]), "  parts   "),
     ]
     for check in summary.failed:
         sentence = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")

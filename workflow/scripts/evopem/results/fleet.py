@@ -17,6 +17,7 @@ from evopem.models.orders import Orders
 from evopem.results.identity import IncompleteDataset, incompleteness
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, Evidence, checks, failed_checks
+from evopem.validation.distortion import NOT_TESTED, Distortion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,6 +62,7 @@ class DatasetSummary:
     # Gain of the model in decibels: the largest in each of :data:`GAIN_BANDS` equal bands from 0 Hz
     # to half the sampling rate, for a small plot. Of a model without input, of its noise filter
     gain_db: tuple[float, ...]
+    distortion: Distortion = NOT_TESTED  # parts of the simulation error
 
     @property
     def failed(self) -> list[Check]:
@@ -93,6 +95,7 @@ def summarize(evidence: Evidence) -> DatasetSummary:
         modes=tuple(mode.mode for mode in validation.modes.modes),
         trusted=tuple(mode.trusted for mode in validation.modes.modes),
         gain_db=_gain_outline(model),
+        distortion=validation.distortion,
     )
 
 

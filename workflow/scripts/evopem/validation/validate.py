@@ -17,6 +17,7 @@ from evopem.models.polynomial import PolynomialModel, state_space_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
+from evopem.validation.distortion import distortion_of
 from evopem.validation.excitation import excitation_order, split_spectra
 from evopem.validation.held_out_tests import (
     NO_TEST,
@@ -140,6 +141,7 @@ def validate(
         resolution_hz=_resolution(prepared.estimation, spectrum),
         modes=table_of_models(models, order, lambda m: held_out_stretches(m, prepared, fit_level)),
         share_of_noise=_share_left(held_out) if form.inputs else math.nan,
+        distortion=distortion_of(held_out, tested.stretches, fit_level),
     )
     names = ((name,) for name in prepared.validation.output_names)
     of_outputs = list(zip(names, autocorrelations, strict=True))

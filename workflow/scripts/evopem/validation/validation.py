@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evopem.validation.distortion import NOT_TESTED, Distortion
 from evopem.validation.excitation import SplitSpectra
 from evopem.validation.held_out_tests import HeldOutTest
 from evopem.validation.mode_evidence import ModeTable
@@ -119,6 +120,7 @@ class Validation:
     modes: ModeTable
     # Smallest share that fitted states leave of records of the model's own noise
     share_of_noise: float = math.nan
+    distortion: Distortion = NOT_TESTED  # what no linear model explains of the response
 
     @property
     def simulation_fit_percent(self) -> float:

@@ -16,8 +16,9 @@ from evopem.validation.checks.check import (
     failed_checks,
     p_text,
 )
-from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
+from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, LINEAR, WHITE
 from evopem.validation.checks.roots import DISTINCT
+from evopem.validation.distortion import Distortion
 
 CHECKS = tuple(
     value
@@ -34,13 +35,37 @@ LEFT_TO_DO = {
     DISTINCT: "The pair hardly affects the frequency response. Do not trust a mode of it."
 }
 
+# Distortion makes these fail, whatever the linear model.
+BY_DISTORTION = (WHITE, INDEPENDENT_OF_INPUT, LINEAR)
+NOT_THE_MODEL = (
+    "This model is not to blame: no other order or structure removes the distortion. Record with a"
+    " smaller input, and trust no standard error."
+)
+
 __all__ = ["SIGNIFICANCE", "Check", "Evidence", "OrderRange", "checks", "failed_checks", "p_text"]
 
 
 def checks(evidence: Evidence) -> list[Check]:
     """The checks that apply to a model, in the order of the report."""
     judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
-    return [_after_remedies(check) for check in judged] if evidence.is_automatic else judged
+    if evidence.is_automatic:
+        judged = [_after_remedies(check) for check in judged]
+    return [_with_reason(check, evidence.validation.distortion) for check in judged]
+
+
+def _with_reason(check: Check, distortion: Distortion) -> Check:
+    """A failed check of the residuals with the distortion that is shown to be in them."""
+    if check.passed is not False or check.name not in BY_DISTORTION or not distortion.shown:
+        return check
+    worst = max(output.distortion.percent for output in distortion.outputs)
+    least = "" if distortion.separated else "at least "
+    statement = (
+        f"{check.statement} Nonlinear distortion, {least}{worst:.2g} % of the output's deviation"
+        f" ({p_text(distortion.p_value)}), repeats with the input and is in the residuals of every"
+        " linear model."
+    )
+    advice = NOT_THE_MODEL if distortion.prevails else check.advice
+    return replace(check, statement=statement, advice=advice)
 
 
 def _after_remedies(check: Check) -> Check:

@@ -43,6 +43,7 @@ SMALL_SHARE = 0.01
 
 WHITE = "White residuals"
 INDEPENDENT_OF_INPUT = "Residuals independent of the input"
+LINEAR = "Linear"
 BETTER = "Every simulation error is below 100 %."
 LONGER_RECORD = "Use a longer record or fewer parameters."
 # Key of the orders of a state-space model.
@@ -195,7 +196,7 @@ def constant_in_time(evidence: Evidence) -> Found:
 
 
 @check(
-    "Linear",
+    LINEAR,
     "The model describes one amplitude, and its intervals are too narrow. Record with a smaller"
     " input, or take the root or logarithm of a channel that is no linear measure.",
 )

@@ -1,0 +1,137 @@
+"""Spectra of the periods of periodic signals, and the best linear approximation of a response.
+
+Of a nonlinear system that a periodic input of random phases drives, it is the linear system nearest
+to the response in the mean over the phases; what is left looks like noise that repeats with the
+period (Pintelon & Schoukens 2012, "System Identification", chapters 3 and 4).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from evopem.arrays import Array, Complex, Flags
+from evopem.signals.correlation import repetition_lag
+
+# Periods of an input are alike up to this share of their standard deviation.
+UNLIKE = 0.1
+# Noise is as unlike after two periods as after one; what is not belongs to a period between two
+# numbers of samples, unless it is this share of what is allowed.
+SHIFTED = 0.1
+# Sorted by power, excited lines end where the next line has this share of the power or less.
+DROP = 0.1
+# Circular correlation from which on two periods are of one realisation.
+SAME = 0.9
+
+
+def period_of(inputs: Array) -> int:
+    """Samples after which all inputs, (N, m), repeat; 0 where they do not, or have no variation."""
+    varying = inputs[:, np.ptp(inputs, axis=0) > 0.0]
+    if not varying.size:
+        return 0
+    lag = repetition_lag(varying[:, 0])
+    if not lag:
+        return 0
+    allowed = 2.0 * UNLIKE**2 * np.var(varying, axis=0)
+    for period in (lag, 2 * lag):
+        if len(varying) < 2 * period:
+            return 0
+        once, twice = (varying[k:] - varying[:-k] for k in (period, 2 * period))
+        change = np.mean(once**2, axis=0)
+        if (change <= allowed).all():
+            later = np.sum(twice**2, axis=0) / max(len(twice), 1)
+            shifted = (later > 2.0 * change) & (change > SHIFTED**2 * allowed)
+            return 0 if shifted.any() else period
+    return 0
+
+
+def spectra_of_periods(signals: Array, period: int) -> Complex:
+    """Fourier coefficients of the last whole periods of signals, (N, c), as (P, F, c).
+
+    Lines 0 … T/2 of a period of T samples; :func:`line_weights` times the squared modulus is power.
+    """
+    count = len(signals) // period
+    parts = signals[len(signals) - count * period :].reshape(count, period, -1)
+    return np.asarray(np.fft.rfft(parts, axis=1) / period)
+
+
+def line_weights(period: int) -> Array:
+    """Shares of the squared coefficients at lines 0 … T/2 in the mean square of a signal, (F,)."""
+    weights = np.full(period // 2 + 1, 2.0)
+    weights[0] = 1.0
+    if period % 2 == 0:
+        weights[-1] = 1.0
+    return weights
+
+
+def excited_lines(inputs: Complex) -> Flags:
+    """Lines with the power of an input, (F,), of spectra (M, F, m); never line 0.
+
+    They are those above the first large drop of the sorted powers.
+    """
+    power = np.mean(np.abs(inputs) ** 2, axis=0)
+    excited = np.zeros(len(power), dtype=bool)
+    for of_input in power.T:
+        levels = np.sort(of_input[1:])[::-1]
+        drops = np.flatnonzero(levels[1:] <= DROP * levels[:-1])
+        least = levels[drops[0]] if len(drops) else levels[-1]
+        excited[1:] |= (of_input[1:] >= least) & (of_input[1:] > 0.0)
+    return excited
+
+
+def same_realisation(first: Complex, second: Complex, period: int) -> bool:
+    """Whether periods with these spectra, (F, m), are one another, shifted or of opposite sign."""
+    products = first[1:] * second[1:].conj()
+    alike = np.fft.irfft(np.concatenate([[0.0], products.sum(axis=1)]), period) * period
+    weights = line_weights(period)[1:, None]
+    norms = [np.sqrt(np.sum(weights * np.abs(x[1:]) ** 2)) for x in (first, second)]
+    return bool(np.max(np.abs(alike)) >= SAME * norms[0] * norms[1])
+
+
+@dataclass(frozen=True, eq=False)
+class LinearApproximation:
+    """Best linear approximation at E excited lines, from m inputs to l outputs.
+
+    Variances of the output hold for the mean of the periods of a realisation, and those of the
+    response for the mean of all realisations.  What depends on realisations is NaN where there
+    are no more of them than inputs.
+    """
+
+    response: Complex  # (E, l, m), output unit / input unit
+    output_noise: Array  # (E, l)
+    output_total: Array  # (E, l), of noise and of nonlinear distortion
+    response_noise: Array  # (E, l, m)
+    response_total: Array  # (E, l, m)
+
+
+def best_linear_approximation(inputs: Complex, outputs: Complex) -> LinearApproximation:
+    """Best linear approximation from spectra of M realisations over P periods at E lines.
+
+    Inputs (M, P, E, m), M >= m, and outputs (M, P, E, l).  Least squares over the realisations:
+    the mean of the responses where these have inputs of the same power.  Noise is what differs
+    from period to period, P >= 2, and distortion what differs from one realisation to another.
+    """
+    realisations, periods, _, m = inputs.shape
+    u = np.moveaxis(inputs.mean(axis=1), 0, 2)  # (E, m, M)
+    y = np.moveaxis(outputs.mean(axis=1), 0, 2)
+    inverse = np.linalg.pinv(u)
+    response = y @ inverse
+    of_period = outputs - np.einsum("elm,rpem->rpel", response, inputs)
+    noise = np.var(of_period, axis=1, ddof=1).mean(axis=0) / periods
+    left = np.sum(np.abs(y - response @ u) ** 2, axis=2)
+    total = left / (realisations - m) if realisations > m else np.full(noise.shape, np.nan)
+    spread = np.sum(np.abs(inverse) ** 2, axis=1)[:, None, :]
+    return LinearApproximation(
+        response, noise, total, noise[:, :, None] * spread, total[:, :, None] * spread
+    )
+
+
+def interpolated_lines(known: Flags, others: Flags) -> csr_array:
+    """Weights, (F, F), that take values at known lines to others: linear, the nearest beyond."""
+    at, places = np.flatnonzero(others), np.flatnonzero(known)
+    position = np.interp(at, places, np.arange(len(places)))
+    lower = np.floor(position).astype(int)
+    share = position - lower
+    columns = places[np.concatenate([lower, np.minimum(lower + 1, len(places) - 1)])]
+    values = np.concatenate([1.0 - share, share])
+    return csr_array((values, (np.tile(at, 2), columns)), shape=2 * known.shape)

@@ -1,0 +1,184 @@
+"""What no linear model can explain of the response to a periodic input.
+
+The error of the simulation is divided into what changes from period to period (noise), what repeats
+with the period without being a linear response (nonlinear distortion), and the rest, which is the
+model's.  Distortion shows where the output has power at lines that the input leaves out (the fast
+method), or where it differs from one realisation of the input to another (the robust method;
+Pintelon & Schoukens 2012, sections 4.3.1 and 4.3.2).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Self
+
+import numpy as np
+
+from evopem.arrays import Array, Complex
+from evopem.signals.best_linear_approximation import (
+    excited_lines,
+    period_of,
+    same_realisation,
+    spectra_of_periods,
+)
+from evopem.validation.error_parts import FEWEST_LINES, ErrorParts, Lines, parts_of
+from evopem.validation.responses import HeldOut
+
+# A first period differs by a transient where its variance is so many times that of later ones.
+TRANSIENT = 2.0
+# Distortion counts as shown at this level of significance.
+SIGNIFICANCE = 0.01
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Nonlinear distortion in the response to a periodic input, or why it is not judged."""
+
+    reason: str = ""  # why it is not judged; empty where it is
+    on: Literal["validation", "estimation"] = "validation"  # the samples
+    period: int = 0  # samples
+    periods: int = 0  # of each realisation, without transients
+    realisations: int = 0
+    p_value: float = math.nan  # of the hypothesis that there is no distortion
+    # whether distortion is known at the lines of the input, too; else it is the least there can be
+    separated: bool = False
+    outputs: tuple[ErrorParts, ...] = ()
+
+    @property
+    def shown(self) -> bool:
+        """Whether distortion is significant."""
+        most = max((output.distortion.low for output in self.outputs), default=0.0)
+        return self.p_value < SIGNIFICANCE and most > 0.0
+
+    @property
+    def prevails(self) -> bool:
+        """Whether it is significant, and more of the error of each output than the rest is."""
+        return self.shown and all(
+            output.distortion.percent >= output.rest.percent for output in self.outputs
+        )
+
+
+NOT_TESTED = Distortion("It was not tested.")
+
+
+def distortion_of(
+    validation: Sequence[HeldOut], estimation: Sequence[HeldOut], fit_level: bool
+) -> Distortion:
+    """Divide the error of the simulation on validation samples, else on estimation samples."""
+    first = _judged(validation, fit_level, "validation")
+    if not first.reason:
+        return first
+    second = _judged(estimation, fit_level, "estimation")
+    return first if second.reason else second
+
+
+@dataclass(frozen=True, eq=False)
+class _Realisation:
+    """Spectra of the last periods of one stretch, (P, F, channels), and powers of each output."""
+
+    inputs: Complex
+    outputs: Complex  # without drift
+    response: Complex  # of the model in steady state
+    variance: Array  # (l,) of the outputs
+    drift: Array  # (l,) variance of what is slower than a period
+    error: Array  # (l,) mean square of the simulation error
+
+    @classmethod
+    def of(cls, stretch: HeldOut, period: int, fit_level: bool) -> Self | None:
+        """The periods after transients; None where there are not two, or the model is unstable."""
+        first = stretch.unscored
+        if stretch.recording.samples - first < 2 * period:  # all samples may be enough
+            first = 0
+        y, simulated = stretch.recording.outputs[first:], stretch.simulated(fit_level)[first:]
+        count = len(y) // period
+        if count < 2 or not np.isfinite(simulated).all():
+            return None
+        parts = y[len(y) - count * period :].reshape(count, period, -1)
+        kept = (count - _transient_periods(parts)) * period
+        drift = _drift(y[-kept:], period)
+        inputs = spectra_of_periods(stretch.recording.inputs[-kept:], period)
+        lines = np.arange(1, inputs.shape[1]) / period * stretch.recording.sampling_rate
+        gain = stretch.plant.frequency_response(lines)
+        response = np.zeros((*inputs.shape[:2], y.shape[1]), dtype=complex)
+        response[:, 1:] = np.einsum("flm,pfm->pfl", gain, inputs[:, 1:])
+        return cls(
+            *(inputs, spectra_of_periods(y[-kept:] - drift, period), response),
+            *(np.var(y[-kept:], axis=0), np.var(drift, axis=0)),
+            np.mean((y - simulated)[-kept:] ** 2, axis=0),
+        )
+
+
+def _transient_periods(outputs: Array) -> int:
+    """How many of the first periods, (P, T, l), differ from later ones; two are left."""
+    first = 0
+    while len(outputs) - first > 2:
+        later = outputs[first + 1 :]
+        change = np.mean((outputs[first] - later.mean(axis=0)) ** 2, axis=0)
+        noise = np.var(later, axis=0, ddof=1).mean(axis=0) * (1.0 + 1.0 / len(later))
+        if (change <= TRANSIENT * noise).all():
+            break
+        first += 1
+    return first
+
+
+def _drift(outputs: Array, period: int) -> Array:
+    """Straight lines through the means of the periods, (N, l).
+
+    A drift would leave a part in every period that looks the same, or is alike at all lines.
+    """
+    means = outputs.reshape(-1, period, outputs.shape[1]).mean(axis=1)
+    ends = 2.0 * means[[0, -1]] - means[[1, -2]]
+    places = period * (np.arange(-1, len(means) + 1) + 0.5) - 0.5
+    known = np.vstack([ends[:1], means, ends[1:]])
+    time = np.arange(len(outputs))
+    return np.column_stack([np.interp(time, places, y) for y in known.T])
+
+
+def _judged(
+    stretches: Sequence[HeldOut], fit_level: bool, on: Literal["validation", "estimation"]
+) -> Distortion:
+    """The division of the error on some samples, or why there is none."""
+    if not stretches or not stretches[0].model.inputs:
+        return Distortion("There is no input.", on)
+    longest = max(stretches, key=lambda stretch: stretch.recording.samples)
+    period = period_of(longest.recording.inputs)
+    if not period:
+        return Distortion("The input does not repeat over two periods or more.", on)
+    whole = [_Realisation.of(stretch, period, fit_level) for stretch in stretches]
+    kept = _of_one_kind([part for part in whole if part is not None], period)
+    if not kept:
+        return Distortion("There are no two whole periods to be simulated.", on)
+    periods = min(len(part.inputs) for part in kept)
+    u: Complex = np.stack([part.inputs[-periods:] for part in kept])
+    y: Complex = np.stack([part.outputs[-periods:] for part in kept])
+    response: Complex = np.stack([part.response[-periods:] for part in kept])
+    lines = Lines.of(u, period)
+    if not lines.by_realisations and np.sum(lines.left_out) < FEWEST_LINES:
+        return Distortion("Recordings with other phases, or fewer lines, would show it.", on)
+    split = []
+    for k, name in enumerate(stretches[0].recording.output_names):
+        scale, error, drift = (
+            float(np.mean([getattr(part, kind)[k] for part in kept]))
+            for kind in ("variance", "error", "drift")
+        )
+        spectra = y[..., k] / math.sqrt(scale), response[..., k] / math.sqrt(scale)
+        split.append(parts_of(name, (error / scale, drift / scale), u, *spectra, lines))
+    p_value = min(len(split) * min(p for _, p in split), 1.0)
+    separated = lines.by_realisations or lines.levels is not None
+    numbers = period, periods, len(kept), p_value, separated
+    return Distortion("", on, *numbers, tuple(parts for parts, _ in split))
+
+
+def _of_one_kind(whole: Sequence[_Realisation], period: int) -> list[_Realisation]:
+    """The realisations with the same lines as the first one, each of them once."""
+    kept: list[_Realisation] = []
+    for part in whole:
+        spectrum = part.inputs.mean(axis=0)
+        others = [known.inputs.mean(axis=0) for known in kept]
+        first = others[0] if others else spectrum
+        lines = excited_lines(first[None]), excited_lines(spectrum[None])
+        if np.array_equal(*lines) and not any(
+            same_realisation(spectrum, x, period) for x in others
+        ):
+            kept.append(part)
+    return kept
