@@ -20,7 +20,10 @@ from evopem.automatic.structures import compare_structures
 from evopem.config.settings import OrderRanges
 from evopem.errors import NoModelError
 from evopem.estimation.estimate import estimate
+from evopem.estimation.model_record import ModelRecord
+from evopem.files.json_form import load
 from evopem.models.orders import Orders
+from evopem.pipeline import complete_model
 from evopem.signals.recording import Segment
 
 SAMPLES = 120
@@ -46,6 +49,23 @@ def test_the_model_simulates_unseen_samples_as_well_as_the_true_structure_does()
     assert np.exp(np.mean(np.log(ratios))) < 1.2
     assert len({each.subject for each in found.decisions}) == len(found.decisions)
     assert all(each.sentence.endswith(".") for each in found.decisions)
+
+
+def test_a_model_of_another_purpose_that_is_not_found_ends_no_identification(monkeypatch):
+    estimate_choice, purposes = complete_model.estimate_choice, []
+
+    def unstable(choice, *given):
+        purposes.append(choice.purpose)
+        if choice.purpose == "prediction":
+            raise NoModelError("the descent found no stable model")
+        return estimate_choice(choice, *given)
+
+    monkeypatch.setattr(complete_model, "estimate_choice", unstable)
+    u, y, _ = output_error_record(200)
+    found = evopem.identify(u, y, 10.0, structure="oe", show_progress=False)
+    other = load(ModelRecord, found.files.other_model("prediction"))
+    assert purposes == ["simulation", "prediction"]
+    assert other.text == found.results.model.text
 
 
 def test_a_chirp_gets_interleaved_folds():

@@ -112,10 +112,10 @@ def complete_model(
             try:
                 other, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
             except InputError as error:
-                # What a structure meets depends on the orders that it has come to.
-                if not error.source.startswith(f"datasets.{files.name}.constraints"):
-                    raise
-                other, _ = _record_of(*given, FitSettings())
+                # What a structure meets depends on the orders that it has come to; where a descent
+                # ends at no stable model, the first one serves this purpose as well.
+                constrained = error.source.startswith(f"datasets.{files.name}.constraints")
+                other = _record_of(*given, FitSettings())[0] if constrained else record
             save(other, files.other_model(purpose))
     model, names = record.model, (record.input_names, record.output_names)
     plant = None if record.orders is not None else record.plant
