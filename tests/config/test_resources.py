@@ -58,6 +58,18 @@ def test_a_job_that_estimates_asks_for_its_processes(recorded, simulated):
 
 
 @pytest.mark.parametrize(
+    ("outputs", "megabytes"), [("2", 400 + 400 + 800), ("[2, 3]", 1200 + 3200), ("y_*", 4400)]
+)
+def test_the_automatic_recipe_asks_by_the_size_of_recordings_and_compares_outputs_on_all_samples(
+    recorded, outputs, megabytes
+):
+    found = dataset(f"file: a.csv, validation_file: b.csv, input: [1, 4], output: {outputs}")
+    assert configuration.estimation_memory(found, threads=1, attempt=1) == megabytes
+    assert configuration.estimation_time(found, None, "auto", threads=1, attempt=1) == 60 + 960
+    assert configuration.recording_seconds(found) == 15 + 4000
+
+
+@pytest.mark.parametrize(
     ("phase", "per_job", "threads", "minutes"),
     [
         # 2 s and 2 ns for each of 20 000 evaluations of 5000 * 46 entries: 11.2 s a candidate.
