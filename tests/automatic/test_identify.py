@@ -141,7 +141,7 @@ def test_folds_that_a_model_does_not_lead_to_are_estimated_anew(monkeypatch):
 
 
 def test_state_space_competes_with_polynomials_by_the_same_scores():
-    u, y, _ = output_error_record(400)
+    u, y, _ = output_error_record(800)
     stretches = [Segment(u, y)]
     limits = OrderLimits(ranges=OrderRanges(nx=(1, 3), plant=(1, 3)))
     scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), limits, (1,))

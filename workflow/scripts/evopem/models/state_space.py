@@ -193,6 +193,18 @@ class StateSpaceModel:
         free = self._free_responses(self.predictor, len(errors))
         return fitted(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
 
+    def simulate_on(self, inputs: ArrayLike, outputs: ArrayLike, known: int) -> Array:
+        """Simulation, (N - known, ny), from the state that the ``known`` first outputs lead to.
+
+        It is that of the one-step predictor behind them, from the initial state that fits them.
+        """
+        u, y = self._signals(inputs, outputs)
+        initial = self.prediction_state(np.asarray(inputs)[:known], np.asarray(outputs)[:known])
+        drive = u @ (self.B - self.K @ self.D).T + (y - self.level) @ self.K.T
+        last = states_of(self.predictor, drive[: known + 1], initial)[-1]
+        states = states_of(self.A, u[known:] @ self.B.T, last)
+        return np.asarray(states @ self.C.T + u[known:] @ self.D.T + self.level)
+
     def with_fitted_level(self, inputs: ArrayLike, outputs: ArrayLike) -> Self:
         """The model with the level whose prediction errors are smallest, states fitted as well."""
         model = replace(self, level=np.zeros(self.outputs))

@@ -148,20 +148,22 @@ def held_out_scores(
     scale = np.where(scale > 0.0, scale, 1.0)
     shortest = min(SHORTEST_BLOCK, total_samples(stretches) // 4)
     logarithms, of_folds = [], []
-    for folds, blocks in plan.designs:
+    for design in plan.designs:
         of_design = []
-        edges = _response_edges(stretches, folds) if plan.by_energy else None
-        for fold in folds_of(stretches, folds, blocks, shortest, edges):
+        edges = _response_edges(stretches, design[0]) if plan.by_energy else None
+        folds = folds_of(stretches, *design, shortest, edges)
+        # The beginning of a recording determines state and level poorly.
+        has_past = any(before.samples for fold in folds for before in fold.before)
+        for fold in folds:
+            parts = list(zip(fold.before, fold.held_out, strict=True))
+            parts = [part for part in parts if part[0].samples or not has_past]
+            if not parts:
+                continue
             try:
                 model = estimate(fold.training)
             except NoModelError:
                 return HeldOutScores()
-            parts = list(zip(fold.before, fold.held_out, strict=True))
-            # The beginning of a recording alone determines state and level poorly.
-            settled = [part for part in parts if part[0].samples or part[1].samples >= shortest]
-            of_design.append(
-                np.sum([_errors_on(model, *part, absolute) for part in settled or parts], axis=0)
-            )
+            of_design.append(np.sum([_errors_on(model, *part, absolute) for part in parts], axis=0))
         sums, counts = np.sum(of_design, axis=0)
         if not (counts[2] > 0).all():
             return HeldOutScores()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.models.polynomial import Model, simulated_form, state_space_of
+from evopem.models.polynomial import Model, PolynomialModel, simulated_form, state_space_of
 from evopem.models.states import first_samples
 from evopem.signals.recording import Segment
 
@@ -22,10 +22,12 @@ def simulated_on(
 ) -> Array:
     """Simulation of held-out samples whose outputs determine no state, (M, l), of the last M.
 
-    It runs on from the samples before, which determine its initial state; without any, the first
+    It runs on from the samples before, which determine its initial state: that of the predictor
+    where noise and input move the same states, else the one that fits them.  Without any, the first
     tenth of the held-out samples do, and are not scored.  A state that were fitted to what is
     scored would draw slow waves through drifts with poles near the unit circle.  With
-    ``fitted_level`` a constant is fitted to the scored samples; ``robust`` takes its median.
+    ``fitted_level`` a constant is fitted to the scored samples; ``robust`` takes its median, and
+    the state that fits best.
     """
     known = before.samples or first_samples(held_out.samples)
     both = _joined(before, held_out)
@@ -33,14 +35,25 @@ def simulated_on(
     with np.errstate(all="ignore"):
         computed = np.full(outputs.shape, np.inf)
         if np.abs(states.poles()).max(initial=0.0) < STABLE:
-            computed = states.simulate_from_fitted_state(
-                inputs, outputs, fitted_level, robust, known
-            )
+            if before.samples and not robust and _moves_states_of_plant(model):
+                form = state_space_of(replace(model, covariance=None))
+                computed[known:] = form.simulate_on(inputs, outputs, known)
+            else:
+                computed = states.simulate_from_fitted_state(
+                    inputs, outputs, fitted_level, robust, known
+                )
         computed, measured = computed[known:], outputs[known:]
         if fitted_level:
             centre = np.median if robust else np.mean
             computed = computed + centre(measured - computed, axis=0)
     return np.asarray(computed)
+
+
+def _moves_states_of_plant(model: Model) -> bool:
+    """Whether noise and input have poles in common."""
+    if isinstance(model, PolynomialModel):
+        return model.orders.na > 0
+    return bool(model.K.any())
 
 
 def errors_simulated_on(
