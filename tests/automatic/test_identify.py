@@ -99,6 +99,43 @@ def test_feedback_does_not_lead_to_an_output_error_model():
     assert error_percent(x, simulated(chosen.model, Segment(u, x), fitted_level=True)[:, 0]) < 25.0
 
 
+def test_a_regularised_response_takes_the_place_of_a_worse_choice():
+    """A response of forty random decaying coefficients, which no small model has."""
+    generator = np.random.default_rng(1)
+    b = generator.standard_normal(40) * np.exp(-np.arange(40) / 8.0)
+    u, e = generator.standard_normal((2, 300))
+    y = lfilter(np.r_[0.0, b], [1.0], u)
+    stretches = [Segment(u, y + 0.5 * y.std() * e)]
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), delays=(1,))
+    searches = [search_structure(scorer, each, {}) for each in ("fir", "impulse", "arx", "oe")]
+    compared = compare_structures(scorer, searches)
+    chosen = compared.choice("simulation").candidate
+    assert chosen.structure == "impulse"
+    (decision,) = (d for d in compared.decisions if d.subject == "structure for simulation")
+    assert "one of the simplest models" in decision.sentence
+    others = compare_structures(scorer, [searches[0], *searches[2:]]).choice("simulation")
+    errors = [
+        np.linalg.norm(each.model.impulse_response(60)[1:41, 0, 0] - b)
+        for each in (chosen, others.candidate)
+    ]
+    assert errors[0] < 0.9 * errors[1]
+
+
+def test_results_of_a_regularised_response_claim_no_order_noise_model_or_search(tmp_path):
+    u, y, _ = output_error_record(400, percent=10.0)
+    found = evopem.identify(u, y + 3.0, 10.0, structure="impulse", show_progress=False)
+    assert found.model.structure == "impulse"
+    assert found.verdict.startswith("Good for simulation from the input")
+    assert "not for modes" in found.verdict
+    judged = {each.name: each for each in found.checks}
+    assert not {"Search repeatable", "Orders inside their search ranges"} & set(judged)
+    assert "claim nothing of the noise" in judged["White residuals"].statement
+    assert "Excitation adequate" not in judged
+    loaded = evopem.load(found.save(tmp_path / "saved") / "model.json")
+    assert np.array_equal(loaded.covariance.factor, found.model.covariance.factor)
+    assert np.array_equal(loaded.simulate(u), found.model.simulate(u))
+
+
 def test_candidates_far_behind_are_not_scored_on_held_out_samples():
     u, y, _ = output_error_record(400)
     stretches = [Segment(u, y)]

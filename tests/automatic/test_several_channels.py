@@ -13,6 +13,7 @@ from evopem.automatic.candidates import Candidate, OrderLimits, Scorer
 from evopem.automatic.chosen_model import estimate_candidate
 from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds, held_out_scores
 from evopem.automatic.fit import CommonSettings
+from evopem.automatic.fold_errors import as_good
 from evopem.automatic.orders import (
     SINGLE_STEPS,
     decide_delays,
@@ -21,7 +22,7 @@ from evopem.automatic.orders import (
 )
 from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.state_space import recording_of, task_of, until_bic_rises
-from evopem.automatic.structures import Choice, as_good, compare_structures
+from evopem.automatic.structures import Choice, compare_structures
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings, OrderRanges, SearchSettings
 from evopem.errors import NoModelError

@@ -8,7 +8,8 @@ import pytest
 
 from evopem.automatic.candidates import Candidate
 from evopem.automatic.cross_validation.folds import HeldOutScores
-from evopem.automatic.structures import _smallest_as_good, as_good
+from evopem.automatic.fold_errors import as_good, never_behind, simplest
+from evopem.automatic.structures import _smallest_as_good
 from evopem.models.polynomial import PolynomialModel
 
 SAMPLES, ONE = 500, np.ones(1)
@@ -30,8 +31,7 @@ def chosen(*candidates, failed=None):
     if failed is not None:
         checks[id(failed)] = SimpleNamespace(failed=("Excitation adequate",), whiteness=0.5)
     scorer = SimpleNamespace(independent_samples=SAMPLES, checks=lambda each: checks[id(each)])
-    best = min(candidates, key=lambda each: each.scores.simulation)
-    return _smallest_as_good(scorer, candidates, best, "simulation")
+    return _smallest_as_good(scorer, candidates, "simulation")
 
 
 def test_of_models_that_are_as_good_the_smallest_is_taken():
@@ -70,3 +70,25 @@ def test_the_standard_error_is_that_of_the_difference():
     assert np.std(NOISE) > 0.05
     assert not as_good(candidate(8, (0.03, 0.031, 0.029, 0.03, 0.03)), candidate(9), "simulation")
     assert as_good(candidate(8, (0.03, -0.03, 0.03, -0.02, 0.0)), candidate(9), "simulation")
+
+
+@pytest.mark.parametrize(
+    ("effect", "is_taken"),
+    [
+        ((-0.05, -0.06, -0.05, -0.07, -0.06), True),
+        ((-0.01, -0.012, -0.008, -0.011, -0.009), False),  # in every fold, but by 1 %
+        ((-0.4, 0.3, -0.5, 0.3, 0.2), False),  # by chance
+    ],
+)
+def test_one_of_the_simplest_that_is_clearly_better_takes_the_place_of_a_choice(effect, is_taken):
+    chosen, simple = candidate(8), replace(candidate(60, effect), structure="impulse")
+    found, sentence = never_behind([chosen, simple], "simulation", chosen, "It is likely.")
+    assert found is (simple if is_taken else chosen)
+    assert ("one of the simplest models" in sentence) == is_taken
+
+
+def test_the_simplest_are_gain_small_output_error_models_arx_and_regularised_responses():
+    gain, response = (replace(candidate(1), structure=name) for name in ("fir", "impulse"))
+    arx = [replace(candidate(n), structure="arx", bic=float(n)) for n in (4, 2)]
+    candidates = [gain, response, *arx, candidate(1), candidate(2), candidate(3)]
+    assert set(simplest(candidates)) == {gain, response, arx[1], *candidates[4:6]}

@@ -91,6 +91,7 @@ def test_the_complete_configuration_gives_the_same_settings(keys):
         (", delay: {orders: 3}", "datasets.pump.delay.orders: the automatic recipe has no such"),
         (", search: {prune: true}", "datasets.pump.search.prune: the automatic recipe has no such"),
         (", structure: oe, orders: {nc: 2}", "datasets.pump.orders.nc: structure oe has no such"),
+        (", structure: impulse, recipe: chapter", "orders, and a regularised response has none"),
         (", purpose: control", "give what the model is for, auto, simulation, prediction or modes"),
         (", split: {estimation: 1.0}", "takes all samples, so none are left to validate on"),
     ],

@@ -98,8 +98,9 @@ def test_a_configuration_and_python_accept_the_same(model):
         refused = from_python(model, *cell)
         assert from_configuration(keys_of(model, *cell)) == refused, cell
         accepted += not refused
-    # Of 144: a polynomial model has one output, and fir no poles that could be required.
-    fewest = {"fir": 24, "ss": 96, "ss_bj": 48}
+    # Of 144: a polynomial model has one output, fir no poles that could be required, and
+    # impulse a prior of its own.
+    fewest = {"fir": 24, "impulse": 24, "ss": 96, "ss_bj": 48}
     assert accepted == fewest.get(model, 72 if is_polynomial(model) else 144)
 
 

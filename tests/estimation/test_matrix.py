@@ -21,6 +21,7 @@ SAMPLES, NOISE = 150, 0.01
 
 POLYNOMIALS = {
     "fir": {"nb": 18},
+    "impulse": {"nb": 18},
     "arx": {"na": 1, "nb": 1},
     "armax": {"na": 1, "nb": 1, "nc": 1},
     "ararx": {"na": 1, "nb": 1, "nd": 1},
@@ -38,6 +39,7 @@ CONSTRAINTS = (None, Constraints(max_pole_radius=0.95))
 TWO_NOISE_MODELS = "has poles of the plant and of its noise model in one matrix"
 ONE_OUTPUT = "a polynomial model has one output"
 NO_POLES = "has no plant with poles"
+OWN_PRIOR = "has a prior of its own alone"
 WITHOUT_GAIN = "errors of simulation do not depend on the gain K"
 
 
@@ -79,7 +81,7 @@ def orders_of(structure, inputs, outputs):
 
 
 # Cells that are estimated, of 96, and of 48 in state space, where both numbers of channels change.
-FEWEST = dict.fromkeys(POLYNOMIALS, 48) | {"fir": 24}
+FEWEST = dict.fromkeys(POLYNOMIALS, 48) | {"fir": 24, "impulse": 24}
 FEWEST |= {"ss": 32, "ss_oe": 48, "ss_oe_drift": 48, "ss_bj": 24}
 
 
@@ -93,7 +95,8 @@ def refused(structure, outputs, focus, constraints):
         return None
     if outputs > 1:
         return ONE_OUTPUT
-    return NO_POLES if structure == "fir" and constraints is not None else None
+    reasons = {"fir": NO_POLES, "impulse": OWN_PRIOR}
+    return reasons.get(structure) if constraints is not None else None
 
 
 def estimated(structure, inputs, outputs, recordings, focus, objective, constraints):

@@ -98,7 +98,7 @@ def test_the_graph_is_known_before_it_runs(folder):
     write_recording(folder.path / "pump.csv")
     folder.configure(configuration())
     planned = folder.planned()
-    assert planned["search_structure"] == 8
+    assert planned["search_structure"] == 9
     assert "estimate_candidates" not in planned
     folder.configure(configuration(structure="oe"))
     assert folder.planned()["search_structure"] == 3

@@ -11,6 +11,7 @@ from evopem.automatic.cross_validation.simulation import Model, prediction_error
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, CommonSettings, log_loss
 from evopem.config.structures import OF_SIMULATION
 from evopem.estimation.criteria import lies_at_bound
+from evopem.estimation.impulse_response import posterior
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import covariance_of, roots_at_bound
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -30,7 +31,7 @@ from evopem.validation.checks.roots import (
     INSIDE_BOUND,
     cancelling_pairs,
 )
-from evopem.validation.excitation import excitation_order
+from evopem.validation.excitation import excitation_order, needed_excitation
 from evopem.validation.residual_tests import (
     autocorrelation_of,
     correlation_with_input,
@@ -90,10 +91,14 @@ def _of_polynomials(
     errors = PolynomialErrors(
         *(stretches, orders, settings.objective, PLANT_RADIUS, NOISE_RADIUS, True)
     )
-    point = errors.completed_by_states(model)
-    covariance = covariance_of(
-        *(errors, point, errors.residuals(point), errors.scored_outputs()), errors.residual_counts()
-    )
+    if structure == "impulse":
+        response = posterior(errors)
+        point = response.point
+        covariance: ParameterCovariance | None = response.covariance(errors)
+    else:
+        point = errors.completed_by_states(model)
+        e, counts = errors.residuals(point), errors.residual_counts()
+        covariance = covariance_of(errors, point, e, errors.scored_outputs(), counts)
     tested = _Residuals.of(
         errors.stretches, [residuals[:, None] for residuals in errors.residuals_of_stretches(point)]
     )
@@ -115,7 +120,7 @@ def _of_polynomials(
         )
     else:
         cancels = bool(cancelling_pairs(model, covariance))
-    needed = [orders.na + nf + nb for nf, nb in zip(orders.nf, orders.nb, strict=True)]
+    needed = needed_excitation(orders)
     inputs = max(stretches, key=lambda stretch: stretch.samples).inputs
     excited = [excitation_order(u, n) >= n for u, n in zip(inputs.T, needed, strict=True)]
     further = {
@@ -123,9 +128,9 @@ def _of_polynomials(
         INSIDE_BOUND: roots_at_bound(errors, model),
         EXCITATION_ADEQUATE: not all(excited),
     }
+    doubted = () if structure == "impulse" else range(orders.inputs)
     later, shorter = (
-        tuple(i for i in range(orders.inputs) if _is_insignificant(model, covariance, i, end))
-        for end in (0, -1)
+        tuple(i for i in doubted if _is_insignificant(model, covariance, i, end)) for end in (0, -1)
     )
     failed = *checks.failed, *(name for name, fails in further.items() if fails)
     return replace(checks, failed=failed, later=later, shorter=shorter)

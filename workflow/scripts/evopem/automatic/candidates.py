@@ -29,6 +29,10 @@ from evopem.signals.recording import Recording, Segment, total_samples
 LARGEST_ORDER = 20
 # Samples for each parameter.
 SAMPLES_PER_PARAMETER = 8
+# Share of the samples between two breaks that a regularised response may take for its past.
+LONGEST_PAST = 0.7
+# Most coefficients of regularised responses of all inputs, whose cost grows with their cube.
+MOST_COEFFICIENTS = 250
 # An error must fall by this share to count as a gain; candidates are scored on folds until so many
 # in a row bring none: about a quarter of them, with the lowest errors of all.
 GAIN, SCORED_IN_VAIN = 0.005, 6
@@ -73,8 +77,7 @@ class OrderLimits:
         given = {name: getattr(orders, name) for name in STRUCTURES["general"]}
         for name in STRUCTURES[structure]:
             # The degree of A or F follows that of the plant.
-            varied = structure != "fir" and name == varied_order("plant", structure)
-            plant = self.ranges.plant if varied else None
+            plant = self.ranges.plant if name == varied_order("plant", structure) else None
             near = tuple(_nearest(order, ends or plant) for order, ends in self._each(name, orders))
             given[name] = near if name in PER_INPUT else near[0]
         return Orders(**given)
@@ -254,7 +257,7 @@ class Scorer:
         if key not in self._known:
             if not self.limits.allow(structure, orders):
                 return None
-            if orders.parameters + sum(orders.nf) + orders.noise_states > self.most_parameters:
+            if not self._carries(structure, orders):
                 return None
             try:
                 fitted = fit(
@@ -264,6 +267,16 @@ class Scorer:
                 return None
             self._known[key] = self.described(structure, fitted)
         return self.with_own_scores(self._known[key]) if scored else self._known[key]
+
+    def _carries(self, structure: str, orders: Orders) -> bool:
+        """Whether the record, and the training part of each fold, has samples for these orders."""
+        if structure == "impulse":
+            # Its prior stands in for samples; the first ones of each stretch have no known past.
+            blocks = max(folds * blocks for folds, blocks in self.plan.designs)
+            parts = max(len(self.stretches), blocks)
+            past = orders.first_residual <= LONGEST_PAST * self.samples / parts
+            return past and orders.parameters <= MOST_COEFFICIENTS
+        return orders.parameters + sum(orders.nf) + orders.noise_states <= self.most_parameters
 
     def with_scores(self, candidates: Sequence[Candidate]) -> list[Candidate]:
         """Candidates, of which those that may win have scores on held-out samples.

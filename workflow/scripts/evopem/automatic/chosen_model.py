@@ -10,15 +10,17 @@ import numpy as np
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import NOISE_RADIUS
+from evopem.automatic.fold_errors import Kind, as_good, score_of
 from evopem.automatic.orders import orders_of_size
 from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import task_of, weighting_of
-from evopem.automatic.structures import Choice, Kind, as_good, score_of
+from evopem.automatic.structures import Choice
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
 from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.estimate import estimate_polynomial
+from evopem.estimation.impulse_response import estimate_response
 from evopem.estimation.order_selection import REPEAT_FACTOR
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe, searched_objective
@@ -132,7 +134,7 @@ def _polynomials(
                 f"the chosen model has a root of a radius above {search.max_root_radius:g}",
                 "raise it",
             ) from None
-        if search.evaluations:
+        if search.evaluations and orders.structure != "impulse":
             estimate = _searched(estimate, estimation, orders, search, log)
     return estimate, scorer.limits.at_upper_ends(orders)
 
@@ -147,6 +149,8 @@ def refitted_estimate(
     with one_blas_thread():
         window = window_of(model.orders)
         errors = checked_errors(recording, model.orders, settings, window, level=True)
+        if model.structure == "impulse":
+            return estimate_response(errors, recording.sampling_rate)
         optimum = optimum_next_to(model, errors)
         if optimum is None:
             raise NoModelError("the descent found no finite errors")
@@ -253,6 +257,8 @@ def _about_search(
     if judged is None:
         alternative = Alternative(SEARCHED, score_of(choice.kind)(choice.candidate))
         sentence = f"The search found no lower minimum than that of {name}."
+        if choice.candidate.structure == "impulse":
+            sentence = "A regularised response has one optimum, which needs no search."
         return Decision(SUBJECT, SEARCHED, (alternative,), criterion, sentence)
     kinds: tuple[Kind, ...] = tuple(dict.fromkeys((choice.kind, "prediction")))
     worse = [

@@ -11,6 +11,7 @@ from evopem.automatic.cross_validation.simulation import Model
 from evopem.config.settings import Objective, OutputWeighting, SearchSettings
 from evopem.errors import NoModelError
 from evopem.estimation import criteria
+from evopem.estimation.impulse_response import posterior
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
 from evopem.estimation.search.staged_descent import DescentStage
@@ -80,9 +81,13 @@ def fit(
     the model, by default the smallest structure with these orders.  ``stages``: how descents end.
     ``level``: whether a constant is estimated for each recording.
 
+    A regularised response needs no start.
+
     Raises NoModelError when no stretch is long enough, or no start has finite prediction errors.
     """
     errors = PolynomialErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, level)
+    if structure == "impulse":
+        return _regularised(errors)
     problem = PolynomialProblem(errors, models, own_starts)
     starts = problem.starts()
     if len(starts) == 0:
@@ -100,6 +105,18 @@ def fit(
     )
     count = orders.parameters + len(levels)
     return Fit(model, count, residuals, orders.first_residual)
+
+
+def _regularised(errors: PolynomialErrors) -> Fit:
+    response, count = posterior(errors), errors.orders.parameters
+    model = model_of(
+        replace(errors.orders, structure="impulse"),
+        response.point,
+        level=float(response.point[count]) if errors.level else 0.0,
+        noise_variance=response.noise_variance,
+    )
+    residuals = tuple(e[:, None] for e in errors.residuals_of_stretches(response.point))
+    return Fit(model, response.parameters, residuals, errors.orders.first_residual)
 
 
 class ArxFit(NamedTuple):

@@ -35,6 +35,8 @@ from evopem.signals.recording import Segment
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something.
 PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, LARGEST_ORDER)
 LONG_PATH = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+# Lengths of regularised responses.
+RESPONSES = (16, 32, 70, 125)
 PATIENCE = 3
 # The BIC of one-step and of simulation errors must fall by this much to count as a gain.
 LEAST_GAINS = 0.002, 0.01
@@ -151,7 +153,7 @@ def _decision(structure: str, candidates: Sequence[Candidate], too_short: bool) 
 
 def _path(structure: str, delays: Sequence[int]) -> Iterator[list[Orders]]:
     """Orders from small to large; those of a step are alternatives of about the same size."""
-    for n in LONG_PATH if structure == "fir" else PATH:
+    for n in {"fir": LONG_PATH, "impulse": RESPONSES}.get(structure, PATH):
         yield orders_of_size(structure, n, delays)
     if structure == "arx":
         yield from (orders_of_size(structure, n, delays)[:1] for n in (30, 40))
@@ -166,6 +168,7 @@ def orders_of_size(structure: str, n: int, delays: Sequence[int]) -> list[Orders
 
     return {
         "fir": lambda: [o(n)],
+        "impulse": lambda: [o(n)],
         "arx": lambda: [o(n, na=n), o(2 * n, less=1, na=n)],
         **dict.fromkeys(("arma", "armax"), lambda: [o(n, na=n, nc=n)]),
         "ararx": lambda: [o(n, na=n, nd=max(n // 2, 1))],

@@ -6,6 +6,7 @@ from itertools import islice
 
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Trial
+from evopem.automatic.fold_errors import AS_GOOD, as_good, score_of
 from evopem.automatic.remedy_orders import (
     DELAY,
     LENGTH,
@@ -15,7 +16,7 @@ from evopem.automatic.remedy_orders import (
     earlier_delays,
     with_noise_models,
 )
-from evopem.automatic.structures import AS_GOOD, Choice, as_good, score_of
+from evopem.automatic.structures import Choice
 from evopem.models.orders import Orders
 from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.inputs import EXCITATION_ADEQUATE

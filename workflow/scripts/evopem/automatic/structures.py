@@ -16,18 +16,22 @@ from evopem.automatic.candidates import (
     StructureSearch,
 )
 from evopem.automatic.decision import Alternative, Decision
+from evopem.automatic.fold_errors import (
+    CLEAR_GAIN,
+    Kind,
+    as_good,
+    never_behind,
+    parametric,
+    score_of,
+    simplest,
+)
 from evopem.automatic.orders import refine_orders
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
-Kind = Literal["simulation", "fitted_level", "prediction"]
 Level = Literal["constant", "state"]
-# Models within so many standard errors of the lowest error, and within this share, are as good.
-STANDARD_ERRORS, AS_GOOD = 2.0, 0.1
-# Folds that are independent of each other, of those in all designs.
-INDEPENDENT_FOLDS = 4
 # Probability of feedback, or of residuals as coloured as these, by chance, from which a choice
 # depends on it: far rarer than that of a failed check.
 BY_CHANCE = 1e-3
@@ -41,9 +45,8 @@ HEAVY = 0.1
 MOST_WHEN_VALID, MOST_UNDER_FEEDBACK = 1.25, 1.35
 MOST_WHEN_ALL_HOLD = MOST_UNDER_HEAVY_TAILS = 3.0
 FINALISTS = 2
-# A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995),
-# and the share by which a simulation error must fall to overrule a choice without strong evidence.
-STRONG, CLEAR_GAIN = 6.0, 0.02
+# A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995).
+STRONG = 6.0
 
 
 @dataclass(frozen=True)
@@ -81,11 +84,6 @@ def _kind_of(level: Level) -> Kind:
     return "fitted_level" if level == "state" else "simulation"
 
 
-def score_of(kind: Kind) -> Score:
-    """The error of a candidate on held-out samples."""
-    return lambda candidate: float(getattr(candidate.scores, kind))
-
-
 def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> Comparison:
     """Choose a model for each purpose among the candidates of all structures.
 
@@ -99,7 +97,10 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     """
     eligible = [candidate for search in searches for candidate in _eligible(search)]
     others = [c for search in searches for c in search.candidates if c not in eligible]
-    candidates = [*scorer.with_scores(eligible), *others]
+    for candidate in simplest(eligible):
+        scorer.with_own_scores(candidate)
+    scored = scorer.with_scores(parametric(eligible))
+    candidates = [*dict.fromkeys(map(scorer.known, [*scored, *eligible])), *others]
     if not candidates:
         if all(search.too_short for search in searches):
             raise NoModelError("the record is too short for a model of any structure")
@@ -121,10 +122,10 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
             about_level = of_chosen if level == "state" else about_level
         choices.append(Choice("simulation", scorer.on_all_samples(simulation), level))
         decisions += [about_level, about]
-    best = min(candidates, key=score_of("prediction"))
-    prediction, sentence = _smallest_as_good(scorer, candidates, best, "prediction")
+    searched = parametric(candidates)
+    prediction, sentence = _smallest_as_good(scorer, searched, "prediction")
     choices.append(Choice("prediction", scorer.on_all_samples(prediction), "constant"))
-    modes = min([c for c in candidates if c.has_poles] or candidates, key=BIC)
+    modes = min([c for c in searched if c.has_poles] or searched, key=BIC)
     choices.append(Choice("modes", scorer.on_all_samples(modes), "constant"))
     decisions += [
         _named(
@@ -169,7 +170,7 @@ def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]
 
     Several inputs begin with the same orders, also in a model that is taken for its likelihood.
     """
-    polynomials = [candidate for candidate in candidates if candidate.polynomials is not None]
+    polynomials = [c for c in parametric(candidates) if c.polynomials is not None]
     names = dict.fromkeys(polynomial.structure for polynomial in polynomials)
     best = (min((c for c in polynomials if c.structure == n), key=score) for n in names)
     finalists = sorted(best, key=score)[:FINALISTS]
@@ -181,29 +182,32 @@ def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]
 def _for_simulation(
     scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
 ) -> tuple[Candidate, Decision]:
-    score = score_of(kind)
-    best = min(candidates, key=score)
-    chosen, sentence = _by_likelihood(scorer, candidates, kind) or _smallest_as_good(
-        scorer, candidates, best, kind
-    )
+    score, searched = score_of(kind), parametric(candidates)
+    lowest = score(min(candidates, key=score))
+    choice = _despite_simulations(scorer, searched, score, lowest)
+    if choice is None:
+        choice = _by_likelihood(scorer, searched, kind, lowest)
+        choice = choice or _smallest_as_good(scorer, searched, kind)
+        choice = never_behind(candidates, kind, *choice)
+    chosen, sentence = choice
     criterion = "simulation error on held-out samples, %"
     return chosen, _named(
         "structure for simulation", chosen, candidates, score, criterion, sentence
     )
 
 
-def _by_likelihood(
-    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
+def _despite_simulations(
+    scorer: Scorer, candidates: Sequence[Candidate], score: Score, lowest: float
 ) -> tuple[Candidate, str] | None:
     """A model by its likelihood, where simulation errors mislead and nothing speaks against it.
 
-    Maximum likelihood is efficient where the residuals are white and independent of the input, and
-    unbiased under feedback.  Simulation errors contain the noise as a whole; where it is narrow in
-    frequency or heavy-tailed, they differ by chance by far more than the models do.
+    ``lowest``: simulation error of all models.
+
+    Maximum likelihood is unbiased under feedback.  Simulation errors contain the noise as a whole;
+    where it is heavy-tailed, they differ by chance by far more than the models do.
     """
-    score = score_of(kind)
     likeliest = min(candidates, key=BIC)
-    ratio = score(likeliest) / min(map(score, candidates))
+    ratio = score(likeliest) / lowest
     if (
         scorer.settings.objective == "absolute"
         and _passes_through_plant(likeliest)
@@ -216,18 +220,40 @@ def _by_likelihood(
             f"errors are not robust against them. {likeliest.name} has the lowest BIC, of the "
             "absolute one-step errors."
         )
-    checks = scorer.checks(likeliest)
-    largest = MOST_WHEN_VALID if checks.failed else MOST_WHEN_ALL_HOLD
-    if not (ratio < max(largest, MOST_UNDER_FEEDBACK) and checks.whiteness >= BY_CHANCE):
+    largest = max(_largest_ratio(scorer, likeliest), MOST_UNDER_FEEDBACK)
+    if not (ratio < largest and scorer.checks(likeliest).whiteness >= BY_CHANCE):
         return None
     feedback = feedback_probability(likeliest.model, scorer.stretches)
-    if feedback < BY_CHANCE:
-        return likeliest, (
-            f"The input depends on past residuals (p = {feedback:.1g}): the record was made under "
-            f"feedback, where simulation errors are biased. {likeliest.name} has the lowest BIC "
-            "and white residuals."
-        )
-    if not (ratio < largest and INDEPENDENT_OF_INPUT not in checks.failed):
+    if feedback >= BY_CHANCE:
+        return None
+    return likeliest, (
+        f"The input depends on past residuals (p = {feedback:.1g}): the record was made under "
+        f"feedback, where simulation errors are biased. {likeliest.name} has the lowest BIC "
+        "and white residuals."
+    )
+
+
+def _largest_ratio(scorer: Scorer, likeliest: Candidate) -> float:
+    """The largest simulation error, over the lowest one, of a model taken for its likelihood."""
+    return MOST_WHEN_VALID if scorer.checks(likeliest).failed else MOST_WHEN_ALL_HOLD
+
+
+def _by_likelihood(
+    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, lowest: float
+) -> tuple[Candidate, str] | None:
+    """A model by its likelihood, where it is valid.
+
+    Maximum likelihood is efficient where the residuals are white and independent of the input.
+    Simulation errors contain the noise as a whole; where it is narrow in frequency, they differ by
+    chance by far more than the models do.
+    """
+    score, likeliest = score_of(kind), min(candidates, key=BIC)
+    checks = scorer.checks(likeliest)
+    if not (
+        score(likeliest) / lowest < _largest_ratio(scorer, likeliest)
+        and checks.whiteness >= BY_CHANCE
+        and INDEPENDENT_OF_INPUT not in checks.failed
+    ):
         return None
     near = _without_evidence(scorer, candidates, *_criteria(likeliest))
     best = min(near, key=score)
@@ -287,9 +313,10 @@ def _smallest(scorer: Scorer, candidates: Sequence[Candidate], *criteria: Score)
 
 
 def _smallest_as_good(
-    scorer: Scorer, candidates: Sequence[Candidate], best: Candidate, kind: Kind
+    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
 ) -> tuple[Candidate, str]:
     """The smallest of those that do as well on held-out samples as the best."""
+    best = min(candidates, key=score_of(kind))
     does = "predicts" if kind == "prediction" else "simulates"
     equal = list(candidates)
     if np.isfinite(score_of(kind)(best)):
@@ -309,24 +336,6 @@ def _smallest_as_good(
         " it fails the fewest checks, and is the smallest, of those against which the BIC of "
         f"{errors} errors gives no strong evidence."
     )
-
-
-def as_good(
-    candidate: Candidate, best: Candidate, kind: Kind, standard_errors: float = STANDARD_ERRORS
-) -> bool:
-    """Whether a model does as well on held-out samples as another.
-
-    Within some standard errors of the mean difference of the folds, and within 10 %.
-    """
-    score = score_of(kind)
-    folds = [getattr(model.scores, f"{kind}_folds") for model in (candidate, best)]
-    if len(folds[0]) != len(folds[1]) or not np.isfinite(score(candidate)):
-        return candidate is best
-    largest = AS_GOOD
-    if len(folds[0]) > 1:
-        deviation = float(np.std(np.subtract(*folds), ddof=1))
-        largest = min(standard_errors * deviation / np.sqrt(INDEPENDENT_FOLDS), AS_GOOD)
-    return float(np.log(score(candidate) / score(best))) <= largest
 
 
 def _named(

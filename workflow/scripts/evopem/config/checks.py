@@ -16,7 +16,7 @@ from evopem.config.schema import ALL_SAMPLES
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import Place
 from evopem.config.strict_yaml import Keys
-from evopem.config.structures import STRUCTURES, check_model, has_input, phases_of
+from evopem.config.structures import STRUCTURES, WITHOUT_POLES, check_model, has_input, phases_of
 from evopem.errors import InputError
 
 STATE_SPACE_KEYS = ("form", "weighting", "geometry")
@@ -64,7 +64,7 @@ class Kind:
         if self.by_chapter:
             return tuple(name for name in phases_of(self.structure or "armax") if name != "delay")
         names = STRUCTURES[self.structure or "general"]
-        plant = ("plant",) if self.structure != "fir" else ()
+        plant = ("plant",) if self.structure not in WITHOUT_POLES else ()
         states = () if self.structure else ("nx",)
         return (*states, *plant, *(name for name in names if name != "nk"))
 
@@ -133,6 +133,9 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     if kind.by_chapter and (structure == STATE_SPACE or not (kind.are_pair or alone)):
         problem = "the chapter's recipe has a polynomial model, and one input and one output"
         at.refuse("recipe", problem, "remove the key: recipe auto finds models of all channels")
+    if kind.by_chapter and structure == "impulse":
+        problem = "the chapter's recipe searches orders, and a regularised response has none"
+        at.refuse("recipe", problem, "remove the key, or write structure: fir")
     if kind.by_chapter and not inputs and keys.get("transforms", {}).get("difference_input"):
         problem = f"{polynomial} has no input to difference"
         at.refuse("transforms.difference_input", problem, "set it to 0")

@@ -24,7 +24,9 @@ from evopem.config.strict_yaml import Keys
 Range = tuple[int, int]
 """Lower and upper end of a range of orders, both included."""
 
-Structure = Literal["fir", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"]
+Structure = Literal[
+    "fir", "impulse", "arx", "arma", "armax", "ararx", "ararmax", "oe", "bj", "general"
+]
 StateSpaceForm = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 OutputWeighting = Literal["determinant", "noise", "power"]
 Objective = Literal["absolute", "quadratic"]

@@ -12,6 +12,7 @@ from evopem.errors import InputError
 STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "fir": ("nb", "nk"),
+        "impulse": ("nb", "nk"),
         "arx": ("na", "nb", "nk"),
         "arma": ("na", "nc"),
         "armax": ("na", "nb", "nc", "nk"),
@@ -25,6 +26,9 @@ STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 ORDER_NAMES = STRUCTURES["general"]
 
+WITHOUT_POLES = ("fir", "impulse")
+"""Structures whose plant is B alone; the coefficients of ``impulse`` have a prior."""
+
 PHASES = ("delay", "plant", "nc", "nd", "na", "nb")
 """Every phase of an order search, in their order: each takes its predecessor's selection."""
 
@@ -33,6 +37,7 @@ PHASES = ("delay", "plant", "nc", "nd", "na", "nb")
 NESTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "fir": (),
+        "impulse": (),
         "arx": (),
         "armax": ("arx",),
         "oe": ("armax",),
@@ -66,7 +71,7 @@ def has_input(structure: str) -> bool:
 
 def phases_of(structure: str) -> tuple[str, ...]:
     """The phases of a structure's order search, in their order."""
-    existing = {*STRUCTURES[structure]} | ({"plant"} if structure != "fir" else set())
+    existing = {*STRUCTURES[structure]} | (set() if structure in WITHOUT_POLES else {"plant"})
     if "nk" in existing:
         existing.add("delay")
     if structure != "general":
@@ -84,8 +89,8 @@ def varied_order(phase: str, structure: str) -> str:
 
 
 def plant_order(structure: str) -> str:
-    """The order that is the plant order k in the first phase: nf, na, or nb for an FIR model."""
-    return "nb" if structure == "fir" else varied_order("plant", structure)
+    """The order that is the plant order k in the first phase: nf, na, or nb without poles."""
+    return "nb" if structure in WITHOUT_POLES else varied_order("plant", structure)
 
 
 def structure_name(structure: str) -> str:
@@ -101,7 +106,7 @@ STATE_SPACE_FORMS: Mapping[str, str] = MappingProxyType(
 OF_ABSOLUTE_ERRORS = "noise"
 """Weighting of the outputs by absolute errors, of which no determinant can be taken."""
 
-OF_SIMULATION = ("ss_oe", "ss_oe_drift", "oe", "fir")
+OF_SIMULATION = ("ss_oe", "ss_oe_drift", "oe", *WITHOUT_POLES)
 """Forms and structures that are fitted to errors of simulation."""
 
 
@@ -139,6 +144,9 @@ def check_model(
         key, problem = "constraints", "ss_bj has poles of the plant and of its noise model in one"
         problem += " matrix, and it is not said which of them are meant"
         remedy = "write ss_oe or ss, or a polynomial structure such as oe"
+    elif constraints is not None and structure == "impulse":
+        key, problem = "constraints", "a regularised response has a prior of its own alone"
+        remedy = "leave them out, or write another structure, such as fir"
     elif constraints is not None and structure in ("fir", "arma"):
         key, problem = "constraints", f"a model of structure {structure} has no plant with poles"
         remedy = "leave out what they require of poles"

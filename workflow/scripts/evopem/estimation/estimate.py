@@ -13,6 +13,7 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
 from evopem.config.structures import check_model
+from evopem.estimation.impulse_response import estimate_response
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import checked_errors
 from evopem.estimation.prediction_estimate import (
@@ -68,11 +69,12 @@ def estimate(
     sampling_rate : float
         Hz.
     structure : str
-        A key of :data:`evopem.config.structures.STRUCTURES`: ``fir``, ``arx``, ``arma``,
-        ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or ``general``, of one output; or in state
-        space ``ss``, innovations form with K, ``ss_oe``, output error with K = 0, ``ss_oe_drift``,
-        the same beside slow changes of the level, or ``ss_bj``, an optimum of innovations form next
-        to an output-error plant with a noise model of its own.
+        A key of :data:`evopem.config.structures.STRUCTURES`: ``fir``, ``impulse``, a regularised
+        response, ``arx``, ``arma``, ``armax``, ``ararx``, ``ararmax``, ``oe``, ``bj`` or
+        ``general``, of one output; or in state space ``ss``, innovations form with K, ``ss_oe``,
+        output error with K = 0, ``ss_oe_drift``, the same beside slow changes of the level, or
+        ``ss_bj``, an optimum of innovations form next to an output-error plant with a noise model
+        of its own.
     settings : SearchSettings, optional
     window : ScoringWindow, optional
         Of a polynomial model.
@@ -230,7 +232,9 @@ def estimate_polynomial(
         horizon = check_fit(focus, constraints, orders, rate, names)
         given, plain = constraints or Constraints(), constraints is None and focus == "prediction"
         task = EstimationTask(errors, rate, settings, given, names, log, optimum, earlier, target)
-        if plain:
+        if orders.structure == "impulse":
+            fitted = estimate_response(errors, rate)
+        elif plain:
             result = searched(task, *scaled_problem(errors))
             fitted = describe(errors, result, rate, shortest=True)
         elif earlier is not None:

@@ -12,7 +12,7 @@ import numpy as np
 from evopem.arrays import Array, Complex
 from evopem.config.constraints import Constraints
 from evopem.config.settings import Focus, ScoringWindow, SearchSettings
-from evopem.config.structures import STRUCTURES
+from evopem.config.structures import OF_SIMULATION, STRUCTURES
 from evopem.errors import InputError, checked_path
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics
@@ -189,7 +189,7 @@ class ModelRecord:
     def has_noise_model(self) -> bool:
         """Whether the model claims anything of the noise."""
         if isinstance(self.model, PolynomialModel):
-            return self.structure not in ("fir", "oe")
+            return self.structure not in OF_SIMULATION
         return bool(np.any(self.model.K))
 
     @property

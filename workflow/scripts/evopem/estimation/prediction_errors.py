@@ -82,7 +82,9 @@ def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states
     first = window.loss_start
     kept = [s for s in data.segments if s.samples > first + states or not data.is_joined]
     counted = sum(segment.samples - first for segment in kept)
-    estimated = orders.parameters + states * len(kept)
+    # A prior stands in for residuals of coefficients, not of levels.
+    regularised = orders.structure == "impulse"
+    estimated = len(kept) if regularised else orders.parameters + states * len(kept)
     if counted <= estimated and kept:
         raise NoModelError(
             f"{orders} needs more than {estimated} residuals for its coefficients and initial "

@@ -15,7 +15,7 @@ from evopem.automatic.structures import Choice
 from evopem.config.defaults import read_settings
 from evopem.config.order_grid import phases_of_dataset
 from evopem.config.settings import DatasetSettings
-from evopem.config.structures import searched_forms, structure_name
+from evopem.config.structures import WITHOUT_POLES, searched_forms, structure_name
 from evopem.errors import InputError
 from evopem.estimation.model_record import FORMS, ModelRecord, load_record
 from evopem.estimation.order_candidate import PhaseSelection
@@ -244,7 +244,8 @@ def _searched_range(
     name, key = "states of the plant", "orders.nx"
     if chosen.polynomials is not None:
         key = "orders.plant"
-        name = "coefficients of B" if chosen.structure == "fir" else "largest degree of A and F"
+        without = chosen.structure in WITHOUT_POLES
+        name = "coefficients of B" if without else "largest degree of A and F"
     return (OrderRange(name, key, chosen.order, min(tried), max(tried), least=2),)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Flags
+from evopem.models.orders import Orders
 from evopem.signals.spectra import multitaper_spectrum
 
 # An eigenvalue of the input's covariance this far below the largest counts as not excited:
@@ -54,6 +55,16 @@ class SplitSpectra:
     resolution_hz: float  # of both spectra
     # Whether ``share_outside`` is at most :data:`LARGEST_SHARE`; None where it is not known
     comparable: bool | None
+
+
+def needed_excitation(orders: Orders) -> list[int]:
+    """The order of excitation that the plant of each input asks for.
+
+    The coefficients of a regularised response have a prior beside what the input excites: 0.
+    """
+    if orders.structure == "impulse":
+        return [0] * orders.inputs
+    return [orders.na + nf + nb for nf, nb in zip(orders.nf, orders.nb, strict=True)]
 
 
 def split_spectra(

@@ -18,7 +18,7 @@ from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
 from evopem.validation.distortion import distortion_of
-from evopem.validation.excitation import excitation_order, split_spectra
+from evopem.validation.excitation import excitation_order, needed_excitation, split_spectra
 from evopem.validation.held_out_tests import (
     NO_TEST,
     HeldOutContribution,
@@ -277,8 +277,7 @@ def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]
     estimation, validation = prepared.estimation, prepared.validation
     inputs = []
     for k in range(model.inputs):
-        orders = model.orders if isinstance(model, PolynomialModel) else None
-        needed = orders.na + orders.nf[k] + orders.nb[k] if orders else 0
+        needed = needed_excitation(model.orders)[k] if isinstance(model, PolynomialModel) else 0
         u = estimation.inputs[:, k]
         inputs.append(
             InputValidation(

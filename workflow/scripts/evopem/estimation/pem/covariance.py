@@ -92,14 +92,21 @@ def whitened_covariance(
     if not np.isfinite(deviation):
         return None
     scores = scores_of(residuals, estimated, objective)
+    return tangent_covariance(fitted, *innovations_of(scores, estimated, deviation))
+
+
+def innovations_of(
+    scores: Array, estimated: int, deviation: float
+) -> tuple[tuple[Array, Array], float]:
+    """The noise filter of coloured scores, and the deviation of its innovations; of white ones 1
+    and their own ``deviation``."""
     centred = scores - scores.mean()
     whitening = autoregression(centred, MOST_COLOURING)
     if len(whitening) > 1:
         innovations = np.convolve(centred, whitening, mode="valid")
         # The innovations of signs are as large as those of residuals: their mean square.
-        variance = float(innovations @ innovations) / max(len(innovations) - estimated, 1)
-        deviation = float(np.sqrt(variance))
-    return tangent_covariance(fitted, (np.ones(1), whitening), deviation)
+        deviation = float(np.sqrt(innovation_variance(innovations, estimated)))
+    return (np.ones(1), whitening), deviation
 
 
 def is_coloured(residuals: Array) -> bool:
@@ -140,18 +147,20 @@ class Fitted:
         triangle = np.asarray(np.linalg.qr(np.concatenate([along, priors]), mode="r"))
         inverse, null_space = pseudo_inverse_factor(triangle)
         solve = self.tangent @ inverse @ inverse.T
-        backwards = self._backwards(along, noise_filter)
+        backwards = filtered_backwards(along, noise_filter, self.counts)
         return -solve @ backwards.T, -solve @ priors.T, self.tangent @ null_space
 
-    def _backwards(self, along: Array, noise_filter: tuple[Array, Array]) -> Array:
-        """Columns filtered backwards in time, each stretch alone."""
-        from scipy.signal import lfilter
 
-        if len(noise_filter[0]) == 1 and len(noise_filter[1]) == 1:
-            return along
-        joints = np.cumsum(np.asarray(self.counts, dtype=int))[:-1]
-        parts = np.split(along, joints)
-        return np.concatenate([lfilter(*noise_filter, part[::-1], axis=0)[::-1] for part in parts])
+def filtered_backwards(
+    columns: Array, noise_filter: tuple[Array, Array], counts: Sequence[int] = ()
+) -> Array:
+    """Columns filtered backwards in time, each of the stretches of so many rows alone."""
+    from scipy.signal import lfilter
+
+    if len(noise_filter[0]) == 1 and len(noise_filter[1]) == 1:
+        return columns
+    parts = np.split(columns, np.cumsum(np.asarray(counts, dtype=int))[:-1])
+    return np.concatenate([lfilter(*noise_filter, part[::-1], axis=0)[::-1] for part in parts])
 
 
 def tangent_covariance(

@@ -37,13 +37,16 @@ def ranges_of_phases(phases: Mapping[str, PhaseSelection]) -> tuple[OrderRange, 
 
 
 @check("Orders inside their search ranges", grade="note")
-def search_ranges(evidence: Evidence) -> Found:
+def search_ranges(evidence: Evidence) -> Found | None:
     """No selected order at an end of its range, unless the order cannot go beyond that end.
 
     The automatic recipe's ranges begin at 1, of many states of outputs alone eight below those of
-    their likeliest subspace estimate, and grow until nothing is gained.
+    their likeliest subspace estimate, and grow until nothing is gained.  The length of a
+    regularised response is no order.
     """
     model = evidence.model
+    if model.structure == "impulse":
+        return None
     if not evidence.ranges:
         kind = model.structure.upper()
         statement = f"{model.text} came of a remedy: no range of {kind} models was searched."
@@ -81,8 +84,13 @@ def search_ranges(evidence: Evidence) -> Found:
     " of lower order has fewer local minima.",
     "note",
 )
-def repeatability(evidence: Evidence) -> Found:
-    """A certified minimum: random points or restarts agree on it as the certificate requires."""
+def repeatability(evidence: Evidence) -> Found | None:
+    """A certified minimum: random points or restarts agree on it as the certificate requires.
+
+    A regularised response is not searched.
+    """
+    if evidence.model.structure == "impulse":
+        return None
     diagnostics = evidence.model.search.diagnostics
     # How often searches of this kind were wrong.
     measured = STATE_SPACE if evidence.model.orders is None else POLYNOMIALS

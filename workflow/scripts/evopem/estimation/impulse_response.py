@@ -1,0 +1,288 @@
+"""Regularised impulse responses: FIR models whose coefficients have a normal prior.
+
+The coefficients of each input have zero mean and a covariance P, a *kernel*, that makes them decay
+and be smooth (Chen, Ohlsson & Ljung 2012; Pillonetto et al. 2014).  What a kernel is scaled and
+shaped by, and the variance of the noise, have the largest marginal likelihood, computed from one QR
+decomposition of the regressors (Chen & Ljung 2013).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from evopem.arrays import Array
+from evopem.estimation.criteria import criteria_of
+from evopem.estimation.pem.covariance import filtered_backwards, innovations_of, is_coloured
+from evopem.estimation.pem.least_squares import triangle_of
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
+from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import model_of
+
+Kernel = Callable[[Array, int], tuple[Array, list[Array]]]
+"""P (n, n) of hyper-parameters, and its derivatives by each of them."""
+
+# Logarithms of the scale, of signals and coefficients of unit length, over the noise variance: of a
+# kernel that leaves nothing, and beyond which rounding counts.
+SCALES = (-12.0, 25.0)
+# Time constants of the decay in samples, the longest in lengths of the response, and the largest
+# Fisher transform of the correlation between neighbours.
+SHORTEST, LONGEST, MOST_CORRELATED = 0.3, 10.0, 4.0
+# Where searches begin: scales, and time constants in lengths of the response.
+FIRST_SCALES, FIRST_SHARES = (0.0, 4.0, 8.0), (0.02, 0.08, 0.3)
+# Relative change of twice the logarithm of the likelihood at which a search ends.
+CONVERGED = 1e-7
+
+
+def tuned_correlated(h: Array, n: int) -> tuple[Array, list[Array]]:
+    """TC: ``c λ^max(i, j)``; ``h`` the logarithms of c and of the time constant ``-1/ln λ``."""
+    lags, decay = np.arange(1.0, n + 1.0), -np.exp(-h[1])
+    last = np.maximum.outer(lags, lags)
+    p = np.exp(h[0] + decay * last)
+    return p, [p, -decay * last * p]
+
+
+def diagonal_correlated(h: Array, n: int) -> tuple[Array, list[Array]]:
+    """DC: ``c λ^((i + j)/2) ρ^|i - j|``; the third of ``h`` is ``artanh ρ``."""
+    lags, decay, rho = np.arange(1.0, n + 1.0), -np.exp(-h[1]), np.tanh(h[2])
+    mean, apart = 0.5 * np.add.outer(lags, lags), np.abs(np.subtract.outer(lags, lags))
+    size = np.exp(h[0] + decay * mean)
+    p = size * rho**apart
+    by_rho = size * apart * rho ** np.maximum(apart - 1.0, 0.0)
+    return p, [p, -decay * mean * p, (1.0 - rho**2) * by_rho]
+
+
+def stable_spline(h: Array, n: int) -> tuple[Array, list[Array]]:
+    """SS: ``c (λ^(i + j + max(i, j)) / 2 - λ^(3 max(i, j)) / 6)``; ``h`` as of TC."""
+    lags, decay = np.arange(1.0, n + 1.0), -np.exp(-h[1])
+    last = np.maximum.outer(lags, lags)
+    longer = np.add.outer(lags, lags) + last
+    first, second = 0.5 * np.exp(h[0] + decay * longer), np.exp(h[0] + 3.0 * decay * last) / 6.0
+    return first - second, [first - second, -decay * (longer * first - 3.0 * last * second)]
+
+
+KERNELS: dict[str, Kernel] = {
+    "TC": tuned_correlated,
+    "DC": diagonal_correlated,
+    "SS": stable_spline,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Marginal likelihood of a reduced regression ``y = X b + e``, its rows as many as needed.
+
+    ``blocks``: columns (k, n_i) of X of each input; ``target`` (k,) y; ``samples`` that they stand
+    for, those taken by levels not counted.
+    """
+
+    blocks: tuple[Array, ...]
+    target: Array
+    samples: int
+
+    def value(self, kernel: Kernel, hyper: Array) -> tuple[float, Array]:
+        """Minus twice the logarithm of the likelihood but for a constant, and its gradient.
+
+        ``hyper``: rows of the inputs one after the other, scales relative to the noise variance,
+        which has its likeliest value.
+        """
+        priors = [
+            kernel(h, x.shape[1]) for h, x in zip(self._rows(hyper), self.blocks, strict=True)
+        ]
+        covariance = np.eye(len(self.target))
+        for x, (p, _) in zip(self.blocks, priors, strict=True):
+            covariance += x @ p @ x.T
+        lower = np.linalg.cholesky(covariance)
+        inverse = np.linalg.inv(lower)
+        whitened = inverse @ self.target
+        power = float(whitened @ whitened)
+        value = self.samples * np.log(power) + 2.0 * float(np.sum(np.log(np.diag(lower))))
+        weighted, gradient = inverse.T @ whitened, []
+        for x, (_, derivatives) in zip(self.blocks, priors, strict=True):
+            half, b = inverse @ x, x.T @ weighted
+            by_p = half.T @ half - np.outer(b, b) * (self.samples / power)
+            gradient += [float(np.sum(by_p * by_hyper)) for by_hyper in derivatives]
+        return value, np.array(gradient)
+
+    def _rows(self, hyper: Array) -> Array:
+        return np.reshape(hyper, (len(self.blocks), -1))
+
+    def likeliest(self) -> tuple[Kernel, Array]:
+        """The kernel and the hyper-parameters of the largest likelihood of descents."""
+        optima, known = [], np.empty(0)
+        for name, kernel in KERNELS.items():
+            starts = list(self._starts())
+            if name == "DC":
+                # Of which TC is the case of ρ = √λ.
+                rows = self._rows(known)
+                rho = np.arctanh(np.minimum(np.exp(-0.5 * np.exp(-rows[:, 1])), 0.999))
+                starts = [np.column_stack([rows, rho])]
+            value, known = self._descended(kernel, starts)
+            optima.append((value, name, known))
+        _, name, hyper = min(optima, key=lambda optimum: optimum[0])
+        return KERNELS[name], hyper
+
+    def _starts(self) -> Iterator[Array]:
+        for scale, share in product(FIRST_SCALES, FIRST_SHARES):
+            yield np.array([(scale, np.log(share * x.shape[1])) for x in self.blocks])
+
+    def _descended(self, kernel: Kernel, starts: Sequence[Array]) -> tuple[float, Array]:
+        from scipy.optimize import minimize
+
+        first = starts[0]
+        if len(starts) > 1:
+            first = min(starts, key=lambda start: self.value(kernel, start.ravel())[0])
+        bounds = [
+            limits
+            for x in self.blocks
+            for limits in (
+                SCALES,
+                (np.log(SHORTEST), np.log(LONGEST * x.shape[1])),
+                (-MOST_CORRELATED, MOST_CORRELATED),
+            )[: first.shape[1]]
+        ]
+        ended = minimize(
+            lambda hyper: self.value(kernel, hyper),
+            np.clip(first.ravel(), *np.transpose(bounds)),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bounds,
+            options={"ftol": CONVERGED},
+        )
+        return float(ended.fun), np.asarray(ended.x)
+
+    def fitted(self, kernel: Kernel, hyper: Array) -> tuple[Array, Array, float, float]:
+        """Mean of b, a factor of its covariance over the noise variance, that variance, and the
+        trace of the hat matrix, by a QR decomposition that bears any noise variance."""
+        from scipy.linalg import block_diag
+
+        pairs = zip(self._rows(hyper), self.blocks, strict=True)
+        root = block_diag(*(_root(kernel(h, x.shape[1])[0]) for h, x in pairs))
+        # Of b = root beta, where beta has the variance of the noise.
+        x = np.hstack(self.blocks) @ root
+        orthogonal, upper = np.linalg.qr(np.vstack([x, np.eye(len(root))]))
+        inverse = np.linalg.inv(upper)
+        beta = inverse @ (orthogonal[: len(x)].T @ self.target)
+        left = self.target - x @ beta
+        variance = float(left @ left + beta @ beta) / self.samples
+        return root @ beta, root @ inverse, variance, len(root) - float(np.sum(inverse**2))
+
+
+def _root(matrix: Array) -> Array:
+    """A square root of a covariance matrix that rounding may have made indefinite."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """What samples tell of the coefficients and levels of a regularised response.
+
+    ``point`` as of :class:`.PolynomialErrors`, the mean; ``factor`` (n, r) of the covariance of the
+    coefficients for white noise; ``effective`` number of coefficients that the samples determine.
+    """
+
+    point: Array
+    factor: Array
+    noise_variance: float
+    effective: float
+
+    @property
+    def parameters(self) -> int:
+        """Coefficients that the samples determine, and levels."""
+        return round(self.effective) + len(self.point) - len(self.factor)
+
+    def covariance(self, errors: PolynomialErrors) -> ParameterCovariance:
+        """Covariance of the coefficients, of residuals of any colour.
+
+        With the gain ``K = S X'/s^2``, S the covariance for white noise of variance s^2, the error
+        of the mean is that of the prior, ``(I - K X) b``, and ``K v``, v the coloured noise.
+        """
+        nothing, residuals = np.zeros((len(self.factor), 0)), errors.residuals(self.point)
+        if not is_coloured(residuals):
+            return ParameterCovariance(self.factor, nothing)
+        jacobian, count = errors.jacobian(self.point), len(self.factor)
+        x, of_levels = jacobian[:, :count] @ self.factor, jacobian[:, count:]
+        x = x - of_levels @ np.linalg.lstsq(of_levels, x, rcond=None)[0]
+        s = np.sqrt(self.noise_variance)
+        noise_filter, deviation = innovations_of(residuals, round(self.effective), s)
+        back = filtered_backwards(x, noise_filter, errors.residual_counts())
+        of_prior = np.eye(x.shape[1]) - x.T @ x / s**2
+        both = of_prior + (deviation / s**2) ** 2 * (back.T @ back)
+        return ParameterCovariance(self.factor @ _root(both), nothing)
+
+
+def posterior(errors: PolynomialErrors) -> Posterior:
+    """The response of largest marginal likelihood to the samples of a problem of B and levels."""
+    count, levels = errors.orders.parameters, errors.levels
+    triangle = _triangle(errors)
+    # Levels have no prior: the rows below theirs are those of the likelihood without them.
+    below = triangle[levels:, levels:]
+    size = float(np.linalg.norm(below[:, -1])) or 1.0
+    blocks, units = [], []
+    for x in np.split(below[:, :-1], np.cumsum(errors.orders.nb)[:-1], axis=1):
+        units.append(float(np.linalg.norm(x)) / np.sqrt(x.shape[1]) or 1.0)
+        blocks.append(x / units[-1])
+    evidence = Evidence(tuple(blocks), below[:, -1] / size, errors.scored_samples - levels)
+    b, factor, variance, effective = evidence.fitted(*evidence.likeliest())
+    unit = size / np.repeat(units, errors.orders.nb)
+    point, variance = np.concatenate([unit * b, np.zeros(levels)]), size**2 * variance
+    if levels:
+        known = triangle[:levels, levels:-1] @ point[:count]
+        point[count:] = np.linalg.solve(triangle[:levels, :levels], triangle[:levels, -1] - known)
+    factor = np.sqrt(variance) / np.repeat(units, errors.orders.nb)[:, None] * factor
+    return Posterior(point, factor, variance, effective)
+
+
+def _triangle(errors: PolynomialErrors) -> Array:
+    """R of the regressors of levels and coefficients, and the outputs, as last column."""
+    origin, first = np.zeros(errors.dimension), 0
+    outputs, count = errors.residuals(origin), errors.orders.parameters
+
+    def rows() -> Iterator[Array]:
+        nonlocal first
+        for block in errors.jacobian_blocks(origin):
+            target = outputs[first : first + len(block)]
+            first += len(block)
+            yield np.column_stack([-block[:, count:], -block[:, :count], target])
+
+    return triangle_of(rows())
+
+
+def estimate_response(errors: PolynomialErrors, sampling_rate: float) -> PolynomialEstimate:
+    """The estimate of a regularised response, whose orders are those of ``errors``.
+
+    NoModelError when there are fewer samples than levels and one more.
+    """
+    response, orders, window = posterior(errors), errors.orders, errors.window
+    point, count = response.point, errors.orders.parameters
+    residuals = [stretch.residuals(at) for stretch, at in errors.of_stretches(point)]
+    counted = np.concatenate([e[window.loss_start :] for e in residuals])
+    for e in residuals:
+        e[: window.residual_start] = np.nan
+    outputs = errors.scored_outputs()
+    criteria = criteria_of(counted, outputs, errors.objective, response.parameters)
+    levels = tuple(point[count:].tolist())
+    model = model_of(
+        orders,
+        point,
+        sampling_rate=sampling_rate,
+        level=levels[0] if levels else 0.0,
+        noise_variance=response.noise_variance,
+        covariance=response.covariance(errors),
+    )
+    return PolynomialEstimate(
+        model=model,
+        criteria=criteria,
+        residuals=np.concatenate(residuals),
+        plant_state=np.empty(0),
+        noise_state=np.empty(0),
+        window=window,
+        at_stability_bound=False,
+        search=SearchResult(point, criteria.objective, SearchDiagnostics.none()),
+        focus_objective=criteria.objective,
+        levels=levels,
+    )
