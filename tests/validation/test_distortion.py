@@ -228,3 +228,14 @@ def test_the_error_in_words():
     assert found.prevails
     assert not none.prevails
     assert not replace(found, outputs=(replace(parts, rest=Part(5.0, 4.0, 6.0)),)).prevails
+
+
+@pytest.mark.parametrize("poles", [[1.0, -0.5], [1.0, -2.0 * np.cos(np.pi / 30.0), 1.0]])
+@pytest.mark.parametrize("gain", [0.0, 1.0])
+def test_a_constant_output_and_a_pole_at_a_line_are_not_judged(poles, gain):
+    u = np.sin(np.pi * np.arange(600) / 30.0)
+    model = PolynomialModel(A=[1.0], B=[[1.0]], F=[poles], nk=[1])
+    y = gain * np.random.default_rng(0).standard_normal(600)
+    found = distortion_of(stretches_of(model, Recording(u, y, 1.0)), (), False)
+    assert bool(found.reason) is (gain == 0.0 or len(poles) > 2)
+    assert all(np.isfinite(each.noise.percent) for each in found.outputs)

@@ -85,13 +85,13 @@ class _Realisation:
 
     @classmethod
     def of(cls, stretch: HeldOut, period: int, fit_level: bool) -> Self | None:
-        """The periods after transients; None where there are not two, or the model is unstable."""
+        """The periods after transients; None where there are not two, or nothing to compare."""
         first = stretch.unscored
         if stretch.recording.samples - first < 2 * period:  # all samples may be enough
             first = 0
         y, simulated = stretch.recording.outputs[first:], stretch.simulated(fit_level)[first:]
         count = len(y) // period
-        if count < 2 or not np.isfinite(simulated).all():
+        if count < 2 or not np.isfinite(simulated).all() or not np.ptp(y, axis=0).all():
             return None
         parts = y[len(y) - count * period :].reshape(count, period, -1)
         kept = (count - _transient_periods(parts)) * period
@@ -101,6 +101,8 @@ class _Realisation:
         gain = stretch.plant.frequency_response(lines)
         response = np.zeros((*inputs.shape[:2], y.shape[1]), dtype=complex)
         response[:, 1:] = np.einsum("flm,pfm->pfl", gain, inputs[:, 1:])
+        if not np.isfinite(response).all():
+            return None
         return cls(
             *(inputs, spectra_of_periods(y[-kept:] - drift, period), response),
             *(np.var(y[-kept:], axis=0), np.var(drift, axis=0)),
