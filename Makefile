@@ -7,6 +7,9 @@ FUZZ_SECONDS ?= 600
 TESTS ?= tests/models tests/files
 FIRST := tests/config tests/files tests/supply_chain tests/signals
 LONGEST := tests/workflow tests/packaging tests/fletcher_powell tests/estimation tests/pipeline
+# Tests of the workflow wait for processes, so one more than there are cores: with two more the
+# whole took no less time.
+WORKERS := $(shell echo $$(($$(nproc 2>/dev/null || echo 1) + 1)))
 EXTRAS := --extra workflow --extra slurm --extra control
 UPGRADE ?=
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
@@ -23,7 +26,7 @@ test: $(VENV)/installed-dev  ## run every test, and the examples of the docstrin
 	# First what compiles the kernels, and beside it what needs none.  Then the longest files, so that
 	# no process is left alone with one at the end.  A folder that holds another one would bring both
 	# into the order of their names.
-	$(BIN)/pytest --numprocesses auto --dist loadfile --no-loadscope-reorder tests/test_examples.py $(FIRST) \
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder tests/test_examples.py $(FIRST) \
 		$(LONGEST) $(filter-out $(FIRST) $(LONGEST) tests/__pycache__,$(patsubst %/,%,$(wildcard tests/*/))) tests/test_smoke.py
 
 matrix: $(VENV)/installed-dev  ## estimate every structure with every focus, objective and constraint

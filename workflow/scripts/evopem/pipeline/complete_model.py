@@ -113,9 +113,11 @@ def complete_model(
                 other, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
             except InputError as error:
                 # What a structure meets depends on the orders that it has come to; where a descent
-                # ends at no stable model, the first one serves this purpose as well.
-                constrained = error.source.startswith(f"datasets.{files.name}.constraints")
-                other = _record_of(*given, FitSettings())[0] if constrained else record
+                # ends at no stable model, which no key is to blame for, the first one serves.
+                key = error.source.removeprefix(f"datasets.{files.name}")
+                if key and not key.startswith(".constraints"):
+                    raise
+                other = _record_of(*given, FitSettings())[0] if key else record
             save(other, files.other_model(purpose))
     model, names = record.model, (record.input_names, record.output_names)
     plant = None if record.orders is not None else record.plant
