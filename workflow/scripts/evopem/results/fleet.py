@@ -48,7 +48,7 @@ class DatasetSummary:
     sha256: str | None
     sampling_rate: float  # Hz, after all transforms
     estimation_samples: int
-    validation_samples: int
+    validation_samples: int  # that are scored
     model: str  # in a few words: structure and orders
     orders: Orders | None  # None for a state-space model
     bic: float
@@ -86,7 +86,7 @@ def summarize(evidence: Evidence) -> DatasetSummary:
         sha256=", ".join(file.sha256 for file in files) or None,
         sampling_rate=model.sampling_rate,
         estimation_samples=model.transforms.estimation_samples,
-        validation_samples=model.transforms.validation_samples,
+        validation_samples=validation.samples,
         model=model.text,
         orders=model.orders,
         bic=model.bic,
