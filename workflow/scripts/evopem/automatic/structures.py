@@ -188,7 +188,7 @@ def _for_simulation(
     if choice is None:
         choice = _by_likelihood(scorer, searched, kind, lowest)
         choice = choice or _smallest_as_good(scorer, searched, kind)
-        choice = never_behind(candidates, kind, *choice)
+        choice = never_behind(candidates, kind, *choice, lambda c: len(scorer.checks(c).failed))
     chosen, sentence = choice
     criterion = "simulation error on held-out samples, %"
     return chosen, _named(
