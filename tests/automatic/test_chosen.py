@@ -15,7 +15,7 @@ from evopem.automatic.fit import CommonSettings, Fit
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import Choice
 from evopem.config.settings import SearchSettings
-from evopem.errors import LostModelError
+from evopem.errors import LostModelError, NoModelError
 from evopem.files.json_form import from_json, to_json
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
@@ -60,6 +60,25 @@ def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, w
     assert (found is searched) == taken
     assert about.choice == (chosen_model.SEARCHED if taken else chosen_model.COMPARED)
     assert ("worse by more than chance" in about.sentence) != taken
+
+
+def test_the_searched_model_is_taken_where_no_descent_leads_from_the_compared_one(
+    candidate, monkeypatch
+):
+    recording, record, scorer, choice = candidate
+    estimate_candidate = chosen_model.estimate_candidate
+
+    def of_searches_alone(*given):
+        if given[3].evaluations == 0:
+            raise NoModelError("the descent found no stable model")
+        return estimate_candidate(*given)
+
+    monkeypatch.setattr(chosen_model, "estimate_candidate", of_searches_alone)
+    found, about = chosen_model.estimate_choice(
+        *(choice, scorer, record, recording, SearchSettings(evaluations=2000))
+    )
+    assert about.choice == chosen_model.SEARCHED
+    assert found.model.poles() == pytest.approx(np.roots([1.0, -1.5, 0.8]), abs=0.05)
 
 
 def test_the_search_begins_with_the_candidate_in_the_units_of_the_recording(candidate):

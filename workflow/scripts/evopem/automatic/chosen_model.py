@@ -220,7 +220,11 @@ def estimate_choice(
         searched_model = estimate_candidate(candidate, estimation, scorer, search)
     if fit is not None or search.evaluations == 0:
         return searched_model, _about_search(choice, searched_model, searched_model)
-    compared = estimate_candidate(candidate, estimation, scorer, replace(search, evaluations=0))
+    try:
+        compared = estimate_candidate(candidate, estimation, scorer, replace(search, evaluations=0))
+    except NoModelError:
+        # With its outputs fitted anew, the compared model may have a pole beyond the bound.
+        return searched_model, _about_search(choice, searched_model, searched_model)
     value, known = (model.estimate.search.value for model in (searched_model, compared))
     if not value < known - LOWER * abs(known):
         return searched_model, _about_search(choice, searched_model, compared)
