@@ -75,9 +75,14 @@ def lines_of(grid):
     lines = ODD if grid.startswith("odd") else BAND
     if "gaps" not in grid:
         return lines
+    return with_gaps(lines, np.random.default_rng(1))
+
+
+def with_gaps(lines, generator):
+    """Lines of which one in four, drawn at random, is left out."""
     groups = lines[: len(lines) // 4 * 4].reshape(-1, 4)
     kept = np.ones(groups.shape, dtype=bool)
-    kept[np.arange(len(groups)), np.random.default_rng(1).integers(0, 4, len(groups))] = False
+    kept[np.arange(len(groups)), generator.integers(0, 4, len(groups))] = False
     return groups[kept]
 
 
@@ -92,11 +97,12 @@ def coefficients(signal):
     return np.fft.rfft(signal[-PERIOD:]) / PERIOD
 
 
-def best_gain(system, lines):
+def best_gain(system, lines, phases=PHASES):
+    """Best linear approximation: the mean of the responses over phases, by its definition."""
     generator, found = np.random.default_rng(99), 0.0
-    for _ in range(PHASES):
+    for _ in range(phases):
         u = np.tile(multisine(generator, lines), 3)
-        found = found + coefficients(system(u))[lines] / coefficients(u)[lines] / PHASES
+        found = found + coefficients(system(u))[lines] / coefficients(u)[lines] / phases
     return found
 
 

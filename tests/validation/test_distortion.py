@@ -3,7 +3,9 @@
 A larger number of records, and of systems: ``benchmarks/nonlinear_distortion.py``.
 """
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,58 +18,24 @@ from evopem.validation.distortion import Distortion, distortion_of
 from evopem.validation.error_parts import ErrorParts, Part
 from evopem.validation.responses import stretches_of
 
-PERIOD, RECORDS = 512, 12
-POLES = 0.9 * np.exp([0.5j, -0.5j])
-A, B = np.poly(POLES).real, np.array([0.0, 0.3, 0.15])
-ODD = np.arange(3, 181, 2)
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
+from nonlinear_distortion import (
+    ODD,
+    PERIOD,
+    A,
+    B,
+    backlash,
+    best_gain,
+    coefficients,
+    hammerstein,
+    linear,
+    multisine,
+    wiener,
+    with_gaps,
+)
 
-def linear(u):
-    return lfilter(B, A, u)
-
-
-def wiener(u):
-    x = linear(u)
-    return x + 0.04 * x**2 + 0.01 * x**3
-
-
-def hammerstein(u):
-    return linear(u + 0.1 * u**2 + 0.07 * u**3)
-
-
-def backlash(u):
-    x, w = linear(u), np.zeros(len(u))
-    for t in range(1, len(x)):
-        w[t] = min(max(w[t - 1], x[t] - 0.2), x[t] + 0.2)
-    return w
-
-
-def multisine(generator, lines):
-    spectrum = np.zeros(PERIOD // 2 + 1, dtype=complex)
-    spectrum[lines] = np.exp(2j * np.pi * generator.uniform(size=len(lines)))
-    u = np.fft.irfft(spectrum)
-    return u / np.std(u)
-
-
-def with_gaps(lines, generator):
-    """Lines of which one in four, drawn at random, is left out."""
-    groups = lines[: len(lines) // 4 * 4].reshape(-1, 4)
-    kept = np.ones(groups.shape, dtype=bool)
-    kept[np.arange(len(groups)), generator.integers(0, 4, len(groups))] = False
-    return groups[kept]
-
-
-def coefficients(signal):
-    return np.fft.rfft(signal[-PERIOD:]) / PERIOD
-
-
-def best_gain(system, lines, phases=150):
-    """Best linear approximation: the mean of the responses over phases, by its definition."""
-    generator, found = np.random.default_rng(99), []
-    for _ in range(phases):
-        u = np.tile(multisine(generator, lines), 3)
-        found.append(coefficients(system(u))[lines] / coefficients(u)[lines])
-    return np.mean(found, axis=0)
+RECORDS = 12
 
 
 def record(system, lines, generator, periods=2, noise=0.02):
@@ -104,7 +72,7 @@ def inside(part, truth):
 def test_distortion_is_the_error_of_the_best_linear_approximation(system, kind):
     by_lines = kind == "lines left out"
     lines = with_gaps(ODD, np.random.default_rng(1)) if by_lines else np.arange(3, 181)
-    gain, hits = best_gain(system, lines), []
+    gain, hits = best_gain(system, lines, 150), []
     for seed in range(RECORDS):
         generator = np.random.default_rng([seed, by_lines])
         made = [record(system, lines, generator) for _ in range(1 if by_lines else 4)]
@@ -163,7 +131,7 @@ def test_noise_of_a_measured_input_and_drift_are_no_distortion():
 
 
 def test_of_a_regular_grid_it_is_the_least_there_can_be():
-    gain = best_gain(wiener, ODD)
+    gain = best_gain(wiener, ODD, 150)
     for seed in range(5):
         made, clean = record(wiener, ODD, np.random.default_rng(seed))
         found = judged([made])

@@ -15,6 +15,7 @@ from evopem.automatic.candidates import (
     Scorer,
     StructureSearch,
 )
+from evopem.automatic.cross_validation.simulation import noise_moves_plant
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fold_errors import (
     CLEAR_GAIN,
@@ -273,9 +274,7 @@ def _by_likelihood(
 
 def _passes_through_plant(candidate: Candidate) -> bool:
     """Whether noise and input have poles in common."""
-    if candidate.polynomials is None:
-        return candidate.structure == "ss"
-    return candidate.orders.na > 0
+    return candidate.structure != "ss_bj" and noise_moves_plant(candidate.model)
 
 
 def _criteria(likeliest: Candidate) -> tuple[Score, ...]:

@@ -35,7 +35,7 @@ def simulated_on(
     with np.errstate(all="ignore"):
         computed = np.full(outputs.shape, np.inf)
         if np.abs(states.poles()).max(initial=0.0) < STABLE:
-            if before.samples and not robust and _moves_states_of_plant(model):
+            if before.samples and not robust and noise_moves_plant(model):
                 form = state_space_of(replace(model, covariance=None))
                 computed[known:] = form.simulate_on(inputs, outputs, known)
             else:
@@ -49,8 +49,11 @@ def simulated_on(
     return np.asarray(computed)
 
 
-def _moves_states_of_plant(model: Model) -> bool:
-    """Whether noise and input have poles in common."""
+def noise_moves_plant(model: Model) -> bool:
+    """Whether noise and input have poles in common.
+
+    A noise model beside a plant in state space counts as well: its states are part of the model.
+    """
     if isinstance(model, PolynomialModel):
         return model.orders.na > 0
     return bool(model.K.any())

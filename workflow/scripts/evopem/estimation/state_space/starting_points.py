@@ -111,9 +111,13 @@ def from_poles(errors: StateSpaceErrors, poles: Complex) -> Array:
     Least squares gives a matrix of residues at each pole; its best approximation of rank one gives
     the row by which the signals drive that pole.  Poles beyond the radius are moved inside.
     """
-    layout = errors.layout
-    point = inside(layout, poles_only(layout, poles), errors.section_radius * (1.0 - 1e-6))
+    point = _feasible(errors, poles_only(errors.layout, poles))
     return _with_inputs(errors, point, errors.data.outputs)
+
+
+def _feasible(errors: StateSpaceErrors, point: Array) -> Array:
+    """The point with poles beyond the radius moved a little inside it, where descents begin."""
+    return inside(errors.layout, point, errors.section_radius * (1.0 - 1e-6))
 
 
 def _residues(errors: StateSpaceErrors, point: Array, outputs: Array) -> tuple[Array, Array]:
@@ -169,8 +173,7 @@ def from_matrices(errors: StateSpaceErrors, A: Array, B: Array) -> Array:
     """Point of a predictor's A, (n, n), and the columns of its signals, (n, driving); at rest."""
     pulses = np.zeros((errors.order, errors.data.segments))
     point = point_of(errors.layout, A, np.column_stack([B, pulses]))
-    point = inside(errors.layout, point, errors.section_radius * (1.0 - 1e-6))
-    return with_initial_states(errors, normalised(errors.layout, point))
+    return with_initial_states(errors, normalised(errors.layout, _feasible(errors, point)))
 
 
 def point_of_model(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
@@ -182,9 +185,7 @@ def point_of_model(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
         drives = np.column_stack([drives, model.K * errors.data.output_scales])
     states = _initial_states(model, errors)
     point = point_of(errors.layout, model.predictor, np.column_stack([drives, states]))
-    return normalised(
-        errors.layout, inside(errors.layout, point, errors.section_radius * (1.0 - 1e-6))
-    )
+    return normalised(errors.layout, _feasible(errors, point))
 
 
 def _initial_states(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
