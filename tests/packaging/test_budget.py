@@ -33,7 +33,7 @@ REACHED = {
     "files": 233,
     "files above 400 lines": 0,
     "folders above 20 files": 0,
-    "words of guides": 19_961,
+    "words of guides": 19_300,
     "words beside evidence": 2_363,
 }
 
