@@ -10,8 +10,7 @@ from scipy.signal import lfilter
 import evopem
 from evopem.automatic import candidates, structures
 from evopem.automatic.candidates import OrderLimits, Scorer, StructureSearch
-from evopem.automatic.cross_validation.folds import FoldPlan, decide_folds
-from evopem.automatic.cross_validation.repetition import decide_repetition
+from evopem.automatic.cross_validation.folds import FoldPlan, decide_folds, decide_repetition
 from evopem.automatic.cross_validation.simulation import simulated
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import CommonSettings

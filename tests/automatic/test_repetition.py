@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic.cross_validation.repetition import decide_repetition
+from evopem.automatic.cross_validation.folds import decide_repetition
 from evopem.signals.correlation import repetition_lag
 from evopem.signals.recording import Segment
 

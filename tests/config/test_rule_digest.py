@@ -120,7 +120,7 @@ def test_stages_reach_their_part_of_the_package_and_no_more():
             {"read_recording", "estimate_candidates"},
         ),
         ("figures/style.py", {"write_report"}, {"estimate_spectrum", "complete_results"}),
-        ("validation/scores.py", {"complete_results"}, {"estimate_candidates", "complete_model"}),
+        ("validation/tables.py", {"complete_results"}, {"estimate_candidates", "complete_model"}),
         (
             "estimation/pem/kernels/gradient.py",
             # Preparation is decided by models as well.

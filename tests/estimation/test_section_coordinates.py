@@ -8,7 +8,7 @@ from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import prediction_errors, scaled_errors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.section_coordinates import in_sections
+from evopem.estimation.search.root_sections import in_sections
 from evopem.models.orders import armax_orders, orders_of
 from evopem.signals.recording import Segment
 from evopem.synthesis.armax import armax

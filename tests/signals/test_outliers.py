@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic.preparation.outliers import decide_outliers
+from evopem.automatic.preparation.wrong_samples import decide_outliers
 from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.signals import outliers
 from evopem.signals.outliers import without_outliers

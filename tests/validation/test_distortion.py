@@ -12,7 +12,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.report.error_parts import error_parts
+from evopem.report.results_text import error_parts
 from evopem.signals.recording import Recording, concatenated
 from evopem.validation.distortion import Distortion, distortion_of
 from evopem.validation.error_parts import ErrorParts, Part

@@ -9,7 +9,7 @@ from evopem import PolynomialModel, SearchSettings, estimate
 from evopem.signals.recording import Recording
 from evopem.synthesis.armax import polynomial_record
 from evopem.validation.responses import stretches_of
-from evopem.validation.scores import error_percent
+from evopem.validation.tables import error_percent
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "daisy"
 QUADRATIC = SearchSettings(objective="quadratic")

@@ -12,7 +12,7 @@ from evopem.validation.residual_tests import (
     share_inside,
     whiteness_test,
 )
-from evopem.validation.scores import error_percent
+from evopem.validation.tables import error_percent
 
 
 def test_the_statistic_is_that_of_statsmodels():

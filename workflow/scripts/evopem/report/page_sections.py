@@ -24,8 +24,8 @@ from evopem.models.mode_matching import deviations, matched_modes
 from evopem.models.modes import Mode
 from evopem.models.orders import armax_orders
 from evopem.report import equations
-from evopem.report.error_parts import error_parts
 from evopem.report.numbers import hertz, is_number, number
+from evopem.report.results_text import error_parts
 from evopem.report.verdict import mode_lines, verdict
 from evopem.results.dataset import DatasetResults
 from evopem.synthesis.armax import true_mode

@@ -1,10 +1,12 @@
-"""The series behind a validation as tables, and in the units of the recording."""
+"""Errors in percent, and the series behind a validation, also in the units of the recording."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from evopem.arrays import Array
 from evopem.signals.prepared_data import StretchOrigin, Transforms, measured_outputs
@@ -12,8 +14,37 @@ from evopem.signals.recording import Recording
 from evopem.signals.transforms import box_cox, invert_box_cox
 from evopem.validation.residual_tests import ResidualCorrelation
 from evopem.validation.responses import Responses
-from evopem.validation.scores import error_percent
 from evopem.validation.validation import RecordedErrors, Validation
+
+
+def error_percent(measured: ArrayLike, computed: ArrayLike) -> float:
+    """Relative error ``100 ||y - yhat|| / ||y - mean(y)||`` in percent; NaN when y is constant.
+
+    0 is perfect, 100 is as good as the mean of y, more is worse than it.
+    """
+    y, y_hat = np.asarray(measured, dtype=float), np.asarray(computed, dtype=float)
+    reference = _norm(y - y.mean())
+    return 100.0 * _norm(y - y_hat) / reference if reference > 0 else math.nan
+
+
+def outlier_percent(residuals: ArrayLike) -> float:
+    """Percentage of residuals beyond five robust standard deviations of their median.
+
+    Of normal residuals one in two million lies so far out.
+    """
+    e = np.asarray(residuals, dtype=float)
+    distance = np.abs(e - np.median(e))
+    return float(100.0 * np.mean(distance > 5.0 * 1.4826 * np.median(distance)))
+
+
+def _norm(values: Array) -> float:
+    """Euclidean norm, also of numbers whose squares leave the range of floats.
+
+    An unstable response that is transformed back to recorded units may reach these.
+    """
+    _, exponent = np.frexp(np.max(np.abs(values), initial=0.0))
+    scaled = np.linalg.norm(np.ldexp(values, -exponent))  # a power of two keeps every bit
+    return float(np.ldexp(scaled, exponent))
 
 
 def recorded_series(transforms: Transforms, responses: Responses) -> Responses:

@@ -48,10 +48,11 @@ from evopem.validation.responses import (
     stretches_of,
     unscored_samples,
 )
-from evopem.validation.scores import error_percent, outlier_percent
 from evopem.validation.tables import (
     correlation_table,
+    error_percent,
     horizon_table,
+    outlier_percent,
     recorded_errors,
     recorded_series,
     simulation_table,

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from evopem.automatic.preparation.outliers import decide_outliers
 from evopem.automatic.preparation.plan import PreparationPlan, decide_preparation, stretches_of
 from evopem.automatic.preparation.transforms import TransformPlan, decide_transforms
+from evopem.automatic.preparation.wrong_samples import decide_outliers
 from evopem.config.settings import GivenPreparation, PreparationSettings
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import PreparedData

@@ -13,12 +13,6 @@ from evopem.automatic.cross_validation.stretches import (
     first_samples,
 )
 from evopem.automatic.decision import Decision, given_by_configuration
-from evopem.automatic.preparation.breaks import (
-    decide_clipping,
-    decide_starts,
-    decide_stuck,
-    standing_still,
-)
 from evopem.automatic.preparation.decimation import (
     MOST_DECIMATED,
     decide_decimation,
@@ -28,6 +22,12 @@ from evopem.automatic.preparation.disturbance import (
     decide_differences,
     decide_objective,
     differenced,
+)
+from evopem.automatic.preparation.wrong_samples import (
+    decide_clipping,
+    decide_starts,
+    decide_stuck,
+    standing_still,
 )
 from evopem.automatic.state_space import recording_of
 from evopem.config.settings import GivenPreparation, Objective

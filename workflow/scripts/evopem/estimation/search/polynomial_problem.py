@@ -21,11 +21,11 @@ from evopem.estimation.search.memetic import discrete_recombination
 from evopem.estimation.search.problem import SAME_DESCENT, BasinHopping, BasinHoppingProblem
 from evopem.estimation.search.root_sections import (
     at_radius,
+    descend_in_sections,
     random_denominators,
     recombined_polynomials,
     with_moved_section,
 )
-from evopem.estimation.search.section_coordinates import descend_in_sections
 from evopem.estimation.search.staged_descent import (
     DESCENT_STAGES,
     LINEAR_STEPS,
