@@ -18,6 +18,7 @@ CAPABILITIES: tuple[str, ...] = (
     "export to C and FMU",
     "best linear approximation",
     "regularised impulse response",
+    "limits of a linear model",
 )
 
 BUDGET = {

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import chirp, lfilter
 
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.models.polynomial import PolynomialModel
@@ -97,6 +97,37 @@ def test_models_of_the_wrong_class_are_found(system, test, kinds):
     found = [getattr(judged(system, kind, k, k), test) for k in range(3) for kind in kinds]
     rejected = [each.p_value < 0.01 and each.share >= 0.01 for each in found]
     assert np.mean(rejected) >= 0.9
+
+
+def test_what_a_sweep_has_not_excited_yet_is_no_change():
+    """A model of the first part of a sweep is wrong at the frequencies of the second one."""
+    failed = []
+    for seed in range(20):
+        generator = np.random.default_rng([seed, 7])
+        u = chirp(np.arange(SAMPLES), 0.001, SAMPLES, 0.35, phi=360.0 * generator.random())
+        x = resonance(u)
+        model = arx(u[:CUT], (x + 0.1 * generator.standard_normal(SAMPLES))[:CUT])
+        y = x + 0.1 * generator.standard_normal(SAMPLES)
+        found = model_class(divided(model, Recording(u, y, 1.0), CUT))
+        failed.append([t.p_value < 0.01 <= t.share for t in (found.constant, found.linear)])
+    assert np.sum(failed, axis=0).max() <= 2
+
+
+def test_a_sudden_change_is_told_from_a_gradual_one_and_found_where_it_is():
+    kinds = ("white", "coloured", "binary")
+    sudden = [judged("gain halved midway", kind, 0, k) for k in range(3) for kind in kinds]
+    assert max(abs(found.changed_at - SAMPLES / 2) for found in sudden) < 0.05 * SAMPLES
+    gradual = [judged("frequency drifts by 10 %", kind, 0, k) for k in range(3) for kind in kinds]
+    assert np.sum(np.isnan([found.changed_at for found in gradual])) >= 8
+
+
+def test_the_powers_that_explain_most_are_those_of_the_nonlinear_system():
+    """Squares and cubes of the response, then those of the inputs."""
+    for system, right in (("quadratic", {2}), ("saturating", {1})):
+        found = [
+            judged(system, kind, 0, k).powers for k in range(3) for kind in ("white", "coloured")
+        ]
+        assert np.sum([int(np.argmax(powers)) in right for powers in found]) >= 5
 
 
 def test_the_input_of_a_controller_is_found():

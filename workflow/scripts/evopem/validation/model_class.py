@@ -23,6 +23,13 @@ from evopem.validation.responses import HeldOut, unscored_samples
 DEGREE = 3
 # Lags of the response, and of its powers.
 LAGS = 4
+# Lags of all inputs together that a linear model may have lost, and samples for each of them.  Of a
+# sweep, whose frequencies come one after the other, what is lost would look like a change.
+LOST, FEWEST_PER_LAG = 30, 20
+# Level from which on a test's reasons are sought.
+REJECTED = 0.01
+# Moments at which a change is sought.
+MOMENTS = 39
 # Later samples of an input that residuals may act on.
 LATER = 20
 # Samples for each regressor below which there is no test.
@@ -49,6 +56,11 @@ class ModelClass:
     constant: ResidualTest  # the response does not change with time
     linear: ResidualTest  # squares and cubes of inputs and response explain nothing
     without_feedback: ResidualTest  # later inputs do not depend on the residuals
+    # Where a change at one moment explains as much as a gradual one: samples from the first one
+    changed_at: float = math.nan
+    # Shares of the residuals that squares and cubes of the response explain alone, and those of
+    # the inputs before it, the most of all outputs; empty without an input or nonlinearity
+    powers: tuple[float, ...] = ()
 
 
 def model_class(records: Sequence[HeldOut]) -> ModelClass:
@@ -61,9 +73,10 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
         parts = [_Stretch.of(record) for record in records]
         if not parts or not all(np.isfinite(stretch.residuals).all() for stretch in parts):
             return ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED)
-        return ModelClass(
-            _of_outputs(parts, _changing), _of_outputs(parts, _nonlinear), _feedback(parts)
-        )
+        constant, linear = _of_outputs(parts, _changing), _of_outputs(parts, _nonlinear)
+        changed_at = _moment(parts, constant.share) if constant.p_value < REJECTED else math.nan
+        powers = _powers(parts) if linear.p_value < REJECTED else ()
+        return ModelClass(constant, linear, _feedback(parts), changed_at, powers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +87,7 @@ class _Stretch:
     responses: Array
     inputs: Array
     direct: Flags  # (m,): whether an input acts on the same sample
+    lost: Array  # (N, lags): inputs of earlier samples
     # Response to the squares and to the cubes of the inputs, (N, l) each
     of_powers: tuple[Array, ...]
 
@@ -87,19 +101,22 @@ class _Stretch:
         direct = np.any(model.D, axis=0) & (np.array(delays) == 0)
         if not model.inputs:
             past = np.vstack([outputs[:1], outputs[:-1]])
-            return cls(residuals[first:], past[first:], u[first:], direct, ())
+            return cls(residuals[first:], past[first:], u[first:], direct, u[first:], ())
         scaled = (u - u.mean(axis=0)) / np.maximum(np.std(u, axis=0), 1e-300)
         of_powers = tuple(
             model.simulate(np.std(u, axis=0) * scaled**power)[first:] for power in (2, 3)
         )
         simulated = record.simulated_from_rest()
-        return cls(residuals[first:], simulated[first:], u[first:], direct, of_powers)
+        lags = max(min(LOST, len(u) // FEWEST_PER_LAG) // model.inputs, 1)
+        late = [u[: len(u) - d, k] for k, d in enumerate(np.maximum(np.array(delays) - LAGS, 0))]
+        lost = np.hstack([_lagged(np.pad(v, (len(u) - len(v), 0)), lags)[first:] for v in late])
+        return cls(residuals[first:], simulated[first:], u[first:], direct, lost, of_powers)
 
 
-def _lagged(signal: Array) -> Array:
-    """A signal without its mean at lags 0, 1, ..., (N, LAGS)."""
-    centred = np.concatenate([np.zeros(LAGS - 1), signal - signal.mean()])
-    return np.lib.stride_tricks.sliding_window_view(centred, LAGS)[:, ::-1]
+def _lagged(signal: Array, lags: int = LAGS) -> Array:
+    """A signal without its mean at lags 0, 1, ..., (N, lags)."""
+    centred = np.concatenate([np.zeros(lags - 1), signal - signal.mean()])
+    return np.lib.stride_tricks.sliding_window_view(centred, lags)[:, ::-1]
 
 
 def _changing(stretch: _Stretch, output: int) -> tuple[Array, Array]:
@@ -118,6 +135,30 @@ def _nonlinear(stretch: _Stretch, output: int) -> tuple[Array, Array]:
     return _lagged(y), np.hstack([_lagged(y**2), _lagged(y**3), *of_inputs])
 
 
+def _steps(stretch: _Stretch, output: int) -> tuple[Array, Array]:
+    """The response at some lags, and from each moment on alone."""
+    lagged, time = _changing(stretch, output)[0], np.arange(len(stretch.inputs))
+    moments = np.arange(1, MOMENTS + 1) / (MOMENTS + 1) * len(time)
+    later = time[:, None, None] >= moments[:, None]
+    return lagged, (lagged[:, None, :LAGS] * later).reshape(len(time), -1)
+
+
+def _left(
+    stretch: _Stretch, output: int, regressors: Callable[[_Stretch, int], tuple[Array, Array]]
+) -> tuple[Array, Array, int] | None:
+    """Whitened residuals and tested regressors without the others, and how many there are."""
+    e = stretch.residuals[:, output]
+    beside, tested = regressors(stretch, output)
+    if not np.ptp(e) > 0.0:
+        return None
+    whitening, count = autoregression(e - e.mean(), MOST_WHITENING), tested.shape[1]
+    columns = np.column_stack([np.ones(len(e)), stretch.lost, beside, tested, e])
+    *white, e = (np.convolve(column, whitening, mode="valid") for column in columns.T)
+    basis = np.column_stack(white)
+    others = basis[:, :-count]
+    return left_by(others, e), left_by(others, basis[:, -count:]), basis.shape[1]
+
+
 def _of_outputs(
     stretches: Sequence[_Stretch], regressors: Callable[[_Stretch, int], tuple[Array, Array]]
 ) -> ResidualTest:
@@ -126,26 +167,56 @@ def _of_outputs(
     for output in range(outputs):
         ratio, freedom, samples = 0.0, 0, 0
         for stretch in stretches:
-            e = stretch.residuals[:, output]
-            beside, tested = regressors(stretch, output)
-            count = tested.shape[1]
-            if len(e) < FEWEST_PER_REGRESSOR * count or not np.ptp(e) > 0.0:
+            if (parts := _left(stretch, output, regressors)) is None:
                 continue
-            whitening = autoregression(e - e.mean(), MOST_WHITENING)
-            columns = np.column_stack([np.ones(len(e)), beside, tested, e])
-            *white, e = (np.convolve(column, whitening, mode="valid") for column in columns.T)
-            basis = np.column_stack(white)
-            without = left_by(basis[:, :-count], e)
-            left = left_by(left_by(basis[:, :-count], basis[:, -count:]), without)
+            without, tested, columns = parts
+            count, rows = tested.shape[1], len(without)
+            left = left_by(tested, without)
             before, after = float(without @ without), float(left @ left)
-            if not after > 1e-12 * before:
+            if len(stretch.inputs) < FEWEST_PER_REGRESSOR * count or not after > 1e-12 * before:
                 continue
-            ratio += (len(e) - basis.shape[1]) * math.log(before / after)
-            freedom, samples = freedom + count, samples + len(e)
+            ratio += (rows - columns) * math.log(before / after)
+            freedom, samples = freedom + count, samples + rows
         if freedom:
             p_value = min(outputs * float(chdtrc(freedom, ratio)), 1.0)
             tests.append(ResidualTest(p_value, -math.expm1(-ratio / samples)))
     return min(tests, key=lambda test: test.p_value, default=NOT_TESTED)
+
+
+def _alone(
+    stretches: Sequence[_Stretch], regressors: Callable[[_Stretch, int], tuple[Array, Array]]
+) -> Array:
+    """Shares of whitened residuals that each group of regressors explains alone, (l, groups)."""
+    shares = []
+    for output in range(stretches[0].residuals.shape[1]):
+        explained, total = np.zeros(1), 0.0
+        for stretch in stretches:
+            if (parts := _left(stretch, output, regressors)) is None:
+                continue
+            e, tested, _ = parts
+            groups = np.split(tested, tested.shape[1] // LAGS, axis=1)
+            explained = explained + [e @ e - np.sum(left_by(group, e) ** 2) for group in groups]
+            total += float(e @ e)
+        shares.append(explained / max(total, 1e-300))
+    return np.array(shares)
+
+
+def _moment(stretches: Sequence[_Stretch], gradual: float) -> float:
+    """Samples until a sudden change of one stretch; NaN where it is gradual, or of several."""
+    if len(stretches) > 1:
+        return math.nan
+    of_moments = _alone(stretches, _steps)
+    output, place = np.unravel_index(np.argmax(of_moments), of_moments.shape)
+    if not of_moments[output, place] >= gradual:
+        return math.nan
+    return float((place + 1) / (MOMENTS + 1) * len(stretches[0].inputs))
+
+
+def _powers(stretches: Sequence[_Stretch]) -> tuple[float, ...]:
+    """What squares and cubes of the response explain, and what those of the inputs do."""
+    if not stretches[0].of_powers:
+        return ()
+    return tuple(_alone(stretches, _nonlinear).max(axis=0).tolist())
 
 
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:

@@ -44,6 +44,15 @@ SMALL_SHARE = 0.01
 WHITE = "White residuals"
 INDEPENDENT_OF_INPUT = "Residuals independent of the input"
 LINEAR = "Linear"
+# What the powers that explain most point to: squares and cubes of the response, of the inputs.
+AT_OUTPUT = "at the output or inside, as of a sensor, a spring, friction or backlash"
+AT_INPUT = "before the dynamics, as of an actuator or amplifier"
+KINDS = (
+    f"Squares of the response explain most: an asymmetric nonlinearity {AT_OUTPUT}.",
+    f"Cubes of the response explain most: a symmetric nonlinearity {AT_OUTPUT}.",
+    f"Squares of the inputs explain most: an asymmetric nonlinearity {AT_INPUT}.",
+    f"Cubes of the inputs explain most: a symmetric nonlinearity {AT_INPUT}, such as saturation.",
+)
 BETTER = "Every simulation error is below 100 %."
 LONGER_RECORD = "Use a longer record or fewer parameters."
 # Key of the orders of a state-space model.
@@ -172,15 +181,16 @@ def input_independence(evidence: Evidence) -> Found | None:
     )
 
 
-def _of_class(test: ResidualTest, what: str) -> Found:
-    """A test of what every model assumes."""
+def _of_class(test: ResidualTest, what: str, reason: str = "") -> Found:
+    """A test of what every model assumes, with what else is said where it fails."""
     if math.isnan(test.p_value):
         return None, "There are too few samples to test it.", "Use a longer record."
+    passed = test.p_value >= SIGNIFICANCE or test.share < SMALL_SHARE
     return (
-        test.p_value >= SIGNIFICANCE or test.share < SMALL_SHARE,
+        passed,
         f"The whitened residuals and {what}: {p_text(test.p_value)}, {100 * test.share:.2g} % of"
         f" their variance ({100 * SIGNIFICANCE:g} % significance and a share of"
-        f" {100 * SMALL_SHARE:g} % are needed to object).",
+        f" {100 * SMALL_SHARE:g} % are needed to object).{'' if passed else reason}",
     )
 
 
@@ -191,8 +201,12 @@ def _of_class(test: ResidualTest, what: str) -> Found:
 )
 def constant_in_time(evidence: Evidence) -> Found:
     """The response of the system as it is at the beginning until the end."""
-    what = "polynomials in time multiplied by the response"
-    return _of_class(evidence.validation.model_class.constant, what)
+    tests = evidence.validation.model_class
+    moment = tests.changed_at / evidence.model.sampling_rate
+    reason = f" One sudden change explains it, about {moment:.3g} s after the beginning."
+    if math.isnan(moment):
+        reason = " No single moment explains it as well: a gradual change, or several."
+    return _of_class(tests.constant, "polynomials in time multiplied by the response", reason)
 
 
 @check(
@@ -202,8 +216,9 @@ def constant_in_time(evidence: Evidence) -> Found:
 )
 def linear(evidence: Evidence) -> Found:
     """No squares and cubes of the response and of the inputs in the residuals."""
-    what = "squares and cubes of the response and of the inputs"
-    return _of_class(evidence.validation.model_class.linear, what)
+    tests = evidence.validation.model_class
+    reason = f" {KINDS[tests.powers.index(max(tests.powers))]}" if tests.powers else ""
+    return _of_class(tests.linear, "squares and cubes of the response and of the inputs", reason)
 
 
 @check(
