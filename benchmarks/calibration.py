@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from evidence import write_section
 from numpy.typing import NDArray
 from random_systems import Case, draw_case
@@ -33,7 +34,6 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 import evopem  # noqa: E402
 from evopem.errors import InputError  # noqa: E402
-from evopem.models.response_tables import response_interval  # noqa: E402
 from evopem.report.verdict import verdict  # noqa: E402
 
 COMMAND = "benchmarks/calibration.py"
@@ -55,6 +55,7 @@ ORACLES = {"fir", "arx", "armax", "oe", "bj"}
 
 Line = dict[str, Any]
 Complex = NDArray[np.complex128]
+Real = NDArray[np.float64]
 
 
 def run(number: int) -> Line:
@@ -134,14 +135,29 @@ def response_of(case: Case, found: Any) -> Line:
     frequencies = angles * RATE / (2.0 * np.pi)
     true = case.system.frequency_response(angles) * case.output_scales[:, None] / case.input_scale
     estimate = model.frequency_response(frequencies)
-    lower, upper, spread = response_interval(model, frequencies)
-    gain, off = np.abs(true), np.abs(np.angle(true / estimate))
-    pairs = [(j, i) for j in range(true.shape[1]) for i in range(true.shape[2])]
+    gain, off = np.abs(np.log(np.abs(true / estimate))), np.abs(np.angle(true / estimate))
+    widths = [bands(frequencies, pair) for pair in pairs_of(found.results.frequency_response)]
+    shape = true.shape[1:]
+    of_gain, of_phase = (np.array(each).T.reshape(-1, *shape) for each in zip(*widths, strict=True))
+    pairs = [(j, i) for j in range(shape[0]) for i in range(shape[1])]
     return {
         "response_error": _mean(_relative(estimate[:, j, i], true[:, j, i]) for j, i in pairs),
-        "gain": float(np.mean((lower <= gain) & (gain <= upper))),
-        "phase": float(np.mean(off <= NORMAL_95 * spread)),
+        "gain": float(np.mean(gain <= of_gain)),
+        "phase": float(np.mean(off <= of_phase)),
     }
+
+
+def pairs_of(table: pd.DataFrame) -> list[pd.DataFrame]:
+    """The rows of each pair of output and input, in the order of the table."""
+    return [pair for _, pair in table.groupby(["output", "input"], sort=False)]
+
+
+def bands(frequencies: Real, pair: pd.DataFrame) -> tuple[Real, Real]:
+    """Half widths of 95 % bands of ln(gain) and of the phase, in radians, at some frequencies."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        of_gain = np.log(pair["gain_upper"] / pair["gain"])
+    of_phase = NORMAL_95 * np.radians(pair["phase_se_deg"])
+    return tuple(np.interp(frequencies, pair["frequency_hz"], half) for half in (of_gain, of_phase))
 
 
 def _relative(estimate: Complex, true: Complex) -> float:

@@ -43,6 +43,13 @@ def test_intervals_of_frequency_and_damping_cover_the_truth(lines):
     assert covered >= of_all - 1
 
 
+def test_bands_of_gain_and_phase_cover_the_truth(lines):
+    """Also where the structure was chosen from the same samples."""
+    for name in ("gain", "phase"):
+        assert min(line[name] for line in lines.values()) > 0.8
+        assert sum(line[name] for line in lines.values()) > 0.95 * len(lines)
+
+
 def test_responses_come_near_to_those_of_the_true_orders(lines):
     ratios = [
         line["response_error"] / line["oracle"] for line in lines.values() if "oracle" in line

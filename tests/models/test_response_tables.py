@@ -1,9 +1,16 @@
 """A model's tables against the model itself."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.models.response_tables import frequency_response_table
+from evopem.models.response_tables import (
+    NORMAL_95,
+    frequency_response_table,
+    time_response_table,
+)
 from evopem.synthesis.armax import true_model
 
 
@@ -31,3 +38,25 @@ def test_a_slow_and_lightly_damped_peak_is_resolved():
     largest = np.abs(model.frequency_response(fine)).max()
     assert table["gain"].max() > 0.99 * largest
     assert np.all(np.diff(table["frequency_hz"]) > 0.0)
+
+
+def test_bands_hold_the_models_that_could_have_been_chosen():
+    def gain(factor):
+        one = np.array([1.0])
+        return PolynomialModel(A=one, B=(factor * one,), nk=(1,), sampling_rate=100.0)
+
+    # Without errors of the coefficients: the band is the spread of ln 1.0 and ln 1.2 around ln 1.0.
+    model = replace(gain(1.0), covariance=ParameterCovariance.from_matrix(np.zeros((1, 1))))
+    rivals = (gain(1.0), gain(1.2))
+    table = frequency_response_table(model, ("u",), ("y",), rivals=rivals)
+    half = NORMAL_95 * np.log(1.2) / np.sqrt(2.0)
+    np.testing.assert_allclose(np.log(table["gain_upper"]), half)
+    np.testing.assert_allclose(np.log(table["gain_lower"]), -half)
+    np.testing.assert_allclose(table["phase_se_deg"], 0.0, atol=1e-12)
+    later = (gain(1.0), replace(gain(1.0), nk=(2,)))
+    phases = frequency_response_table(model, ("u",), ("y",), rivals=later)
+    degrees = 360.0 * np.asarray(phases["frequency_hz"]) / 100.0 / np.sqrt(2.0)
+    np.testing.assert_allclose(phases["phase_se_deg"], degrees, atol=1e-9)
+    steps = time_response_table(model, ("u",), ("y",), model, rivals)
+    half = NORMAL_95 * 0.2 / np.sqrt(2.0)
+    np.testing.assert_allclose(np.subtract(steps["step_upper"], steps["step"])[1], half)

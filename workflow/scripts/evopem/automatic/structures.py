@@ -81,6 +81,20 @@ class Comparison:
         return next((c for c in self.choices if c.purpose == purpose), self.choices[0])
 
 
+def rivals_of(scorer: Scorer, choice: Choice, comparison: Comparison) -> tuple[Candidate, ...]:
+    """The compared model of a choice, and those that the data do not tell from it.
+
+    They do as well on held-out samples as the best one, or the BIC gives no strong evidence against
+    them.
+    """
+    known, kind = comparison.candidates, choice.kind
+    of_choice = next((c for c in known if c.name == choice.candidate.name), choice.candidate)
+    best = min(known, key=score_of(kind))
+    equal = [candidate for candidate in known if as_good(candidate, best, kind)]
+    likely = _without_evidence(scorer, known, BIC, SIMULATION_BIC)
+    return tuple(dict.fromkeys([of_choice, *equal, *likely]))
+
+
 def _kind_of(level: Level) -> Kind:
     return "fitted_level" if level == "state" else "simulation"
 

@@ -66,14 +66,16 @@ def shaped_modes_table(
 
 
 def response_interval(
-    model: Model, frequencies: ArrayLike, noise: bool = False
+    model: Model, frequencies: ArrayLike, noise: bool = False, rivals: Sequence[Model] = ()
 ) -> tuple[Array, Array, Array]:
     """95 % confidence intervals of gains, and standard errors of phases in radians, (M, l, m) each.
 
     The parameter covariance is propagated to ``ln G``, whose real part is ``ln |G|`` and whose
-    imaginary part is the phase, to first order (Ljung 1999, section 9.4).  Of ``G`` at (M,)
-    frequencies in Hz, or with ``noise`` of ``H``, (M, l, l).  NaN where the gain is zero or depends
-    on what the data do not determine, as between the lines of a periodic input.
+    imaginary part is the phase, to first order (Ljung 1999, section 9.4).  To it is added the mean
+    square of the differences between the first of ``rivals`` and all of them, models that could
+    have been chosen as well (Buckland, Burnham & Augustin 1997, with equal weights).  Of ``G`` at
+    (M,) frequencies in Hz, or with ``noise`` of ``H``, (M, l, l).  NaN where the gain is zero or
+    depends on what the data do not determine, as between the lines of a periodic input.
     """
     frequencies = np.asarray(frequencies, dtype=float)
     response = (model.noise_response if noise else model.frequency_response)(frequencies)
@@ -91,9 +93,14 @@ def response_interval(
                     form.covariance.standard_errors(gradient).reshape(gain[block].shape)
                     for gradient in (rows.real, rows.imag)
                 ]
+        if rivals:
+            responses = np.array([rival.frequency_response(frequencies) for rival in rivals])
+            ratios = np.log(responses / responses[0])
+            spread = np.mean(np.stack([ratios.real, ratios.imag], axis=1) ** 2, axis=0)
+            errors = np.sqrt(errors**2 + spread)
         errors[~np.isfinite(errors)] = np.nan
-        spread = np.exp(NORMAL_95 * errors[0])
-        return gain / spread, gain * spread, errors[1]
+        factor = np.exp(NORMAL_95 * errors[0])
+        return gain / factor, gain * factor, errors[1]
 
 
 def response_slopes(model: StateSpaceModel, frequencies: Array, noise: bool) -> Complex:
@@ -180,18 +187,21 @@ def frequency_response_table(
     outputs: Sequence[str],
     plant: StateSpaceModel | None = None,
     frequencies: Array | None = None,
+    rivals: Sequence[Model] = (),
 ) -> dict[str, Array | list[str]]:
     """Gains of plant and noise filter with 95 % bands, and unwrapped phases, to half the rate.
 
     A row for each frequency of each pair of output and input, beside the noise filter from the
     innovations of an output to itself.  Without an input one for each output, NaN for the plant.
-    ``plant``: of a state-space model with a noise model beside it.
+    ``plant``: of a state-space model with a noise model beside it.  ``rivals`` of the plant's
+    response could have been chosen as well.
     """
     if frequencies is None:
         count = FREQUENCIES if len(inputs) * len(outputs) <= 1 else FREQUENCIES_OF_PAIRS
         frequencies = resolving_frequencies(plant or model, count)
     shown = plant or model
-    response, bands = shown.frequency_response(frequencies), response_interval(shown, frequencies)
+    response = shown.frequency_response(frequencies)
+    bands = response_interval(shown, frequencies, rivals=rivals)
     noise, of_noise = model.noise_response(frequencies), response_interval(model, frequencies, True)
     blocks = []
     for row in range(len(outputs)):
@@ -229,13 +239,18 @@ def _unwrapped(angles: Array) -> Array:
 
 
 def time_response_table(
-    model: Model, inputs: Sequence[str], outputs: Sequence[str], plant: Model
+    model: Model,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    plant: Model,
+    rivals: Sequence[Model] = (),
 ) -> dict[str, Array | list[str]]:
     """Impulse and step response of the plant and impulse response of the noise filter.
 
     A row for each sample of each pair of output and input, beside the noise filter from the
-    innovations of an output to itself, with 95 % intervals to first order in the coefficients;
-    without an input one for each output, NaN for the plant.
+    innovations of an output to itself, with 95 % intervals to first order in the coefficients, and
+    with the spread of ``rivals`` of the plant, as :func:`response_interval` has it; without an
+    input one for each output, NaN for the plant.
     """
     samples, pairs = response_length(model), [(o, i) for o in outputs for i in inputs or ("",)]
 
@@ -256,6 +271,9 @@ def time_response_table(
         errors = np.full(values.shape, np.nan)
         if of_part.covariance is not None and values.size:
             errors = response_standard_errors(of_part, response)
+            if rivals and response is of_plant:
+                responses = np.array([response(rival) for rival in rivals])
+                errors = np.sqrt(errors**2 + np.mean((responses - responses[0]) ** 2, axis=0))
             errors[~np.isfinite(errors)] = np.nan
         for end, sign in (("", 0.0), ("_lower", -1.0), ("_upper", 1.0)):
             ends = values + sign * NORMAL_95 * errors if sign else values

@@ -9,7 +9,7 @@ from evopem.automatic.decision import Decision
 from evopem.automatic.fit import PLANT_RADIUS, CommonSettings
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.state_space import weighting_of
-from evopem.automatic.structures import Choice, Comparison, Purpose
+from evopem.automatic.structures import Choice, Comparison, Purpose, rivals_of
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings, FitSettings, ScoringWindow, SearchSettings
 from evopem.config.structures import OF_SIMULATION
@@ -19,7 +19,7 @@ from evopem.estimation.order_candidate import PhaseSelection
 from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
-from evopem.models.polynomial import save_model_mat
+from evopem.models.polynomial import Model, save_model_mat
 from evopem.models.response_tables import frequency_response_table, time_response_table
 from evopem.pipeline.structure_search import Scored, errors_name_dataset
 from evopem.results.layout import DatasetFiles
@@ -98,6 +98,7 @@ def complete_model(
     automatic recipe, which has no phases, is searched globally; models for ``others`` of its
     purposes are kept beside it as the comparison of structures found them.
     """
+    rivals: list[Model] = []
     if window is not None:
         record = _selected(files, search, window, phases[-1], fit)
     else:
@@ -106,8 +107,12 @@ def complete_model(
         arguments = search, settings, fit, remedied.plant_kept, log
         record, about = _record_of(files, remedied.choice, scored, *arguments)
         save(about, files.decision("search"))
+        comparison = load(Comparison, files.decision("comparison"))
+        if scored.scorer.has_input:
+            known = rivals_of(scored.scorer, remedied.choice, comparison)
+            rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
         for purpose in others:
-            choice = load(Comparison, files.decision("comparison")).choice(purpose)
+            choice = comparison.choice(purpose)
             given = files, choice, scored, search, replace(settings, evaluations=0)
             try:
                 other, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
@@ -122,8 +127,10 @@ def complete_model(
     model, names = record.model, (record.input_names, record.output_names)
     plant = None if record.orders is not None else record.plant
     with one_blas_thread():
-        write_table(files.frequency_response, frequency_response_table(model, *names, plant))
-        write_table(files.time_response, time_response_table(model, *names, record.plant))
+        responses = frequency_response_table(model, *names, plant, rivals=rivals)
+        write_table(files.frequency_response, responses)
+        times = time_response_table(model, *names, record.plant, rivals)
+        write_table(files.time_response, times)
     save(record, files.model)
     save_model_mat(record.model, files.model_mat)
 
