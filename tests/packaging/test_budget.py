@@ -19,6 +19,7 @@ CAPABILITIES: tuple[str, ...] = (
     "best linear approximation",
     "regularised impulse response",
     "limits of a linear model",
+    "continuous time",
 )
 
 BUDGET = {

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
     from evopem.exports.c_code import export_c
     from evopem.exports.fmu import export_fmu
+    from evopem.models.continuous import ContinuousModel
     from evopem.models.orders import Orders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Constraints",
+    "ContinuousModel",
     "FixedPole",
     "InputError",
     "ModeTable",
@@ -61,6 +63,7 @@ __all__ = [
 _HOMES = {
     "Results": "evopem.notebook.results",
     "Constraints": "evopem.config.constraints",
+    "ContinuousModel": "evopem.models.continuous",
     "FixedPole": "evopem.config.constraints",
     "InputError": "evopem.errors",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",

@@ -13,7 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.arrays import Array, Complex
 from evopem.files.atomic import atomic_write
-from evopem.models.conversions import block_sizes, has_own_noise, innovations_form
+from evopem.models.continuous import ContinuousModel, Hold
+from evopem.models.conversions import (
+    block_sizes,
+    continuous_of,
+    has_own_noise,
+    innovations_form,
+)
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
 from evopem.models.polynomial_form import Polynomials, impulse_response
@@ -163,6 +169,16 @@ class PolynomialModel(Polynomials):
     def plant_states(self) -> int:
         """States of :meth:`state_space` that belong to the plant; those of the noise follow."""
         return sum(block_sizes(self.orders)[:-1])
+
+    def to_continuous(self, hold: Hold = "zero-order") -> ContinuousModel:
+        """The plant in s, its input held between samples, with its covariance.
+
+        InputError where no continuous-time model of the same order has these samples.
+        """
+        if hold == "zero-order":
+            return continuous_of(self.plant().state_space())
+        now = replace(self.plant(), nk=(0,) * self.inputs)
+        return continuous_of(now.state_space(), hold, self.nk)
 
     def matlab_arguments(self) -> dict[str, ArrayLike]:
         """Arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)``, and a level.

@@ -1,7 +1,9 @@
 """The state-space model in innovations form, several inputs and outputs, as plain data."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +12,9 @@ from evopem.arrays import Array, Complex
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.states import delayed, fitted, states_of
+
+if TYPE_CHECKING:
+    from evopem.models.continuous import ContinuousModel, Hold
 
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 PlainStructure = Literal["ss", "ss_oe"]
@@ -317,6 +322,12 @@ class StateSpaceModel:
             first = last + 1
         K = np.vstack([self.K, np.zeros((extra, self.outputs))])
         return replace(self, A=A, B=B, C=C, D=D, K=K, input_delays=(), covariance=None)
+
+    def to_continuous(self, hold: Hold = "zero-order") -> ContinuousModel:
+        """The plant in s, its input held between samples, with its covariance; or InputError."""
+        from evopem.models.conversions import continuous_of
+
+        return continuous_of(self, hold)
 
     def to_control(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``control.StateSpace``; needs python-control."""
