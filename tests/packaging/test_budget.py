@@ -20,6 +20,7 @@ CAPABILITIES: tuple[str, ...] = (
     "regularised impulse response",
     "limits of a linear model",
     "continuous time",
+    "several set-ups",
 )
 
 BUDGET = {

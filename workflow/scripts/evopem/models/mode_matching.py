@@ -5,7 +5,7 @@ usual tolerances of modal analysis; a mode has at most one pole of an order.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from statistics import median
@@ -126,8 +126,13 @@ def mode_distance(first: Mode, second: Mode) -> float:
     )
 
 
-def cluster_modes(modes: Mapping[int, Sequence[Mode]]) -> list[dict[int, int]]:
-    """Group the modes of models of several orders, the nearest pairs first.
+def cluster_modes(
+    modes: Mapping[int, Sequence[Mode]],
+    distance_of: Callable[[int, Mode, int, Mode], float] = lambda _, one, __, other: mode_distance(
+        one, other
+    ),
+) -> list[dict[int, int]]:
+    """Group the modes of models of several orders, or set-ups, the nearest pairs first.
 
     Returns the index of the mode by order for each group, by increasing median frequency.
     """
@@ -137,7 +142,7 @@ def cluster_modes(modes: Mapping[int, Sequence[Mode]]) -> list[dict[int, int]]:
         for b in range(a + 1, len(nodes)):
             other, another = nodes[b]
             if other != order:
-                distance = mode_distance(modes[order][index], modes[other][another])
+                distance = distance_of(order, modes[order][index], other, modes[other][another])
                 if distance <= 1.0:
                     pairs.append((distance, a, b))
     group_of = list(range(len(nodes)))

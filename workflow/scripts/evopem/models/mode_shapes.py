@@ -53,7 +53,7 @@ def plane_assurance(first: Complex, second: Complex) -> float:
 def neighbours_among(
     poles: Complex,
     shapes: Complex,
-    derivatives: Sequence[tuple[Complex, Complex]],
+    derivatives: Sequence[tuple[Complex, ...]],
     known: Sequence[int],
     covariance: ParameterCovariance,
 ) -> list[dict[str, Any]]:

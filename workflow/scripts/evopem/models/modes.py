@@ -83,7 +83,7 @@ def frequency_and_damping(pole: complex, sampling_rate: float) -> tuple[float, f
     return float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s))
 
 
-def _slopes(pole: complex, d_pole: NDArray, sampling_rate: float) -> Array:
+def pole_slopes(pole: complex, d_pole: NDArray, sampling_rate: float) -> Array:
     """Derivatives of frequency in Hz and damping ratio, (2, p), from those of the pole, (p,)."""
     s = np.log(pole) * sampling_rate
     ds = sampling_rate * d_pole / pole
@@ -108,7 +108,7 @@ def pole_mode(coefficients: Array, pole: complex, sampling_rate: float) -> tuple
         return np.array([sampling_rate, 1.0]), np.zeros((2, len(coefficients)))
     values = np.array(frequency_and_damping(pole, sampling_rate))
     gradient = root_gradient(np.concatenate([[1.0], coefficients]), pole)[1:]
-    slopes = _slopes(pole, gradient, sampling_rate)
+    slopes = pole_slopes(pole, gradient, sampling_rate)
     return values, np.where(np.isfinite(slopes), slopes, 0.0)
 
 
@@ -117,15 +117,14 @@ def state_space_modes(
     B: Array,
     C: Array,
     K: Array,
-    levels: int,
     sampling_rate: float,
     covariance: ParameterCovariance | None = None,
 ) -> list[Mode]:
     """Modes of ``x+ = A x + B u + K e, y = C x + ...``, by frequency.
 
-    ``levels``: entries that follow ``[A, B, C, D, K]``, row by row, in the covariance.
+    The covariance is of the entries of ``[A, B, C, ...]``, row by row.
     """
-    poles, right, left = _eigenvectors(A)
+    poles, right, left = eigenvectors(A)
     adjoint: Complex = left.conj().T.astype(complex)
     shapes: Complex = (C @ right).astype(complex)
     energies = _energies(poles, shapes, (adjoint @ (B if B.shape[1] else K)).astype(complex))
@@ -139,11 +138,10 @@ def state_space_modes(
     neighbours: list[dict[str, Any]] = [{}] * len(oscillating)
     if covariance is not None:
         derivatives = [
-            _derivatives(poles, right, left, int(k), C, levels, len(covariance))
-            for k in oscillating
+            mode_derivatives(poles, right, left, int(k), B, C, len(covariance)) for k in oscillating
         ]
         errors = [
-            _standard_errors(poles[k], shapes[:, k], *derivative, covariance, sampling_rate)
+            _standard_errors(poles[k], shapes[:, k], *derivative[:2], covariance, sampling_rate)
             for k, derivative in zip(oscillating, derivatives, strict=True)
         ]
         known = [
@@ -182,7 +180,7 @@ def _scale(shape: Complex) -> complex:
     return largest if largest != 0.0 else 1.0 + 0.0j
 
 
-def _eigenvectors(A: Array) -> tuple[Complex, Complex, Complex]:
+def eigenvectors(A: Array) -> tuple[Complex, Complex, Complex]:
     """Eigenvalues, right and left eigenvectors with ``left[:, k]^H right[:, k] = 1``.
 
     Left vectors of defective eigenvalues, such as repeated ones at zero, are zero.
@@ -219,7 +217,7 @@ def _standard_errors(
     d_scaled = (d_shape - np.outer(shape / scale, d_shape[largest])) / scale
     # The largest entry is 1 by definition, whatever the data determine.
     d_scaled[largest] = 0.0
-    slopes = _slopes(pole, d_pole, sampling_rate)
+    slopes = pole_slopes(pole, d_pole, sampling_rate)
     errors = covariance.standard_errors(np.vstack([slopes, d_scaled.real, d_scaled.imag]))
     return {
         "frequency_se_hz": float(errors[0]),
@@ -229,21 +227,29 @@ def _standard_errors(
     }
 
 
-def _derivatives(
-    poles: Complex, right: Complex, left: Complex, k: int, C: Array, levels: int, entries: int
-) -> tuple[Complex, Complex]:
-    """Derivatives of a pole, (entries,), and of its shape ``C v``, (l, entries)."""
-    n, outputs = len(poles), len(C)
-    inputs = (entries - levels - n * n - 2 * n * outputs) // (n + outputs)
+def mode_derivatives(
+    poles: Complex, right: Complex, left: Complex, k: int, B: Array, C: Array, entries: int
+) -> tuple[Complex, Complex, Complex]:
+    """Derivatives of a pole, (entries,), its shape ``C v``, (l, entries), and its drives ``w' B``.
+
+    By the entries of ``[A, B, C, ...]``, row by row; those of the drives are (m, entries).
+    """
+    n, outputs, inputs = len(poles), len(C), B.shape[1]
     # d pole = w' dA v; d v = sum over the other poles of v_j (w_j' dA v) / (pole - pole_j).
     d_pole = np.zeros(entries, dtype=complex)
     d_pole[: n * n] = np.outer(left[:, k].conj(), right[:, k]).ravel()
     others = np.arange(n) != k
-    gaps = poles[k] - poles[others]
-    spread = (C @ right[:, others] / gaps) @ left[:, others].conj().T
+    gaps, adjoint = poles[k] - poles[others], left[:, others].conj().T
+    spread = (C @ right[:, others] / gaps) @ adjoint
     d_shape = np.zeros((outputs, entries), dtype=complex)
     d_shape[:, : n * n] = np.einsum("ij,k->ijk", spread, right[:, k]).reshape(outputs, n * n)
     first = n * n + n * inputs
     for row in range(outputs):
         d_shape[row, first + row * n : first + (row + 1) * n] += right[:, k]
-    return d_pole, d_shape
+    # d w' = sum over the other poles of (w' dA v_j) w_j' / (pole - pole_j).
+    spread = (right[:, others] / gaps) @ (adjoint @ B)
+    d_drive = np.zeros((inputs, entries), dtype=complex)
+    d_drive[:, : n * n] = np.einsum("i,jc->cij", left[:, k].conj(), spread).reshape(inputs, n * n)
+    for column in range(inputs):
+        d_drive[column, n * n + column : first : inputs] = left[:, k].conj()
+    return d_pole, d_shape, d_drive

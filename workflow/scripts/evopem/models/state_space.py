@@ -297,7 +297,7 @@ class StateSpaceModel:
     def modes(self) -> list[Mode]:
         """Oscillating modes with complex shapes and standard errors, by frequency."""
         return state_space_modes(
-            self.A, self.B, self.C, self.K, self.level.size, self.sampling_rate, self.covariance
+            self.A, self.B, self.C, self.K, self.sampling_rate, self.covariance
         )
 
     def without_delays(self) -> Self:

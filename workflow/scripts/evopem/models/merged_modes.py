@@ -1,0 +1,353 @@
+"""The modes of one structure from several set-ups, which have some channels in common.
+
+Each set-up has a model of its own channels, estimated by maximum likelihood, with its own noise and
+strength of excitation.  The structure has one pole, one shape and one drive for each mode.  The
+likelihood of all set-ups under these is, to first order, that of their estimates with their
+covariances: its maximum is a generalised least-squares problem in poles, shapes and drives, in
+which common channels scale every set-up, weighed by what it knows (asymptotic least squares,
+Gourieroux, Monfort & Trognon 1985; re-scaling by references, Doehler & Mevel 2012).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+
+from evopem.arrays import Array, Complex, Flags, Indices
+from evopem.errors import InputError
+from evopem.models.mode_shapes import neighbours_among
+from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.setups import INPUT, PLACE, Setup, check_setups, common_modes
+
+# Probability that any set-up is said to contradict the others where none does.
+FALSE_ALARMS = 0.05
+# Eigenvalues of correlations below this are rounding, as are smaller shares of a set-up's
+# information in what others know of it.
+ROUNDING, SHARED = 1e-9, 1e-6
+# Factor of the covariance of a set-up that is as good as left out.
+IGNORED = 1e8
+STEPS, HALVINGS, CONVERGED = 50, 12, 1e-8
+
+PARTS = ("real part", "imaginary part")
+
+Groups = Sequence[Mapping[int, int]]
+"""Index of each merged mode in the set-ups that have it."""
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """A set-up that does not fit the others, and where it does so most."""
+
+    setup: str
+    p_value: float  # of the hypothesis that it has the structure of the others
+    mode: int  # row of the merged modes
+    quantity: str  # frequency, damping, or the shape at a channel
+    value: float  # in the set-up
+    joint: float  # of the others
+    standard_errors: float  # of the difference, in these
+
+
+@dataclass(frozen=True, eq=False)
+class MergedModes:
+    """The modes that at least two set-ups and half of them have, by frequency."""
+
+    setups: tuple[Setup, ...]
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    # Shapes over all outputs, drives by all inputs in continuous time; NaN where no set-up has both
+    # the channel and the mode
+    modes: tuple[Mode, ...]
+    drive_errors: tuple[Complex, ...]  # standard errors of real and imaginary parts
+    by_setup: tuple[tuple[Mode | None, ...], ...]  # each mode as every set-up has it
+    contradictions: tuple[Contradiction, ...]
+
+
+def merge_setups(setups: Sequence[Setup]) -> MergedModes:
+    """Merge the modes of set-ups with common channels, which have the same names.
+
+    A set-up that contradicts the others stays, with errors enlarged until it agrees.  InputError
+    where there are fewer than two set-ups, nothing connects them, or no mode is common.
+    """
+    check_setups(setups)
+    groups = common_modes(setups)
+    if not groups:
+        problem = "no mode was found in two of them and in half of all"
+        raise InputError(PLACE, problem, "see the modes of each one")
+    channels = list(dict.fromkeys(name for setup in setups for name in setup.channels))
+    channels.sort(key=lambda name: name[0] == INPUT)
+    given = [_Part.of(place, setup, groups, channels) for place, setup in enumerate(setups)]
+    parts, structure = list(given), _Structure.of(setups, groups, channels)
+    named: dict[int, float] = {}
+    while True:
+        structure = structure.fitted(parts)
+        apart = {k: structure.left_over(part) for k, part in enumerate(parts) if k not in named}
+        p_values = {k: _log_p(*distance) for k, distance in apart.items() if distance[1]}
+        if min(p_values.values(), default=0.0) >= np.log(FALSE_ALARMS / len(setups)):
+            break
+        # That without which the others agree best; of the last two, each contradicts the other.
+        without = {k: structure.fitted(_enlarged(parts, k, IGNORED)) for k in p_values}
+        worst = min(without, key=lambda k: without[k].squares(_enlarged(parts, k, IGNORED)))
+        for k in p_values if len(p_values) == 2 else [worst]:
+            named[k] = float(np.exp(p_values[k]))
+            parts = _enlarged(parts, k, max(without[k].squares([parts[k]]) / apart[k][1], 1.0))
+    names = [name.removeprefix(INPUT) for name in channels]
+    contradictions = [
+        Contradiction(setups[k].name, p, *given[k].worst(structure, names))
+        for k, p in named.items()
+    ]
+    outputs = int(np.sum(~structure.is_input))
+    modes, drive_errors = structure.modes(setups[0].rate, outputs)
+    by_setup = [
+        tuple(setup.modes[group[at]] if at in group else None for at, setup in enumerate(setups))
+        for group in groups
+    ]
+    return MergedModes(
+        *(tuple(setups), tuple(names[:outputs]), tuple(names[outputs:]), modes, drive_errors),
+        *(tuple(by_setup), tuple(contradictions)),
+    )
+
+
+def _enlarged(parts: Sequence["_Part"], place: int, ratio: float) -> list["_Part"]:
+    """Parts with the covariance of one of them so many times as large."""
+    part = replace(parts[place], whitener=parts[place].whitener / np.sqrt(ratio))
+    return [*parts[:place], part, *parts[place + 1 :]]
+
+
+def _log_p(squares: float, freedom: int) -> float:
+    """Logarithm of the p-value of a chi-squared distance."""
+    from scipy.stats import chi2
+
+    return float(chi2.logsf(squares, freedom))
+
+
+def _started(setups: Sequence[Setup], group: Mapping[int, int], channels: list[str]) -> Complex:
+    """Shape and drives of a mode from set-ups one after the other; NaN where none has a channel."""
+    shape = np.full(len(channels), np.nan + 0j)
+    for place, index in group.items():
+        setup = setups[place]
+        at = np.array([channels.index(name) for name in setup.channels])
+        drives = np.arange(len(at)) >= len(setup.outputs)
+        mine, theirs = setup.values[index][2:], shape[at]
+        common = np.isfinite(theirs)
+        known = common & ~drives if np.any(common & ~drives) else common
+        scale = 1.0 + 0.0j
+        if known.any():
+            scale = np.vdot(mine[known], theirs[known]) / np.vdot(mine[known], mine[known])
+            scale = 1.0 / scale if drives[known].all() else scale
+        scaled = np.where(drives, mine / scale, mine * scale)
+        shape[at[~common]] = scaled[~common]
+    return shape
+
+
+@dataclass(frozen=True, eq=False)
+class _Structure:
+    """Poles, shapes and drives of the merged modes.
+
+    As a vector of parameters they are, of each mode: frequency, damping ratio, real and imaginary
+    parts of the entries of its channels without its reference, whose entry is 1.
+    """
+
+    poles: Array  # (modes, 2) frequencies and damping ratios
+    shapes: Complex  # (modes, channels) outputs, then inputs
+    is_input: Flags  # (channels,)
+    free: tuple[Indices, ...]  # channels of each mode without its reference
+    factor: Array  # of the covariance of the parameters
+
+    @classmethod
+    def of(cls, setups: Sequence[Setup], groups: Groups, channels: list[str]) -> Self:
+        """From the set-ups one after the other; the largest output is the reference of a mode."""
+        is_input = np.array([name[0] == INPUT for name in channels])
+        shapes = np.array([_started(setups, group, channels) for group in groups])
+        sizes = np.where(is_input | np.isnan(shapes), 0.0, np.abs(shapes))
+        scales = np.take_along_axis(shapes, np.argmax(sizes, axis=1)[:, None], axis=1)
+        shapes = np.where(is_input, shapes * scales, shapes / scales)
+        is_free = np.isfinite(shapes) & (np.arange(len(channels)) != np.argmax(sizes, 1)[:, None])
+        poles = [
+            np.mean([setups[at].values[k][:2].real for at, k in group.items()], axis=0)
+            for group in groups
+        ]
+        free = tuple(map(np.flatnonzero, is_free))
+        return cls(np.array(poles), shapes, is_input, free, np.empty((0, 0)))
+
+    @property
+    def spans(self) -> list[tuple[int, int]]:
+        """Where the parameters of each mode begin and end."""
+        return list(pairwise([0, *np.cumsum([2 + 2 * len(free) for free in self.free]).tolist()]))
+
+    def moved(self, step: Array) -> Self:
+        """After a step of the parameters."""
+        poles, shapes = self.poles.copy(), self.shapes.copy()
+        for mode, (first, stop) in enumerate(self.spans):
+            poles[mode] += step[first : first + 2]
+            real, imaginary = np.split(step[first + 2 : stop], 2)
+            shapes[mode, self.free[mode]] += real + 1j * imaginary
+        return replace(self, poles=poles, shapes=shapes)
+
+    def seen(self, part: "_Part") -> tuple[Array, Array]:
+        """Values that a set-up has to show, and their derivatives by the parameters."""
+        values, slopes = [], []
+        for mode, places, scale in zip(part.modes, part.places, part.scales, strict=True):
+            first, stop = self.spans[mode]
+            shape, of_shape = self._scaled(self.shapes[mode], places, scale)
+            values += [self.poles[mode], shape.real, shape.imag]
+            rows = np.zeros((2 + 2 * len(places), self.spans[-1][1]))
+            rows[:2, first : first + 2] = np.eye(2)
+            d = of_shape[:, self.free[mode]]
+            rows[2:, first + 2 : stop] = np.block([[d.real, -d.imag], [d.imag, d.real]])
+            slopes.append(rows)
+        return np.concatenate(values), np.vstack(slopes)
+
+    def _scaled(self, shape: Complex, places: Indices, scale: int) -> tuple[Complex, Complex]:
+        """Entries where the one at ``scale`` is 1, drives by its inverse, and derivatives."""
+        of_input, at = self.is_input[places], shape[scale]
+        slopes = np.zeros((len(places), len(shape)), dtype=complex)
+        slopes[np.arange(len(places)), places] = np.where(of_input, at, 1.0 / at)
+        slopes[:, scale] += np.where(of_input, shape[places], -shape[places] / at**2)
+        return np.where(of_input, shape[places] * at, shape[places] / at), slopes
+
+    def fitted(self, parts: Sequence["_Part"]) -> Self:
+        """The maximum of the likelihood, by Gauss-Newton steps."""
+        count = self.spans[-1][1]
+
+        def left(fit: Self) -> Array:
+            return np.vstack([part.whitened(fit) for part in parts])
+
+        fit, rows = self, left(self)
+        for _ in range(STEPS):
+            triangle = np.asarray(np.linalg.qr(rows, mode="r"), dtype=float)
+            inverse: Array = np.linalg.inv(triangle[:count, :count])
+            fit, step = replace(fit, factor=inverse), inverse @ triangle[:count, -1]
+            if np.linalg.norm(triangle[:count, -1]) < CONVERGED:
+                break
+            for _ in range(HALVINGS):
+                after = left(fit.moved(step))
+                if np.linalg.norm(after[:, -1]) <= np.linalg.norm(rows[:, -1]):
+                    break
+                step = 0.5 * step
+            else:
+                break
+            fit, rows = fit.moved(step), after
+        return fit
+
+    def squares(self, parts: Sequence["_Part"]) -> float:
+        """Sum of squares that parts leave over, in their errors."""
+        return float(sum(np.sum(part.whitened(self)[:, -1] ** 2) for part in parts))
+
+    def left_over(self, part: "_Part") -> tuple[float, int]:
+        """Squared distance of a set-up from the others, in its errors and theirs, and its freedom.
+
+        What a fit with it leaves over says the same as a fit to the others (deletion).
+        """
+        rows = part.whitened(self)
+        half = rows[:, :-1] @ self.factor
+        sizes, directions = np.linalg.eigh(np.eye(len(rows)) - half @ half.T)
+        kept = sizes > SHARED
+        along = directions[:, kept].T @ rows[:, -1]
+        return float(np.sum(along**2 / sizes[kept])), int(kept.sum())
+
+    def modes(self, rate: float, outputs: int) -> tuple[tuple[Mode, ...], tuple[Complex, ...]]:
+        """The modes, and the standard errors of their drives."""
+        poles, derivatives, errors = [], [], []
+        for (first, stop), (frequency, damping), free in zip(
+            self.spans, self.poles, self.free, strict=True
+        ):
+            damped = np.sqrt(1.0 - damping**2)
+            s = 2.0 * np.pi * frequency / rate * (1j * damped - damping)
+            slopes = np.zeros((1 + len(self.is_input), len(self.factor)), dtype=complex)
+            slopes[0, first : first + 2] = s / frequency, s * 1j / damped
+            real, imaginary = np.split(np.arange(first + 2, stop), 2)
+            slopes[1 + free, real], slopes[1 + free, imaginary] = 1.0, 1j
+            poles.append(np.exp(s))
+            derivatives.append((slopes[0] * np.exp(s), slopes[1 : 1 + outputs]))
+            deviations = slopes[1:] @ self.factor
+            errors.append(
+                np.linalg.norm(deviations.real, axis=1)
+                + 1j * np.linalg.norm(deviations.imag, axis=1)
+            )
+        covariance = ParameterCovariance(self.factor, np.empty((len(self.factor), 0)))
+        shapes, known = self.shapes[:, :outputs], range(len(poles))
+        near = neighbours_among(
+            np.array(poles), np.nan_to_num(shapes).T, derivatives, known, covariance
+        )
+        of_poles = np.linalg.norm(self.factor, axis=1)
+        modes = [
+            Mode(
+                *(float(self.poles[k, 0]), float(self.poles[k, 1]), complex(poles[k])),
+                *(float(of_poles[self.spans[k][0]]), float(of_poles[self.spans[k][0] + 1])),
+                *(shapes[k], errors[k].real[:outputs], errors[k].imag[:outputs]),
+                input_participation=self.shapes[k, outputs:],
+                output_shares=np.full(outputs, np.nan),
+                **near[k],
+            )
+            for k in known
+        ]
+        return tuple(modes), tuple(error[outputs:] for error in errors)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """What one set-up says of the merged modes that it has."""
+
+    modes: tuple[int, ...]  # rows of the merged modes
+    places: tuple[Indices, ...]  # channels of each, without that whose entry is 1
+    scales: tuple[int, ...]  # which is this one
+    values: Array  # frequency, damping ratio, real and imaginary parts of the channels; each mode
+    factor: Array  # of their covariance
+    whitener: Array
+
+    @classmethod
+    def of(cls, place: int, setup: Setup, groups: Groups, channels: list[str]) -> Self:
+        """The part of a set-up."""
+        at = np.array([channels.index(name) for name in setup.channels])
+        modes = [mode for mode, group in enumerate(groups) if place in group]
+        if not modes:
+            return cls((), (), (), np.empty(0), np.empty((0, 0)), np.empty((0, 0)))
+        values: list[Array] = []
+        factors: list[Array] = []
+        places, scales = [], []
+        for mode in modes:
+            index = groups[mode][place]
+            largest = int(np.argmax(np.abs(setup.modes[index].shape)))
+            kept = np.arange(len(at)) != largest
+            places.append(at[kept])
+            scales.append(int(at[largest]))
+            for parts, given in ((values, setup.values[index]), (factors, setup.errors[index])):
+                parts += [given[:2].real, given[2:][kept].real, given[2:][kept].imag]
+        factor = np.vstack(factors)
+        scale = np.linalg.norm(factor, axis=1)
+        sizes, directions = np.linalg.eigh((factor / scale[:, None]) @ (factor / scale[:, None]).T)
+        whitener = (directions / np.sqrt(np.maximum(sizes, ROUNDING))).T / scale
+        return cls(
+            tuple(modes), tuple(places), tuple(scales), np.concatenate(values), factor, whitener
+        )
+
+    def whitened(self, structure: _Structure) -> Array:
+        """Derivatives of the values by the parameters, and what is left of the values behind them.
+
+        In errors of unit variance.
+        """
+        if not self.modes:
+            return np.empty((0, structure.spans[-1][1] + 1))
+        values, rows = structure.seen(self)
+        return np.asarray(self.whitener @ np.column_stack([rows, self.values - values]))
+
+    def worst(
+        self, structure: _Structure, channels: Sequence[str]
+    ) -> tuple[int, str, float, float, float]:
+        """Mode and quantity that differ most, both values, and the difference in its errors."""
+        values, rows = structure.seen(self)
+        joint = np.linalg.norm(rows @ structure.factor, axis=1)
+        apart = (self.values - values) / np.hypot(np.linalg.norm(self.factor, axis=1), joint)
+        row = int(np.argmax(np.abs(apart)))
+        names = [
+            (mode, quantity)
+            for mode, places in zip(self.modes, self.places, strict=True)
+            for quantity in (
+                *("frequency", "damping ratio"),
+                *(f"{part} of the shape at {channels[k]}" for part in PARTS for k in places),
+            )
+        ]
+        return (*names[row], float(self.values[row]), float(values[row]), float(apart[row]))
