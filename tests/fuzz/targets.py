@@ -12,7 +12,9 @@ from evopem.errors import InputError
 from evopem.signals.measured_files import FORMATS
 from evopem.signals.reading import read_measured
 
-EXTENSIONS = sorted(FORMATS)
+LATER = (".mdf", ".mf4", ".wav")
+# The first byte of a file of the corpus counts on this order.
+EXTENSIONS = [*sorted(set(FORMATS).difference(LATER)), *LATER]
 CHANNELS = ((1, 2, None), (1, 2, 3), ("u", "y", None), ("u", "y", "y_time"))
 SAMPLES = 12
 
@@ -65,6 +67,7 @@ def seeds() -> dict[str, bytes]:
         ".h5": _hdf5(u=u, y=y, y_time=time),
         ".tdms": _tdms(u=u, y=y, y_time=time),
         ".uff": _uff(u, y),
+        ".wav": _wav(table),
     }
     found = {}
     for extension, content in contents.items():
@@ -72,6 +75,14 @@ def seeds() -> dict[str, bytes]:
             name = f"seed{extension.replace('.', '-')}-{channels}"
             found[name] = bytes([EXTENSIONS.index(extension), channels]) + content
     return found
+
+
+def _wav(table: np.ndarray) -> bytes:
+    from scipy.io import wavfile
+
+    stream = io.BytesIO()
+    wavfile.write(stream, 100, table)
+    return stream.getvalue()
 
 
 def _matlab(**arrays: np.ndarray) -> bytes:

@@ -21,6 +21,7 @@ CAPABILITIES: tuple[str, ...] = (
     "limits of a linear model",
     "continuous time",
     "several set-ups",
+    "frequency responses as data",
 )
 
 BUDGET = {

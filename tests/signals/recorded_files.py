@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.io import savemat
+from scipy.io import savemat, wavfile
 
 from evopem.config.channels import ChannelSettings
 from evopem.errors import InputError
@@ -112,7 +112,7 @@ def write_every_format(folder: Path) -> dict[str, Path]:
 
     paths = {
         name: folder / f"record.{name}"
-        for name in ("mat", "npz", "npy", "parquet", "h5", "tdms", "uff")
+        for name in ("mat", "npz", "npy", "parquet", "h5", "tdms", "uff", "wav")
     }
     savemat(paths["mat"], {"u": U, "y": Y})
     write_matlab_73(folder / "new.mat", {"u": U, "y": Y})
@@ -123,4 +123,5 @@ def write_every_format(folder: Path) -> dict[str, Path]:
         file["u"], file["y"] = U, Y
     write_tdms(paths["tdms"])
     paths["uff"].write_text(uff_text(U, "u") + uff_text(Y, "y"))
+    wavfile.write(paths["wav"], round(RATE), np.column_stack([U, Y]))
     return paths | {"7.3 mat": folder / "new.mat"}

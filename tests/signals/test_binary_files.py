@@ -245,7 +245,132 @@ def test_tdms_channels_of_different_rates(tmp_path):
                 ChannelObject("run", "y", Y, {"wf_increment": 0.02}),
             ]
         )
-    assert "different sampling rates" in refusal(path, "u", "y", sampling_rate=None)
+    message = refusal(path, "u", "y", sampling_rate=None)
+    assert "different sampling rates for input and output (100 Hz and 50 Hz)" in message
+    assert "uneven_time: interpolate" in message
+
+
+def tone(rate, samples):
+    return np.sin(2.0 * np.pi * 3.0 * np.arange(samples) / rate)
+
+
+def test_tdms_groups_of_different_rates_are_brought_to_the_lowest(tmp_path):
+    """The faster channel loses what the slower rate cannot hold, and keeps its time."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = tmp_path / "record.tdms"
+    slow = np.random.default_rng(4).standard_normal(1000)
+    fast = tone(400.0, 4100) + np.sin(2.0 * np.pi * 90.0 * np.arange(4100) / 400.0)
+    with TdmsWriter(path) as writer:
+        for group, values, rate in (("slow", slow, 100.0), ("fast", fast, 400.0)):
+            channel = ChannelObject(group, "x", values, {"wf_increment": 1.0 / rate})
+            writer.write_segment([channel])
+    recording = read_recording(path, "slow/x", "fast/x", uneven_time="interpolate")
+    assert (recording.samples, recording.sampling_rate) == (1000, 100.0)
+    np.testing.assert_array_equal(recording.input, slow)
+    inner = slice(80, -80)
+    assert np.abs(recording.output - tone(100.0, 1000))[inner].max() < 1e-3
+
+
+# MDF and sound
+
+
+def write_mdf(path, *groups, version="4.10"):
+    """Groups of channels, each a name of its acquisition, times, and values by name."""
+    asammdf = pytest.importorskip("asammdf", reason="asammdf is not installed")
+    with asammdf.MDF(version=version) as file:
+        for name, times, channels in groups:
+            signals = [
+                asammdf.Signal(
+                    np.asarray(values), times, unit="m", name=key,
+                    invalidation_bits=np.isnan(values) if np.isnan(values).any() else None,
+                )
+                for key, values in channels.items()
+            ]  # fmt: skip
+            file.append(signals, acq_name=name)
+        file.save(path, overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("version", "extension"), [("4.10", "mf4"), ("4.20", "mf4"), ("3.30", "mdf")]
+)
+def test_mdf_by_asammdf(tmp_path, version, extension):
+    path = tmp_path / f"record.{extension}"
+    write_mdf(path, (None, T, {"torque": U, "speed": Y}), version=version)
+    recording = read_recording(path, "torque", "1/speed")
+    assert_read(recording)
+    assert recording.output_units == ("m",)
+    assert "2 '1/torque', 3 '1/speed'" in refusal(path, "torque", "sped")
+    renamed = path.with_suffix(".dat")
+    renamed.write_bytes(path.read_bytes())
+    assert "its content is MDF" in refusal(renamed)
+    for share in (0.05, 0.6):
+        path.write_bytes(renamed.read_bytes()[: int(share * renamed.stat().st_size)])
+        refusal(path, "torque", "speed")
+
+
+def test_mdf_groups_of_different_rates(tmp_path):
+    path = tmp_path / "record.mf4"
+    times = np.arange(4000) / 400.0 + 1e-6 * np.random.default_rng(1).standard_normal(4000)
+    late, uneven = T + 0.5, T + 0.001 * np.sin(np.arange(N))
+    missing = np.where(np.arange(N) == 130, np.nan, Y)
+    slow = np.arange(1000) / 100.0
+    write_mdf(
+        path,
+        ("slow", slow, {"x": np.sin(slow**2)}),
+        ("fast", times, {"x": tone(400.0, 4000)}),
+        ("late", late, {"y": Y}),
+        ("rough", uneven, {"u": U, "v": Y}),
+        ("bus", T, {"u": U, "y": missing}),
+    )
+    unknown = {"sampling_rate": None}
+    assert "(100 Hz and 400 Hz)" in refusal(path, "slow/x", "fast/x", **unknown)
+    recording = read_recording(path, "slow/x", "fast/x", uneven_time="interpolate")
+    assert np.abs(recording.output - tone(100.0, 1000))[80:-80].max() < 1e-3
+    assert "begins 0.5 s after" in refusal(path, "bus/u", "late/y", **unknown)
+    assert "among its times; give sampling_rate" in refusal(path, "rough/u", "v", **unknown)
+    even = read_recording(path, "rough/u", "v", time="rough/time", uneven_time="interpolate")
+    assert even.sampling_rate == pytest.approx(RATE, rel=1e-2)
+    assert [part.samples for part in read_recording(path, "bus/u", "bus/y").segments] == [130, 109]
+
+
+def test_a_missing_asammdf_names_its_extra(tmp_path, monkeypatch):
+    path = tmp_path / "record.mf4"
+    path.write_bytes(b"MDF     4.10    ".ljust(500, b"\0"))
+    monkeypatch.setitem(sys.modules, "asammdf", None)
+    assert 'pip install "evopem[mdf]"' in refusal(path)
+
+
+@pytest.mark.parametrize("kind", ["int16", "int32", "uint8", "float32", "float64"])
+def test_sound_files(tmp_path, kind):
+    from scipy.io import wavfile
+
+    path = tmp_path / "record.wav"
+    scale = 20.0 if kind == "uint8" else 1000.0
+    stored = (128.0 * (kind == "uint8") + scale * np.column_stack([U, Y])).astype(kind)
+    wavfile.write(path, 250, stored)
+    recording = read_recording(path, 1, 2)
+    np.testing.assert_array_equal(recording.inputs, stored[:, :1].astype(float))
+    assert recording.sampling_rate == RATE
+    assert "no channel 3" in refusal(path, 1, 3)
+    assert "no header with a name" in refusal(path, "left", 2)
+
+
+def test_a_sound_file_of_24_bits_with_a_chunk_of_another_program(tmp_path):
+    import wave
+
+    path = tmp_path / "record.wav"
+    counts = (1e5 * np.column_stack([U, Y])).astype("<i4")
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(2)
+        file.setsampwidth(3)
+        file.setframerate(250)
+        file.writeframes(b"".join(int(x).to_bytes(3, "little", signed=True) for x in counts.flat))
+    whole = path.read_bytes()
+    chunk = b"bext" + (8).to_bytes(4, "little") + bytes(8)
+    size = (len(whole) + len(chunk) - 8).to_bytes(4, "little")
+    path.write_bytes(whole[:4] + size + whole[8:12] + chunk + whole[12:])
+    np.testing.assert_array_equal(read_recording(path, 1, 2).outputs[:, 0], 256 * counts[:, 1])
 
 
 # Universal files

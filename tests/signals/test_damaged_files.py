@@ -11,7 +11,7 @@ from recorded_files import RATE, N, read_recording, refusal, write_every_format
 
 from evopem.errors import InputError
 
-FORMATS = ("mat", "7.3 mat", "npz", "npy", "parquet", "h5", "tdms", "uff")
+FORMATS = ("mat", "7.3 mat", "npz", "npy", "parquet", "h5", "tdms", "uff", "wav")
 
 
 @pytest.mark.parametrize("form", FORMATS)

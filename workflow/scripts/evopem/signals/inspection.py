@@ -84,7 +84,7 @@ def time_from_file(path: str | Path, signals: Sequence[Reference]) -> Reference 
     It is none of the signals, is named as a time, and has uniform stamps of a known unit.
     """
     first = read_channels(path, signals[:1])[0]
-    if first.sampling_rate is not None:
+    if first.sampling_rate is not None or first.rate_problem:
         return None
 
     def may_be(name: str, number: int) -> bool:

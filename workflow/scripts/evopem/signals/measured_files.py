@@ -35,6 +35,8 @@ _READERS = {
     "parquet": _Format("Parquet", ".parquet", (b"PAR1",), True),
     "tdms": _Format("TDMS", ".tdms", (b"TDSm",)),
     "uff": _Format("a universal file", ".uff .unv"),
+    "wav": _Format("WAV", ".wav", (b"RIFF", b"RIFX", b"RF64")),
+    "mdf": _Format("MDF", ".mf4 .mdf", (b"MDF     ",), True),
 }
 FORMATS = {end: name for name, reader in _READERS.items() for end in reader.extensions.split()}
 """The name of the format of each extension."""

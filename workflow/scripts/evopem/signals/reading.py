@@ -21,6 +21,7 @@ from evopem.signals.recording_checks import check_recording
 from evopem.signals.recording_info import FileOrigin
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import Timing, is_time, timing
+from evopem.signals.transforms import resample_recording
 
 
 def read_measured(
@@ -55,6 +56,9 @@ def read_measured(
     read = read_channels(
         path, list(references.values()), channels.header_lines, channels.decimal_mark
     )
+    if channels.sampling_rate is None and len({c.sampling_rate for c in read[: len(roles)]}) > 1:
+        read = _at_lowest_rate(read[: len(roles)], channels, source)
+        channels = replace(channels, uneven_time="refuse")
     columns = dict(zip(references, read, strict=True))
     values = {role: _signal(columns[role], role, source) for role in roles}
     first = roles[0]
@@ -120,10 +124,6 @@ def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: st
     """The rate that is stated, else that of the time stamps, else the file's own."""
     signals = [channel for role, channel in channels.items() if role != "time"]
     in_file = list(dict.fromkeys(channel.sampling_rate for channel in signals))
-    if len(in_file) > 1 and stated.sampling_rate is None:
-        rates = " and ".join("none" if one is None else f"{one:g} Hz" for one in in_file)
-        problem = f"the file states different sampling rates for input and output ({rates})"
-        raise InputError(source, problem, "choose two channels that were sampled together")
     clock = in_file[0] if len(in_file) == 1 else None
     known = clock if stated.sampling_rate is None else float(stated.sampling_rate)
     if known is not None and not (np.isfinite(known) and known > 0.0):
@@ -159,6 +159,32 @@ def _named_times(path: str) -> str:
     names = channel_names(path)
     named = [name for name in names if names_time(name)] or [n for n in names if n == "X_Value"]
     return f', such as "{named[0]}"' if named else ""
+
+
+def _at_lowest_rate(read: Sequence[Channel], stated: ChannelSettings, source: str) -> list[Channel]:
+    """Channels of different rates at the lowest of them, over the time that all of them cover.
+
+    Faster ones pass the filter of :func:`resample_signal`, which has no delay. `InputError` where
+    nothing asks for it.
+    """
+    rates = {channel.sampling_rate: None for channel in read}
+    if None in rates or stated.time is not None or stated.uneven_time != "interpolate":
+        words = " and ".join("none" if rate is None else f"{rate:g} Hz" for rate in rates)
+        problem = f"the file states different sampling rates for input and output ({words})"
+        remedy = "choose two channels that were sampled together"
+        if None not in rates and stated.time is None:
+            remedy += ", or state uneven_time: interpolate for the lowest rate"
+        raise InputError(source, problem, remedy)
+    lowest = min(filter(None, rates))
+    resampled = []
+    for number, channel in enumerate(read, 1):
+        values, rate = _signal(channel, f"channel {number}", source), channel.sampling_rate
+        if rate is not None and rate != lowest:
+            alone = Recording(np.empty((values.size, 0)), values, rate)
+            values = resample_recording(alone, lowest, f"{source}, {channel.name}").output
+        resampled.append(replace(channel, values=values, sampling_rate=lowest))
+    samples = min(channel.values.size for channel in resampled)
+    return [replace(channel, values=channel.values[:samples]) for channel in resampled]
 
 
 def _names(given: Sequence[Channel], roles: Sequence[str]) -> tuple[str, ...]:

@@ -117,15 +117,15 @@ def listing(names: Sequence[str]) -> str:
     return ", ".join(shown)
 
 
-def library(module: str, path: Path) -> ModuleType:
-    """Import the library that reads a format."""
+def library(module: str, path: Path, extra: str = "formats") -> ModuleType:
+    """Import the library that reads a format, which an extra of evopem brings along."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:
         problem = (
             f"reading this format needs the package {module.split('.')[0]}, which is not installed"
         )
-        raise InputError(str(path), problem, 'run pip install "evopem[formats]"') from None
+        raise InputError(str(path), problem, f'run pip install "evopem[{extra}]"') from None
 
 
 def refuse_unreadable(path: Path, kind: str) -> NoReturn:

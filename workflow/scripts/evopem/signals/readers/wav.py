@@ -1,0 +1,34 @@
+"""Sound files (RIFF WAVE), read by scipy."""
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from evopem.signals.readers.open_file import Channel, Contents, refuse_unreadable
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Contents]:
+    """The channels of a file by their numbers, in the counts or floats that it stores.
+
+    Samples of 24 bits are counts of 32.
+    """
+    from scipy.io import wavfile
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", wavfile.WavFileWarning)  # of an end that is missing
+            warnings.filterwarnings("ignore", "Chunk", wavfile.WavFileWarning)
+            rate, values = wavfile.read(path)
+    except Exception:
+        # scipy meets damage with ValueError, struct.error, its own warning …
+        refuse_unreadable(path, "WAV file")
+    columns = np.asarray(values).reshape(len(values), -1)
+
+    def load(index: int) -> Channel:
+        return Channel("", columns[:, index], "", float(rate) if rate > 0 else None)
+
+    yield Contents(path, "channel", [("",)] * columns.shape[1], load)
