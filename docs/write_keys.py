@@ -1,5 +1,7 @@
 """Write the keys of config.yaml from their types: the JSON schema, and the tables of a page.
 
+The JSON schema of verdict.json comes from the types of its record.
+
     python docs/write_keys.py
 
 A table stands between ``<!-- keys: NAME -->`` and ``<!-- end -->``; NAME is one of :data:`TABLES`.
@@ -12,6 +14,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import yaml
+from pydantic import ConfigDict, TypeAdapter
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
@@ -34,10 +37,15 @@ from evopem.config.settings import (  # noqa: E402
     SplitSettings,
     TransformSettings,
 )
+from evopem.report.verdict import Use  # noqa: E402
+from evopem.report.verdict_file import ListedMode, VerdictFile  # noqa: E402
+from evopem.validation.checks import Check  # noqa: E402
 
 PAGE = ROOT / "docs" / "configuration.md"
 SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+VERDICT_SCHEMA = SCHEMA.with_name("verdict.schema.json")
 HEAD = "# Written by docs/write_keys.py from the types in evopem.config.keys.\n"
+DRAFT = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
 LINK = re.compile(r"\[([^]]*)\]\([^)]*\)")
 GROUPS = ("transforms", "split", "spectrum", "delay", "orders", "search")
 """Mappings whose keys have rows of their own."""
@@ -45,25 +53,33 @@ GROUPS = ("transforms", "split", "spectrum", "delay", "orders", "search")
 
 def schema_text() -> str:
     """The JSON schema, for editors."""
-
-    def plain(node):
-        if isinstance(node, dict):
-            return {
-                key: plain(each)
-                for key, each in node.items()
-                if key not in ("built_in", "title") or isinstance(each, dict)
-            }
-        if isinstance(node, list):
-            return [plain(each) for each in node]
-        return LINK.sub(r"\1", node) if isinstance(node, str) else node
-
-    draft = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     return HEAD + yaml.safe_dump(
-        draft | plain(adapter(CONFIGURATION).json_schema()),
+        DRAFT | _plain(adapter(CONFIGURATION).json_schema()),
         sort_keys=False,
         allow_unicode=True,
         width=100,
     )
+
+
+def verdict_schema_text() -> str:
+    """The JSON schema of ``verdict.json``, with what the fields say of themselves."""
+    for kind in (Check, ListedMode, Use, VerdictFile):
+        kind.__pydantic_config__ = ConfigDict(use_attribute_docstrings=True)
+    schema = TypeAdapter(VerdictFile).json_schema(mode="serialization")
+    return json.dumps(DRAFT | _plain(schema), indent=1, ensure_ascii=False) + "\n"
+
+
+def _plain(node):
+    """A schema without titles, and without links in its texts."""
+    if isinstance(node, dict):
+        return {
+            key: _plain(each)
+            for key, each in node.items()
+            if key not in ("built_in", "title") or isinstance(each, dict)
+        }
+    if isinstance(node, list):
+        return [_plain(each) for each in node]
+    return LINK.sub(r"\1", node) if isinstance(node, str) else node
 
 
 def _built_in(about: dict, name: str, kinds: tuple[type, ...]) -> str:
@@ -120,4 +136,5 @@ def documentation(text: str) -> str:
 
 if __name__ == "__main__":
     SCHEMA.write_text(schema_text(), encoding="utf-8")
+    VERDICT_SCHEMA.write_text(verdict_schema_text(), encoding="utf-8")
     PAGE.write_text(documentation(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

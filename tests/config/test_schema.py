@@ -22,6 +22,12 @@ def test_the_schema_for_editors_is_current():
     assert schema_file().read_text(encoding="utf-8") == WRITER["schema_text"]()
 
 
+def test_the_schema_of_verdicts_is_current():
+    """Else run python docs/write_keys.py."""
+    file = schema_file().with_name("verdict.schema.json")
+    assert file.read_text(encoding="utf-8") == WRITER["verdict_schema_text"]()
+
+
 def test_the_tables_of_the_documentation_are_current():
     """Else run python docs/write_keys.py."""
     page = WRITER["PAGE"].read_text(encoding="utf-8")

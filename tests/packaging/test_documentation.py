@@ -68,7 +68,6 @@ ELSEWHERE = {
     "pip install 'PATH[report]'\nevopem data.csv": "tests/packaging/user_commands.sh",
     "snakemake --snakefile PATH/Snakefile": "tests/packaging/user_commands.sh",
     "pip install PATH": "tests/packaging/user_commands.sh",
-    "pip install 'PATH[report]'": "tests/packaging/user_commands.sh",
     "cd bench\nsnakemake": "tests/workflow/test_tutorial.py",
     "import evopem\n\nsettings = ": "tests/packaging/test_wheel.py",
     'import evopem\n\nmodel = evopem.load("results/motor_bench': "tests/packaging/test_wheel.py",
@@ -142,7 +141,7 @@ def give(folder, page, identified):
         (folder / "settings.yaml").write_text(settings)
         for file in bench.glob("*.csv"):
             (folder / file.name).symlink_to(file)
-    if page == "docs/terminal.md":
+    if page in ("docs/terminal.md", "docs/programs.md"):
         u, e = np.random.default_rng(1).standard_normal((2, 1200))
         (folder / "measurements").mkdir()
         table = np.column_stack([u, 0.5 * np.roll(u, 1) + 0.1 * e])

@@ -69,17 +69,17 @@ def states(lines):
     return {line.split(": ")[0]: line.split(": ")[1].split()[0] for line in lines}
 
 
-def test_a_recording_keeps_what_a_job_of_its_own_makes_in_eight_files(copied):
+def test_a_recording_keeps_what_a_job_of_its_own_makes_in_nine_files(copied):
     made, alone = DatasetFiles("results/r3"), Path("alone/r3")
     kept = [path for path in Path(made.folder).rglob("*") if path.is_file()]
-    assert len(kept) == 8
+    assert len(kept) == 9
     contents = {path.relative_to(made.folder).as_posix(): path.read_bytes() for path in kept}
     with zipfile.ZipFile(made.details) as packed:
         contents |= {name: packed.read(name) for name in packed.namelist()}
     for path in alone.rglob("*.*"):
         assert contents[path.relative_to(alone).as_posix()] == path.read_bytes(), path
     lines = Path(made.checksums).read_text().splitlines()
-    assert len(lines) == 6
+    assert len(lines) == 7
     for checksum, name in (line.split("  ") for line in lines):
         assert hashlib.sha256(contents[name]).hexdigest() == checksum
 

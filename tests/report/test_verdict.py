@@ -1,16 +1,27 @@
 """The verdict follows from the errors, the checks and the modes, and says what it rests on."""
 
+import hashlib
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from by_scores import chosen_by_scores
 from identified import with_model, with_outcome, without_modes
+from jsonschema import Draft202012Validator
 
+import evopem
 from evopem.automatic.decision import DecisionRecord
+from evopem.config.schema import schema_file
+from evopem.files.json_form import to_json
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.verdict import DESIRABLE, ESSENTIAL, mode_lines, verdict
+from evopem.report.verdict_file import verdict_file
+from evopem.results.fleet import summarize
 from evopem.validation.checks import Check
+from evopem.validation.distortion import Distortion
+from evopem.validation.error_parts import ErrorParts, Part
 from evopem.validation.held_out_tests import NO_TEST
 from evopem.validation.mode_evidence import doubts
 
@@ -238,6 +249,16 @@ def test_standard_errors_that_are_not_known_are_not_good(results, monkeypatch):
         assert (use.answer, use.reason) == (answer, reason)
 
 
+def test_prevailing_distortion_is_no_defect_but_takes_the_standard_errors(results, monkeypatch):
+    with_checks(monkeypatch, results, "caution", Linear=False)
+    assert answers(verdict(results))["standard errors"] == "care"
+    parts = ErrorParts("y", 6.4, Part(1, 1, 1), Part(4.9, 4.0, 5.8), Part(2, 2, 2))
+    distorted = Distortion("", "validation", 64, 3, 1, 1e-6, True, (parts,))
+    found = answers(verdict(with_outcome(results, distortion=distorted)))
+    assert found["standard errors"] == "no"
+    assert found["the frequency response"] == "care"
+
+
 def test_a_model_without_a_trusted_mode_says_so(results):
     found = verdict(without_modes(results))
     assert answers(found)["modes"] == "no"
@@ -299,3 +320,36 @@ def test_reasons_to_doubt_a_mode(results):
         " though 2 without do"
     ]
     assert of(recurrence=np.nan) == []
+
+
+def test_verdict_json_is_of_its_schema_and_says_what_the_results_say(identified):
+    files, results = identified.files, identified.results
+    written = json.loads(Path(files.verdict).read_text(encoding="utf-8"))
+    schema = json.loads(schema_file().with_name("verdict.schema.json").read_text(encoding="utf-8"))
+    validator = Draft202012Validator(schema)
+    validator.validate(written)
+    assert not validator.is_valid(written | {"sentence": None})
+    judged = verdict(results)
+    assert written["sentence"] == judged.sentence
+    assert {use["key"]: use["answer"] for use in written["uses"]} == {
+        use.key: use.answer for use in judged.uses
+    }
+    assert written["defects"] == [check.name for check in results.checks if check.word == "Failed"]
+    by_name = {check["name"]: check for check in written["checks"]}
+    assert by_name["Orders inside their search ranges"]["passed"] is False
+    assert by_name["Orders inside their search ranges"]["grade"] == "note"
+    modes = evopem.load(files.model).modes()
+    listed = [(mode["frequency_hz"], mode["damping_se_percent"]) for mode in written["modes"]]
+    assert listed == [(mode.frequency_hz, 100.0 * mode.damping_se) for mode in modes]
+    for name, digest in written["results_sha256"].items():
+        content = (Path(files.folder) / name).read_bytes()
+        assert hashlib.sha256(content).hexdigest() == digest
+    assert {"model.json", "validation.json"} < written["results_sha256"].keys()
+
+
+def test_numbers_that_are_not_known_are_null_in_verdict_json(identified):
+    results = with_outcome(identified.results, simulation_error_percent=np.nan)
+    summary = summarize(results.evidence)
+    written = to_json(verdict_file(results, summary, identified.files))
+    assert written["simulation_error_percent"] is None
+    assert written["prediction_error_percent"] > 0

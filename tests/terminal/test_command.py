@@ -1,7 +1,9 @@
 """The command `evopem`, as a user types it."""
 
 import importlib.util
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -21,6 +23,7 @@ from evopem.terminal.command import main
 
 from .conftest import SMALL, write_recording
 
+ROOT = Path(__file__).parents[2]
 RUN = ("data.csv", "--input", "u", "--output", "y", "--rate", "100", "--config", "small.yaml")
 KEYS = {"file": "data.csv", "input": "u", "output": "y", "sampling_rate": 100}
 WRITTEN = {"defaults": SMALL, "datasets": {"data": KEYS}}
@@ -84,6 +87,24 @@ def test_one_command_identifies_a_recording(identified_once):
     counts = {stage.partition("/")[2] for stage in stages}
     assert len(counts) == 1
     assert len(set(stages)) == int(counts.pop()) > 5
+
+
+def test_a_program_is_given_the_verdict_alone(identified_once):
+    folder, _ = identified_once
+    ended = run(folder, *RUN, "--json")
+    assert ended.returncode == 0
+    verdict = (folder / "results" / "data" / "verdict.json").read_text(encoding="utf-8")
+    assert ended.stdout == f"{verdict.rstrip()}\n"
+    assert json.loads(ended.stdout)["dataset"] == "data"
+
+
+def test_the_exit_codes_are_those_of_the_documentation(folder, handed_over):
+    page = (ROOT / "docs" / "terminal.md").read_text(encoding="utf-8")
+    said = re.findall(r"^\| (\d+) \| (.*) \|$", page, re.MULTILINE)
+    ways = ["--config", "missing.yaml"], ["--wrong"], []
+    codes = [code_of([*RUN, *further]) for further in ways]
+    assert codes == [1, 2, 130]
+    assert [int(code) for code, _ in said] == [0, *codes]
 
 
 def test_a_second_run_that_fails_or_is_stopped_leaves_the_results_of_the_first(

@@ -1,7 +1,9 @@
 """Checks pass on evidence, fail on counter-evidence, and are not judged without either."""
 
 import math
+import re
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import root_covariance, root_gradient
 from evopem.signals.recording_info import ChannelInfo, RecordingInfo
-from evopem.validation.checks import Evidence, checks
+from evopem.validation.checks import CHECKS, Evidence, checks
 from evopem.validation.checks.roots import cancelling_pairs
 from evopem.validation.checks.search import ranges_of_phases, repeatability
 from evopem.validation.distortion import Distortion
@@ -24,6 +26,7 @@ from evopem.validation.peak_evidence import PeakEvidence
 from evopem.validation.residual_tests import correlation_with_input
 from evopem.validation.validation import Validation
 
+ROOT = Path(__file__).parents[2]
 POLES = [0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j)]
 # The mode of these poles at one sample a second: ω = |ln z|, ζ = −Re(ln z)/ω.
 OMEGA = abs(np.log(POLES[0]))
@@ -520,4 +523,13 @@ def test_failed_tests_of_residuals_name_distortion_that_is_shown(good, p_value, 
     failed = correlated.with_("validation", distortion=found).check("Residuals independent")
     assert failed.passed is False
     assert ("Nonlinear distortion, at least 4.9 %" in failed.statement) is shown
-    assert ("not to blame" in failed.advice) is (shown and rest < 4.9)
+    prevails = shown and rest < 4.9
+    assert ("not to blame" in failed.advice) is prevails
+    assert failed.grade == ("caution" if prevails else "defect")
+
+
+def test_the_faq_has_every_check_with_its_grade():
+    page = (ROOT / "docs" / "failed_checks.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (caution|note) \| .* \| (.*) \|$", page, re.MULTILINE)
+    graded = {name: grade for grade, names in rows for name in names.split(", ")}
+    assert graded == {judge.name: judge.grade for judge in CHECKS if judge.grade != "defect"}

@@ -38,7 +38,7 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.report.comparison import build_comparison, comparison_text
 from evopem.report.results_text import results_html, results_text
-from evopem.report.verdict import verdict
+from evopem.report.verdict import Use, verdict
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, DatasetSummary, mode_values
 from evopem.results.layout import DatasetFiles
@@ -160,6 +160,11 @@ class Results(_Reported):
     def verdict(self) -> str:
         """What the model is good for and what not, in a sentence."""
         return verdict(self.results).sentence
+
+    @property
+    def uses(self) -> tuple[Use, ...]:
+        """The same one by one: each with its ``key``, its ``answer`` and the reason for it."""
+        return tuple(verdict(self.results).uses)
 
     @property
     def modes(self) -> pd.DataFrame:

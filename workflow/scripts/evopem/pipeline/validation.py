@@ -17,7 +17,8 @@ from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.pipeline.decisions import decision_record, rows_of_phases, rows_of_structures
-from evopem.results.dataset import evidence_of
+from evopem.report.verdict_file import verdict_file
+from evopem.results.dataset import evidence_of, read_results
 from evopem.results.fleet import summarize
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
@@ -78,9 +79,11 @@ def complete_results(
     for name, table in vars(tables).items():
         write_table(getattr(files, name), table)
     evidence = evidence_of(record, validation, info, selections, searches, choice)
-    save(summarize(evidence), files.summary)
+    summary = summarize(evidence)
+    save(summary, files.summary)
     delete_results(files.folder, {Path(files.details).name})  # its contents are written anew
     write_text(files.config, yaml_text(settings))
+    save(verdict_file(read_results(files), summary, files), files.verdict)
 
 
 def _errors_of_other(files: DatasetFiles, prepared: PreparedData, purpose: str) -> OtherModel:

@@ -27,6 +27,15 @@ from evopem.validation.checks.inputs import RESTING, input_rests
 from evopem.validation.checks.residuals import white
 from evopem.validation.mode_evidence import ModeEvidence
 
+UseKey = Literal[
+    "simulation",
+    "simulation_as_recorded",
+    "prediction",
+    "frequency_response",
+    "spectrum",
+    "modes",
+    "standard_errors",
+]
 Answer = Literal["good", "care", "no"]
 Finding = tuple[Answer, str]  # with a clause that says why
 ANSWERS: tuple[Answer, ...] = ("good", "care", "no")
@@ -55,7 +64,6 @@ NAMED = 3
 ESSENTIAL: dict[str, tuple[str, ...]] = {
     "Stable": ("simulation", "response", "spectrum"),
     "Response to the input significant": ("simulation", "response", "intervals"),
-    "Excitation adequate": ("response",),
     "Free of feedback": ("simulation", "response", "intervals"),
     "Invertible": ("prediction",),
     "Roots inside the stability bound": ("intervals",),
@@ -63,6 +71,7 @@ ESSENTIAL: dict[str, tuple[str, ...]] = {
     "Linear": ("intervals",),
 }
 DESIRABLE: dict[str, tuple[str, ...]] = {
+    "Excitation adequate": ("response",),
     "Validation input comparable": ("simulation",),
     "Simulation independent of its initial state": ("simulation",),
     "White residuals": ("prediction", "spectrum", "intervals"),
@@ -80,9 +89,14 @@ DESIRABLE: dict[str, tuple[str, ...]] = {
 class Use:
     """One thing that a model may be used for."""
 
+    key: UseKey
+    """what it is, a name that stays the same"""
     name: str
+    """what it is of this model, in words"""
     answer: Answer
-    reason: str  # A clause with the number that decides
+    """whether the model is good for it, to be used with care, or not to be used"""
+    reason: str
+    """the number or the check that decides"""
 
 
 @dataclass(frozen=True)
@@ -120,10 +134,10 @@ def sentence_of(uses: Sequence[Use]) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
-def _use(name: str, *findings: Finding) -> Use:
+def _use(key: UseKey, name: str, *findings: Finding) -> Use:
     """A use by the least favourable of its findings, with what each of them says."""
     answer = max((answer for answer, _ in findings), key=ANSWERS.index)
-    return Use(name, answer, "; ".join(reason for _, reason in findings if reason))
+    return Use(key, name, answer, "; ".join(reason for _, reason in findings if reason))
 
 
 def _by_checks(use: str, results: DatasetResults) -> Finding:
@@ -176,19 +190,20 @@ def _simulations(results: DatasetResults) -> list[Use]:
         text += f", by {percent(largest)} at {worst.prepared}"
         worst_of = ("care" if _by_error(largest)[0] != "good" else "good", "")
     of_error = _by_error(validation.simulation_error_percent, text)
-    said: dict[str, tuple[Finding, ...]]
-    said = {f"simulation from the {plural_of('input', results.inputs)}": (of_error, worst_of)}
+    name = f"simulation from the {plural_of('input', results.inputs)}"
+    said: list[tuple[UseKey, str, list[Finding]]] = [("simulation", name, [of_error, worst_of])]
     if recorded is not None:
         error = recorded.simulation_error_percent
         summed = recorded.integrations and _by_error(error)[0] != "good"
         undone = ", because undoing the differences sums up the error" if summed else ""
-        said = {
-            f"simulation of the transformed {outputs}": (of_error, worst_of),
-            f"simulation of the {outputs} as recorded": (_by_error(error, undone),),
-        }
+        name, of_recorded = f"simulation of the {outputs} as recorded", [_by_error(error, undone)]
+        said = [
+            ("simulation", f"simulation of the transformed {outputs}", [of_error, worst_of]),
+            ("simulation_as_recorded", name, of_recorded),
+        ]
     if input_rests(validation):
-        return [Use(name, "no", f"not tested: {RESTING}") for name in said]
-    return [_use(name, *findings, checked) for name, findings in said.items()]
+        return [Use(key, name, "no", f"not tested: {RESTING}") for key, name, *_ in said]
+    return [_use(key, name, *findings, checked) for key, name, findings in said]
 
 
 def _prediction(results: DatasetResults) -> Use:
@@ -209,21 +224,23 @@ def _prediction(results: DatasetResults) -> Use:
         findings.append(("care" if largest >= ERROR_OF_MEAN else "good", text))
     if not results.model.has_noise_model and white(results.validation) is not True:
         findings.append(("care", "the residuals are coloured, which no noise model uses"))
-    return _use("one-step prediction", *findings, _by_checks("prediction", results))
+    return _use("prediction", "one-step prediction", *findings, _by_checks("prediction", results))
 
 
 def _frequency_response(results: DatasetResults) -> Use:
     """The response of the plant; of a model without input, the spectrum that its noise has."""
     validation = results.validation
+    key: UseKey = "frequency_response"
     name, rests_on = f"the {plural_of('frequency response', results.pairs)}", "response"
     error, computed = validation.simulation_error_percent, "simulates"
     if not results.model.has_input:
-        name, rests_on = f"the spectrum of the {plural_of('output', results.outputs)}", "spectrum"
+        key, rests_on = "spectrum", "spectrum"
+        name = f"the spectrum of the {plural_of('output', results.outputs)}"
         error, computed = validation.prediction_error_percent, "predicts"
     checked = _by_checks(rests_on, results)
     if is_number(error) and error >= ERROR_OF_MEAN:
         text = f"it {computed} no better than the mean, off by {percent(error)}"
-        return _use(name, ("no", text), checked)
+        return _use(key, name, ("no", text), checked)
     table = results.responses
     table = table[table["source"] == model_source(results)[0]]
     inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
@@ -244,7 +261,7 @@ def _frequency_response(results: DatasetResults) -> Use:
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
         tested = "care", f"simulations are off by {percent(error)}, which hides errors of the gain"
-    return _use(name, band, peaks, tested, checked)
+    return _use(key, name, band, peaks, tested, checked)
 
 
 def _band_of_power(table: pd.DataFrame) -> float:
@@ -262,7 +279,7 @@ def _modes(results: DatasetResults) -> Use:
     others = len(results.modes) - len(trusted)
     if not trusted:
         reason = "none passes every test" if others else "the model has no oscillating mode"
-        return Use("modes", "no", reason)
+        return Use("modes", "modes", "no", reason)
     shown = [number(judged.mode.frequency_hz, 3) for judged in trusted[:MOST_NAMED]]
     places = f"{enumeration(shown)}{THIN}Hz"
     if len(trusted) > MOST_NAMED:
@@ -278,7 +295,7 @@ def _modes(results: DatasetResults) -> Use:
         mixed = sum(bool(judged.shape_doubt) for judged in trusted)
         if mixed:
             findings.append(("care", f"{plural(mixed, 'shape')} not to be trusted"))
-    return _use(name, *findings)
+    return _use("modes", name, *findings)
 
 
 def standard_errors(record: ModelRecord) -> np.ndarray:
@@ -292,6 +309,8 @@ def standard_errors(record: ModelRecord) -> np.ndarray:
 def _intervals(results: DatasetResults) -> Use:
     checked, errors = _by_checks("intervals", results), standard_errors(results.model)
     findings: list[Finding] = []
+    if results.validation.distortion.prevails:
+        findings.append(("no", "they leave out the nonlinear distortion that the residuals hold"))
     unknown = int((~np.isfinite(errors)).sum())
     if unknown == len(errors):
         findings.append(("no", "no coefficient has one"))
@@ -305,7 +324,7 @@ def _intervals(results: DatasetResults) -> Use:
         coloured = not results.model.has_noise_model and white(results.validation) is not True
         text = "the colour of the residuals is taken into account"
         findings.append(("good", text if coloured else "white residuals"))
-    return _use("standard errors", *findings, checked)
+    return _use("standard_errors", "standard errors", *findings, checked)
 
 
 @dataclass(frozen=True)

@@ -150,6 +150,7 @@ class DatasetFiles:
     cross_correlation = _File("cross_correlation.csv")
     simulation = _File("simulation.csv")  # validation samples, predicted and simulated
     summary = _File("summary.json")  # orders, errors, modes and checks
+    verdict = _File("verdict.json")  # what the model is good for, for programs
     report = _File("report.html")  # the report
 
     def figure(self, figure: str) -> str:
@@ -180,7 +181,7 @@ class DatasetFiles:
     def batch_results(self) -> list[str]:
         """The results of a recording that was identified in a batch."""
         named = [self.recording_info, self.model, self.modes, self.validation]
-        return [*named, self.summary, self.details]
+        return [*named, self.summary, self.verdict, self.details]
 
     def log(self, job: str) -> str:
         """Log of a job."""

@@ -131,6 +131,7 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
     add("--results", default=RESULTS_FOLDER, metavar="FOLDER", help=about)
     about = "a config.yaml whose `defaults:` decide what they name"
     add("--config", metavar="YAML", help=about)
+    add("--json", action="store_true", help="print verdict.json, for programs, and nothing else")
     for argument in given:
         if argument.startswith("-") and os.path.exists(argument):  # noqa: PTH110 - of any length
             raise InputError(argument, "begins with -, as options do", f"write ./{argument}")
@@ -269,7 +270,8 @@ def _identify(arguments: argparse.Namespace) -> int:
                 exchange(made, files)
     finally:
         progress.close()
-    show(dataset_text(files, files.report))
+    written = Path(files.verdict).read_text(encoding="utf-8") if arguments.json else ""
+    show(written.rstrip() or dataset_text(files, files.report))
     return 0
 
 

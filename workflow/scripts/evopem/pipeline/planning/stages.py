@@ -142,8 +142,10 @@ STAGES = (
         "validation:complete_results",
         "validation",
         inputs=(
-            *("recording_info", "model", "other_model:{purposes}", *_SCORED, *_CHOSEN),
-            *(*_SEARCHED, "models_of_orders:{structures} if automatic"),
+            *("truth if not source.all_files", "recording", "recording_info", _OTHER_INFO),
+            *("model", "other_model:{purposes}", "frequency_response", "time_response"),
+            *(*_SCORED, *_CHOSEN, *_SEARCHED, "models_of_orders:{structures} if automatic"),
+            *("spectrum", "spectrum_summary"),
         ),
         outputs=(
             *_VALIDATION,
@@ -152,6 +154,7 @@ STAGES = (
             "decisions if automatic",
             "summary",
             "config",
+            "verdict",
         ),
         given=("phases", "structures"),
         settings={

@@ -65,7 +65,8 @@ def _with_reason(check: Check, distortion: Distortion) -> Check:
         " linear model."
     )
     advice = NOT_THE_MODEL if distortion.prevails else check.advice
-    return replace(check, statement=statement, advice=advice)
+    grade = "caution" if distortion.prevails else check.grade
+    return replace(check, statement=statement, advice=advice, grade=grade)
 
 
 def _after_remedies(check: Check) -> Check:

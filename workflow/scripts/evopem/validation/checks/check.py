@@ -27,13 +27,16 @@ class Check:
     """One check of a model."""
 
     name: str
-    passed: bool | None  # None where the check could not be judged
-    statement: str  # what was found, with its numbers
-    advice: str = ""  # what to do about it; empty for a check that passed
-    # What it means where the check failed: the model or its numbers are wrong for a use; they hold
-    # with a reservation; or it is no statement about the model, such as an order at the end of a
-    # range that the configuration gave
+    """what is checked, a name that stays the same"""
+    passed: bool | None
+    """null where the check could not be judged"""
+    statement: str
+    """what was found, with its numbers"""
+    advice: str = ""
+    """what to do about it; empty for a check that passed"""
     grade: Literal["defect", "caution", "note"] = "defect"
+    """what it means where the check failed. defect: the model or its numbers are wrong for a use;
+    caution: they hold with a reservation; note: it is no statement about the model"""
 
     @property
     def word(self) -> str:

@@ -316,7 +316,11 @@ def better_than_mean(evidence: Evidence) -> Found | None:
     return not bad, f"Worse than the mean: {listed(bad)}." if bad else BETTER
 
 
-@check("Few residual outliers", "Inspect them in the record, and repair spikes and drop-outs.")
+@check(
+    "Few residual outliers",
+    "Inspect them in the record, and repair spikes and drop-outs.",
+    "caution",
+)
 def outliers(evidence: Evidence) -> Found:
     """Few residual outliers, or an objective that is robust against them."""
     outputs = evidence.validation.outputs

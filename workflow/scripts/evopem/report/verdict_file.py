@@ -1,0 +1,110 @@
+"""The verdict for programs: ``verdict.json``, whose form ``verdict.schema.json`` states."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from evopem.files.checksums import sha256_of_file
+from evopem.report.verdict import ModeLine, Use, mode_lines, verdict
+from evopem.results.dataset import DatasetResults
+from evopem.results.fleet import DatasetSummary, mode_values
+from evopem.results.layout import DatasetFiles
+from evopem.validation.checks import Check
+from evopem.version import __version__
+
+
+@dataclass(frozen=True)
+class ListedMode:
+    """A mode of the plant, or of the noise filter alone, which is never trusted."""
+
+    frequency_hz: float | None
+    """natural frequency"""
+    frequency_se_hz: float | None
+    """its standard error; null where it is not known"""
+    damping_percent: float | None
+    """damping ratio"""
+    damping_se_percent: float | None
+    """its standard error; null where it is not known"""
+    trusted: bool
+    """whether the data give no reason to doubt it"""
+    shape_trusted: bool | None
+    """whether its shape can be trusted, too; null for one output"""
+    reason: str
+    """why it is trusted or not"""
+
+
+@dataclass(frozen=True)
+class VerdictFile:
+    """What an identified model is good for. Keys may be added, and none changes its meaning."""
+
+    version: Literal["1"]
+    """of this form"""
+    evopem: str
+    """version of evopem"""
+    dataset: str
+    """name of the data set"""
+    sentence: str
+    """the verdict in one sentence"""
+    uses: tuple[Use, ...]
+    """what the model may be used for; what is not listed was not judged"""
+    defects: tuple[str, ...]
+    """names of the failed checks that are defects"""
+    checks: tuple[Check, ...]
+    """all checks, those with a lower grade and those not judged among them"""
+    model: str
+    """structure and orders in a few words"""
+    inputs: tuple[str, ...]
+    """names"""
+    outputs: tuple[str, ...]
+    """names"""
+    sampling_rate_hz: float
+    """of the model"""
+    estimation_samples: int
+    """that the model was estimated from"""
+    validation_samples: int
+    """that its errors were measured on"""
+    prediction_error_percent: float | None
+    """of the output's deviation, one step ahead, mean over the outputs"""
+    simulation_error_percent: float | None
+    """the same of the simulation from the inputs alone; null without an input"""
+    modes: tuple[ListedMode, ...]
+    """all modes, those not to be trusted among them"""
+    recordings_sha256: dict[str, str]
+    """checksums of the recorded files"""
+    results_sha256: dict[str, str]
+    """checksums of the results that this file goes with"""
+
+
+def verdict_file(
+    results: DatasetResults, summary: DatasetSummary, files: DatasetFiles
+) -> VerdictFile:
+    """The verdict on results that lie in files."""
+    judged, model = verdict(results), results.model
+    return VerdictFile(
+        version="1",
+        evopem=__version__,
+        dataset=results.name,
+        sentence=judged.sentence,
+        uses=tuple(judged.uses),
+        defects=tuple(check.name for check in summary.failed),
+        checks=summary.checks,
+        model=summary.model,
+        inputs=tuple(model.input_names),
+        outputs=tuple(model.output_names),
+        sampling_rate_hz=summary.sampling_rate,
+        estimation_samples=summary.estimation_samples,
+        validation_samples=summary.validation_samples,
+        prediction_error_percent=summary.prediction_error_percent,
+        simulation_error_percent=summary.simulation_error_percent,
+        modes=tuple(_listed(line, len(results.outputs) > 1) for line in mode_lines(results)),
+        recordings_sha256={file.path: file.sha256 for file in results.files},
+        results_sha256={
+            Path(path).name: sha256_of_file(path)
+            for path in (files.model, files.validation, files.summary)
+        },
+    )
+
+
+def _listed(line: ModeLine, several: bool) -> ListedMode:
+    shape_trusted = line.trusted and not line.shape_doubt if several else None
+    return ListedMode(*mode_values(line.mode), line.trusted, shape_trusted, line.why)
