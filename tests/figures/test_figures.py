@@ -22,6 +22,7 @@ from evopem.figures.time_domain import settling_part, shown_samples
 from evopem.models.mode_matching import PoleOfOrder
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.layout import FIGURES
+from evopem.validation.error_parts import Levels
 
 HOSTILE = """<script>alert("1")</script> $x^2$ & 'q', \\frac"""
 
@@ -188,6 +189,17 @@ def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(result
     assert gain.max() == pytest.approx(results.frequency_response["gain"].iloc[1:].max())
     marked = [line.get_xdata()[0] for line in axes.get_lines() if len(line.get_xdata()) == 2]
     assert marked == [mode.frequency_hz for mode in results.validation.modes.trusted]
+
+
+def test_levels_of_noise_and_distortion_are_drawn_below_the_gain(results):
+    output = results.outputs[0].name
+    levels = Levels(output, (1.0, 2.0, 3.0), (1e-3, 2e-3, 1e-3), (0.1, 0.2, 0.3))
+    distortion = replace(results.validation.distortion, levels=(levels,))
+    both = replace(results, validation=replace(results.validation, distortion=distortion))
+    (axes,) = drawn(both, "gain")
+    assert lines(axes)["from noise"].get_ydata() == pytest.approx(levels.noise)
+    assert lines(axes)["from distortion"].get_ydata() == pytest.approx(levels.distortion)
+    assert axes.get_ylim()[0] < 1e-3
 
 
 def test_step_and_impulse_are_those_of_the_transfer_function(results):

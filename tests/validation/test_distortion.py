@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
@@ -140,6 +141,37 @@ def test_of_a_regular_grid_it_is_the_least_there_can_be():
         assert found.shown
         truth = 100.0 * np.sqrt(known_distortion(made, clean, ODD, gain))
         assert 0.3 * truth < parts.distortion.percent < truth
+
+
+def test_levels_are_the_deviations_of_the_gain_that_the_data_give():
+    """White noise of variance 1 moves each coefficient of a mean of periods by 1/(P T)."""
+    lines, noise = with_gaps(ODD, np.random.default_rng(1)), []
+    for seed in range(20):
+        generator = np.random.default_rng(seed)
+        u = np.tile(multisine(generator, lines), 7)
+        y = 10.0 * linear(u) + generator.standard_normal(len(u))
+        made = Recording(u[-3 * PERIOD :], y[-3 * PERIOD :], 1.0)
+        found = judged([made])
+        (levels,) = found.levels
+        noise.append(levels.noise)
+        assert_allclose([levels.frequency_hz[0], levels.frequency_hz[-1]], lines[[0, -1]] / PERIOD)
+    expected = 1.0 / (found.periods * PERIOD * np.mean(np.abs(coefficients(u)[lines]) ** 2))
+    assert_allclose(np.mean(np.square(noise)), expected, rtol=0.1)
+    gain = best_gain(wiener, lines, 150)
+    made, clean = record(wiener, lines, np.random.default_rng(2))
+    (levels,) = judged([made]).levels
+    at = coefficients(clean)[lines], coefficients(made.input)[lines]
+    off = np.abs(at[0] / at[1] - gain)
+    assert_allclose(np.linalg.norm(levels.distortion), np.linalg.norm(off), rtol=0.5)
+
+
+@pytest.mark.parametrize(("power", "share"), [(2, 1.0), (3, 0.0)])
+def test_squares_fall_on_even_lines_and_cubes_on_odd_ones(power, share):
+    lines = with_gaps(ODD, np.random.default_rng(1))
+    made, _ = record(lambda u: linear(u + 0.1 * u**power), lines, np.random.default_rng(3))
+    found = judged([made])
+    assert found.outputs[0].even_share == pytest.approx(share, abs=0.03)
+    assert f"mostly {'odd' if share < 0.5 else 'even'}" in error_parts(found)[0]
 
 
 def test_transients_are_left_out():

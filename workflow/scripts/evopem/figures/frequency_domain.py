@@ -32,6 +32,8 @@ from evopem.signals.spectra import multitaper_spectrum
 from evopem.signals.spectrum_summary import SpectralPeak
 
 PLANT, NOISE_FILTER = "model G", "noise filter H"
+# Colours of what moves the gain that the data give.
+LEVELS: dict[str, Role] = {"noise": "truth", "distortion": "error"}
 # Bins of the gain on the first screen; twice as many points show all its extremes.
 GAIN_BINS = 300
 # Length of the transforms of the residuals: coarse, since white noise has no lines.
@@ -140,7 +142,38 @@ def gain(results: DatasetResults) -> Chart:
     marks = _marks(results.validation.modes.trusted, "trusted modes", "model")
     panels = gain_panels(results, 210 if len(results.pairs) == 1 else 150, marks)
     table = thinned(results).drop(columns=["phase_deg", "coherence"], errors="ignore")
+    if levels := _levels(results):
+        table = pd.concat([table, *levels], ignore_index=True)
+        panels = [_with_levels(panel, table) for panel in panels]
     return Chart(table, tuple(panels), columns_of(results, panels))
+
+
+def _levels(results: DatasetResults) -> list[pd.DataFrame]:
+    """What noise and nonlinear distortion move the gain from the data by, as rows of a table."""
+    keys = [key for key in ("output", "input") if key in results.responses]
+    named = {"input": results.inputs[0].name} if results.inputs else {}
+    return [
+        pd.DataFrame({"frequency_hz": at.frequency_hz, "gain": gains}).assign(
+            source=source, **{key: ({"output": at.output} | named)[key] for key in keys}
+        )
+        for at in results.validation.distortion.levels
+        for source, gains in (("noise", at.noise), ("distortion", at.distortion))
+        if np.max(gains) > 0.0
+    ]
+
+
+def _with_levels(panel: Panel, table: pd.DataFrame) -> Panel:
+    """A panel of a gain with the levels below it."""
+    pair = panel.curves[-1].where[1:]
+    shown = [
+        Curve(f"from {source}", "gain", colour, dashed=True, where=(("source", source), *pair))
+        for source, colour in LEVELS.items()
+        if (table["source"] == source).any()
+    ]
+    gains = pd.concat([rows_of(table, curve.where)["gain"] for curve in shown])
+    low = around(gains.rolling(9, center=True, min_periods=1).median())
+    limits = (min(low[0], panel.limits[0]), panel.limits[1]) if low and panel.limits else ()
+    return replace(panel, curves=(*panel.curves, *shown), limits=limits)
 
 
 def frequency_response(results: DatasetResults) -> Chart:

@@ -10,6 +10,9 @@ from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import ErrorParts
 
 _WIDTH = 96
+# Share of a distortion's power from which on it is mostly of one kind.
+MOSTLY = 0.8
+ON_LINES = " or distortion at the lines of the input themselves"
 _NO_MODE = "The model has no oscillating mode."
 
 
@@ -88,6 +91,15 @@ def error_parts(distortion: Distortion) -> list[str]:
     return [_sentence(distortion, output, len(outputs) > 1) for output in outputs[:4]]
 
 
+def _parity(parts: ErrorParts) -> str:
+    """Which powers make the distortion, where even and odd lines tell."""
+    even = parts.even_share
+    if not is_number(even) or MOSTLY > even > 1.0 - MOSTLY:
+        return ""
+    kind = "even (asymmetric, as of squares)" if even >= MOSTLY else "odd (symmetric, as of cubes)"
+    return f". The distortion that shows is mostly {kind}"
+
+
 def _sentence(distortion: Distortion, parts: ErrorParts, several: bool) -> str:
     """What the error of an output consists of."""
     samples = f" of the {distortion.on} samples"
@@ -101,13 +113,13 @@ def _sentence(distortion: Distortion, parts: ErrorParts, several: bool) -> str:
     if not distortion.shown:
         limit = f"at most {percent(extra.high, 2)} can be there"
         if not distortion.separated:
-            limit = "but it would not all show beside the lines of this input"
+            limit = "what falls on the lines of the input cannot be told from its response"
         split = f"{noise} and {rest} this model; no nonlinear distortion shows ({limit})"
     else:
         least = "" if distortion.separated else "at least "
         split = (
             f"{noise}, {least}{percent(extra.percent, 2)} ({percent(extra.low, 2)} to"
             f" {percent(extra.high, 2)}) nonlinear distortion, which no linear model removes, and"
-            f" {rest} this model{'' if distortion.separated else ' or more distortion'}"
+            f" {rest} this model{'' if distortion.separated else ON_LINES}{_parity(parts)}"
         )
     return f"{of} {periods}{samples}, {split}. The parts add up in squares."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -95,7 +95,7 @@ def summarize(evidence: Evidence) -> DatasetSummary:
         modes=tuple(mode.mode for mode in validation.modes.modes),
         trusted=tuple(mode.trusted for mode in validation.modes.modes),
         gain_db=_gain_outline(model),
-        distortion=validation.distortion,
+        distortion=replace(validation.distortion, levels=()),
     )
 
 

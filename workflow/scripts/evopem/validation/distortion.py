@@ -21,7 +21,7 @@ from evopem.signals.best_linear_approximation import (
     same_realisation,
     spectra_of_periods,
 )
-from evopem.validation.error_parts import FEWEST_LINES, ErrorParts, Lines, parts_of
+from evopem.validation.error_parts import FEWEST_LINES, ErrorParts, Levels, Lines, parts_of
 from evopem.validation.responses import HeldOut
 
 # A first period differs by a transient where its variance is so many times that of later ones.
@@ -43,6 +43,7 @@ class Distortion:
     # whether distortion is known at the lines of the input, too; else it is the least there can be
     separated: bool = False
     outputs: tuple[ErrorParts, ...] = ()
+    levels: tuple[Levels, ...] = ()  # of a record with one input
 
     @property
     def shown(self) -> bool:
@@ -157,7 +158,10 @@ def _judged(
     lines = Lines.of(u, period)
     if not lines.by_realisations and np.sum(lines.left_out) < FEWEST_LINES:
         return Distortion("Recordings with other phases, or fewer lines, would show it.", on)
-    split = []
+    split, levels = [], []
+    separated = lines.by_realisations or lines.levels is not None
+    power = np.sum(np.abs(u.mean(axis=1)) ** 2, axis=0)[lines.excited, 0]
+    at = np.flatnonzero(lines.excited) / period * stretches[0].recording.sampling_rate
     for k, name in enumerate(stretches[0].recording.output_names):
         scale, error, drift = (
             float(np.mean([getattr(part, kind)[k] for part in kept]))
@@ -165,10 +169,11 @@ def _judged(
         )
         spectra = y[..., k] / math.sqrt(scale), response[..., k] / math.sqrt(scale)
         split.append(parts_of(name, (error / scale, drift / scale), u, *spectra, lines))
-    p_value = min(len(split) * min(p for _, p in split), 1.0)
-    separated = lines.by_realisations or lines.levels is not None
+        if u.shape[3] == 1:
+            levels.append(Levels.of(name, at, *(scale * split[-1][2] / power)))
+    p_value = min(len(split) * min(p for _, p, _ in split), 1.0)
     numbers = period, periods, len(kept), p_value, separated
-    return Distortion("", on, *numbers, tuple(parts for parts, _ in split))
+    return Distortion("", on, *numbers, tuple(parts for parts, *_ in split), tuple(levels))
 
 
 def _of_one_kind(whole: Sequence[_Realisation], period: int) -> list[_Realisation]:

@@ -25,6 +25,8 @@ FEWEST_LINES = 6
 # Share of equal distances from which on excited lines are a regular grid: distortion then falls on
 # excited lines and hardly on those between.
 REGULAR = 0.9
+# Lines at which levels are stated.
+MOST_LEVELS = 100
 # Rounding, as a share of the variance of the output.
 ROUNDING = 1e-20
 # Degrees of freedom of an estimated power from which on its interval is that of chi-square.
@@ -45,7 +47,7 @@ class Part:
         return cls(*(100.0 * math.sqrt(max(x, 0.0)) for x in (power, *bounds)))
 
 
-def _bounds(power: float, variance: float) -> tuple[float, float]:
+def bounds_of(power: float, variance: float) -> tuple[float, float]:
     """A 95 % interval of an estimated power: chi-square where it is well above 0."""
     freedom = 2.0 * power**2 / variance if variance > 0.0 else 0.0
     if power > 0.0 and freedom >= FEWEST_FREEDOM:
@@ -64,6 +66,31 @@ class ErrorParts:
     noise: Part
     distortion: Part
     rest: Part  # the model's error, and distortion where this is not separated
+    # Part of the distortion at even lines, which squares make and cubes do not, 0 to 1; NaN where
+    # the input has even lines, too
+    even_share: float = math.nan
+
+
+@dataclass(frozen=True)
+class Levels:
+    """What moves the gain that the data give: standard deviations, output unit / input unit.
+
+    At lines of the input, of which many are averaged in groups; of records with one input.
+    """
+
+    output: str
+    frequency_hz: tuple[float, ...]
+    noise: tuple[float, ...]
+    distortion: tuple[float, ...]  # without noise
+
+    @classmethod
+    def of(cls, output: str, frequencies: Array, noise: Array, distortion: Array) -> Self:
+        """Of variances at E lines."""
+        groups = np.array_split(np.arange(len(frequencies)), min(len(frequencies), MOST_LEVELS))
+        means = np.array(
+            [[np.mean(x[group]) for group in groups] for x in (frequencies, noise, distortion)]
+        )
+        return cls(output, *map(tuple, [means[0].tolist(), *np.sqrt(means[1:]).tolist()]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +141,10 @@ def _levels(excited: Flags, left_out: Flags) -> csr_array | None:
 
 def parts_of(
     name: str, powers: tuple[float, float], u: Complex, y: Complex, simulated: Complex, lines: Lines
-) -> tuple[ErrorParts, float]:
-    """The parts of a simulation error, and the p-value of no distortion.
+) -> tuple[ErrorParts, float, Array]:
+    """The parts of a simulation error, the p-value of no distortion, and levels.
+
+    Levels are variances of noise and distortion in the mean output at excited lines, (2, E).
 
     Inputs (M, P, F, m), measured and simulated output (M, P, F) over the standard deviation of the
     output; ``powers`` are those of the whole error and of the drift in it.
@@ -149,21 +178,27 @@ def parts_of(
         squares = _squares(level, off)
         variance = float((w + taken) ** 2 @ spread + (taken**2 + w**2 @ weights) @ squares)
     changing = float(w @ of_period) + drift
-    of_noise = _bounds(changing, float(w**2 @ of_period**2) / (freedom / 2 + 1))
-    of_distortion, rest = _bounds(distortion, variance), total - changing - distortion
+    of_noise = bounds_of(changing, float(w**2 @ of_period**2) / (freedom / 2 + 1))
+    of_distortion, rest = bounds_of(distortion, variance), total - changing - distortion
     # The rest has the error of the distortion, and varies with it at lines where both are.
     linear = np.maximum((power - noise)[on] - at_lines, 0.0)
     cross = 2.0 * linear * (at_lines + noise[on]) + noise[on] ** 2
     beyond = NORMAL95 * math.sqrt(float(w[on] ** 2 @ cross) / count)
     up, down = (math.hypot(distortion - bound, beyond) for bound in of_distortion)
+    if not lines.by_realisations and lines.levels is None:
+        at_lines = np.interp(np.flatnonzero(on), np.flatnonzero(off), level[off])
+    levels = np.array([noise[on], np.maximum(at_lines - noise[on] * lines.by_realisations, 0.0)])
+    even = np.arange(len(on)) % 2 == 0
+    known = distortion > 0.0 and not on[even].any()
     log_p = np.log(np.maximum(p_values, np.finfo(float).tiny))
     parts = ErrorParts(
         *(name, 100.0 * math.sqrt(total)),
         Part.of(changing, of_noise),
         Part.of(distortion, of_distortion),
         Part.of(rest, (rest - down, rest + up)),
+        min(max(float(w[even] @ level[even]) / distortion, 0.0), 1.0) if known else math.nan,
     )
-    return parts, float(chdtrc(2 * len(log_p), -2.0 * log_p.sum()))
+    return parts, float(chdtrc(2 * len(log_p), -2.0 * log_p.sum())), levels
 
 
 def _squares(level: Array, off: Flags) -> Array:
