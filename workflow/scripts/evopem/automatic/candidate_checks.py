@@ -9,7 +9,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import Model, prediction_errors
 from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS, CommonSettings, log_loss
-from evopem.config.structures import OF_SIMULATION
+from evopem.config.structures import OF_SIMULATION, REGULARISED
 from evopem.estimation.criteria import lies_at_bound
 from evopem.estimation.impulse_response import posterior
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
@@ -91,7 +91,7 @@ def _of_polynomials(
     errors = PolynomialErrors(
         *(stretches, orders, settings.objective, PLANT_RADIUS, NOISE_RADIUS, True)
     )
-    if structure == "impulse":
+    if structure in REGULARISED:
         response = posterior(errors)
         point = response.point
         covariance: ParameterCovariance | None = response.covariance(errors)
@@ -128,7 +128,7 @@ def _of_polynomials(
         INSIDE_BOUND: roots_at_bound(errors, model),
         EXCITATION_ADEQUATE: not all(excited),
     }
-    doubted = () if structure == "impulse" else range(orders.inputs)
+    doubted = () if structure in REGULARISED else range(orders.inputs)
     later, shorter = (
         tuple(i for i in doubted if _is_insignificant(model, covariance, i, end)) for end in (0, -1)
     )

@@ -17,7 +17,7 @@ from evopem.automatic.preparation.plan import PreparedRecord
 from evopem.automatic.state_space import fits_in_state_space, refit
 from evopem.config.channels import of_each
 from evopem.config.settings import OrderRanges, Range
-from evopem.config.structures import STRUCTURES, varied_order
+from evopem.config.structures import REGULARISED, STRUCTURES, varied_order
 from evopem.errors import NoModelError
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
@@ -270,7 +270,7 @@ class Scorer:
 
     def _carries(self, structure: str, orders: Orders) -> bool:
         """Whether the record, and the training part of each fold, has samples for these orders."""
-        if structure == "impulse":
+        if structure in REGULARISED:
             # Its prior stands in for samples; the first ones of each stretch have no known past.
             blocks = max(folds * blocks for folds, blocks in self.plan.designs)
             parts = max(len(self.stretches), blocks)

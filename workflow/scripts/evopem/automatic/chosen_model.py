@@ -18,6 +18,7 @@ from evopem.automatic.structures import Choice
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
+from evopem.config.structures import REGULARISED
 from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.estimate import estimate_polynomial
 from evopem.estimation.impulse_response import estimate_response
@@ -134,7 +135,7 @@ def _polynomials(
                 f"the chosen model has a root of a radius above {search.max_root_radius:g}",
                 "raise it",
             ) from None
-        if search.evaluations and orders.structure != "impulse":
+        if search.evaluations and orders.structure not in REGULARISED:
             estimate = _searched(estimate, estimation, orders, search, log)
     return estimate, scorer.limits.at_upper_ends(orders)
 
@@ -149,7 +150,7 @@ def refitted_estimate(
     with one_blas_thread():
         window = window_of(model.orders)
         errors = checked_errors(recording, model.orders, settings, window, level=True)
-        if model.structure == "impulse":
+        if model.structure in REGULARISED:
             return estimate_response(errors, recording.sampling_rate)
         optimum = optimum_next_to(model, errors)
         if optimum is None:
@@ -261,7 +262,7 @@ def _about_search(
     if judged is None:
         alternative = Alternative(SEARCHED, score_of(choice.kind)(choice.candidate))
         sentence = f"The search found no lower minimum than that of {name}."
-        if choice.candidate.structure == "impulse":
+        if choice.candidate.structure in REGULARISED:
             sentence = "A regularised response has one optimum, which needs no search."
         return Decision(SUBJECT, SEARCHED, (alternative,), criterion, sentence)
     kinds: tuple[Kind, ...] = tuple(dict.fromkeys((choice.kind, "prediction")))

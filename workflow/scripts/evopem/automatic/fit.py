@@ -9,6 +9,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import Model
 from evopem.config.settings import Objective, OutputWeighting, SearchSettings
+from evopem.config.structures import REGULARISED
 from evopem.errors import NoModelError
 from evopem.estimation import criteria
 from evopem.estimation.impulse_response import posterior
@@ -86,8 +87,8 @@ def fit(
     Raises NoModelError when no stretch is long enough, or no start has finite prediction errors.
     """
     errors = PolynomialErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, level)
-    if structure == "impulse":
-        return _regularised(errors)
+    if structure in REGULARISED:
+        return _regularised(errors, structure)
     problem = PolynomialProblem(errors, models, own_starts)
     starts = problem.starts()
     if len(starts) == 0:
@@ -107,10 +108,10 @@ def fit(
     return Fit(model, count, residuals, orders.first_residual)
 
 
-def _regularised(errors: PolynomialErrors) -> Fit:
+def _regularised(errors: PolynomialErrors, structure: str) -> Fit:
     response, count = posterior(errors), errors.orders.parameters
     model = model_of(
-        replace(errors.orders, structure="impulse"),
+        replace(errors.orders, structure=structure),
         response.point,
         level=float(response.point[count]) if errors.level else 0.0,
         noise_variance=response.noise_variance,

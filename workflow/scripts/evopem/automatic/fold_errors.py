@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from evopem.automatic.candidates import BIC, SIMULATION_BIC, Candidate, Score
+from evopem.config.structures import REGULARISED
 
 Kind = Literal["simulation", "fitted_level", "prediction"]
 # Models within so many standard errors of the lowest error, and within this share, are as good.
@@ -45,7 +46,7 @@ def standard_error(candidate: Candidate, best: Candidate, kind: Kind) -> float:
 
 def parametric(candidates: Sequence[Candidate]) -> Sequence[Candidate]:
     """The candidates but regularised responses, which have to be clearly better than the others."""
-    return [c for c in candidates if c.structure != "impulse"] or candidates
+    return [c for c in candidates if c.structure not in REGULARISED] or candidates
 
 
 def simplest(candidates: Sequence[Candidate]) -> list[Candidate]:
@@ -62,7 +63,10 @@ def simplest(candidates: Sequence[Candidate]) -> list[Candidate]:
         if (candidate.structure, candidate.order) in (("fir", 1), ("oe", 1), ("oe", 2))
     ]
     # One-step errors of responses of different lengths begin at different samples.
-    return [*small, *likeliest("arx", BIC), *likeliest("impulse", SIMULATION_BIC)]
+    return [
+        *(*small, *likeliest("arx", BIC)),
+        *(best for structure in REGULARISED for best in likeliest(structure, SIMULATION_BIC)),
+    ]
 
 
 def never_behind(

@@ -16,7 +16,14 @@ from evopem.config.schema import ALL_SAMPLES
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import Place
 from evopem.config.strict_yaml import Keys
-from evopem.config.structures import STRUCTURES, WITHOUT_POLES, check_model, has_input, phases_of
+from evopem.config.structures import (
+    REGULARISED,
+    STRUCTURES,
+    WITHOUT_POLES,
+    check_model,
+    has_input,
+    phases_of,
+)
 from evopem.errors import InputError
 
 STATE_SPACE_KEYS = ("form", "weighting", "geometry")
@@ -133,7 +140,7 @@ def check_values(keys: Keys, kind: Kind, at: Place) -> None:
     if kind.by_chapter and (structure == STATE_SPACE or not (kind.are_pair or alone)):
         problem = "the chapter's recipe has a polynomial model, and one input and one output"
         at.refuse("recipe", problem, "remove the key: recipe auto finds models of all channels")
-    if kind.by_chapter and structure == "impulse":
+    if kind.by_chapter and structure in REGULARISED:
         problem = "the chapter's recipe searches orders, and a regularised response has none"
         at.refuse("recipe", problem, "remove the key, or write structure: fir")
     if kind.by_chapter and not inputs and keys.get("transforms", {}).get("difference_input"):

@@ -26,8 +26,11 @@ STRUCTURES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 ORDER_NAMES = STRUCTURES["general"]
 
-WITHOUT_POLES = ("fir", "impulse")
-"""Structures whose plant is B alone; the coefficients of ``impulse`` have a prior."""
+REGULARISED = ("impulse",)
+"""Structures whose coefficients have a prior, which makes one optimum of any length: no search."""
+
+WITHOUT_POLES = ("fir", *REGULARISED)
+"""Structures whose plant is B alone."""
 
 PHASES = ("delay", "plant", "nc", "nd", "na", "nb")
 """Every phase of an order search, in their order: each takes its predecessor's selection."""
@@ -144,7 +147,7 @@ def check_model(
         key, problem = "constraints", "ss_bj has poles of the plant and of its noise model in one"
         problem += " matrix, and it is not said which of them are meant"
         remedy = "write ss_oe or ss, or a polynomial structure such as oe"
-    elif constraints is not None and structure == "impulse":
+    elif constraints is not None and structure in REGULARISED:
         key, problem = "constraints", "a regularised response has a prior of its own alone"
         remedy = "leave them out, or write another structure, such as fir"
     elif constraints is not None and structure in ("fir", "arma"):

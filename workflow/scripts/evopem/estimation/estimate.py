@@ -12,7 +12,7 @@ from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
-from evopem.config.structures import check_model
+from evopem.config.structures import REGULARISED, check_model
 from evopem.estimation.impulse_response import estimate_response
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import checked_errors
@@ -232,7 +232,7 @@ def estimate_polynomial(
         horizon = check_fit(focus, constraints, orders, rate, names)
         given, plain = constraints or Constraints(), constraints is None and focus == "prediction"
         task = EstimationTask(errors, rate, settings, given, names, log, optimum, earlier, target)
-        if orders.structure == "impulse":
+        if orders.structure in REGULARISED:
             fitted = estimate_response(errors, rate)
         elif plain:
             result = searched(task, *scaled_problem(errors))

@@ -6,6 +6,7 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.config.settings import OBJECTIVES, ScoringWindow, SearchSettings
+from evopem.config.structures import REGULARISED
 from evopem.errors import NoModelError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
@@ -83,7 +84,7 @@ def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states
     kept = [s for s in data.segments if s.samples > first + states or not data.is_joined]
     counted = sum(segment.samples - first for segment in kept)
     # A prior stands in for residuals of coefficients, not of levels.
-    regularised = orders.structure == "impulse"
+    regularised = orders.structure in REGULARISED
     estimated = len(kept) if regularised else orders.parameters + states * len(kept)
     if counted <= estimated and kept:
         raise NoModelError(

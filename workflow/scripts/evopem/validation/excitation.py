@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Flags
+from evopem.config.structures import REGULARISED
 from evopem.models.orders import Orders
 from evopem.signals.spectra import multitaper_spectrum
 
@@ -62,7 +63,7 @@ def needed_excitation(orders: Orders) -> list[int]:
 
     The coefficients of a regularised response have a prior beside what the input excites: 0.
     """
-    if orders.structure == "impulse":
+    if orders.structure in REGULARISED:
         return [0] * orders.inputs
     return [orders.na + nf + nb for nf, nb in zip(orders.nf, orders.nb, strict=True)]
 

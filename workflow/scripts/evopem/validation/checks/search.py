@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from evopem.config.structures import varied_order
+from evopem.config.structures import REGULARISED, varied_order
 from evopem.estimation.search.certificate import MANY_OPTIMA, POLYNOMIALS, STATE_SPACE, is_certified
 from evopem.validation.checks.check import Evidence, Found, OrderRange, check
 
@@ -45,7 +45,7 @@ def search_ranges(evidence: Evidence) -> Found | None:
     regularised response is no order.
     """
     model = evidence.model
-    if model.structure == "impulse":
+    if model.structure in REGULARISED:
         return None
     if not evidence.ranges:
         kind = model.structure.upper()
@@ -89,7 +89,7 @@ def repeatability(evidence: Evidence) -> Found | None:
 
     A regularised response is not searched.
     """
-    if evidence.model.structure == "impulse":
+    if evidence.model.structure in REGULARISED:
         return None
     diagnostics = evidence.model.search.diagnostics
     # How often searches of this kind were wrong.
