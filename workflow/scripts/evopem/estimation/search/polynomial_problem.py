@@ -83,7 +83,7 @@ class PolynomialProblem(BasinHoppingProblem):
     @cached_property
     def _largest_value(self) -> float:
         """What the first estimate reaches: the scale of the objective, however bad a point is."""
-        values = self.values(self._from_denominators(next(self._plants()))[0])
+        values = self.values(self._with_white_noise(next(self._plants()))[0])
         return float(np.min(values)) if np.isfinite(values).any() else 100.0
 
     @cached_property
@@ -239,6 +239,19 @@ class PolynomialProblem(BasinHoppingProblem):
     def _from_denominators(self, plant: Sequence[Array]) -> tuple[Array, int]:
         """Points with denominators as F_i or as A, the noise white and by its own model."""
         o = self.errors.orders
+        white, used = self._with_white_noise(plant)
+        if o.nc == 0 and o.nd == 0:
+            return white, used
+        coloured = white.copy()
+        for point in coloured:
+            residuals = self.errors.residuals(point)
+            point[self._parts["c"]], point[self._parts["d"]] = noise_model(residuals, o.nc, o.nd)
+        coloured, more = self.completed(coloured)
+        return np.concatenate([white, coloured]), used + more + len(coloured)
+
+    def _with_white_noise(self, plant: Sequence[Array]) -> tuple[Array, int]:
+        """Points with denominators as F_i or as A."""
+        o = self.errors.orders
         plant = [reflect_into_disc(d[None, :], self.errors.plant_radius)[0] for d in plant]
         points = []
         for name in "fa":
@@ -250,15 +263,7 @@ class PolynomialProblem(BasinHoppingProblem):
             if any(o.nf) if name == "f" else o.na:
                 points.append(point)
         points = points or [np.zeros(self.errors.dimension)]
-        white, used = self.completed(np.array(points))
-        if o.nc == 0 and o.nd == 0:
-            return white, used
-        coloured = white.copy()
-        for point in coloured:
-            residuals = self.errors.residuals(point)
-            point[self._parts["c"]], point[self._parts["d"]] = noise_model(residuals, o.nc, o.nd)
-        coloured, more = self.completed(coloured)
-        return np.concatenate([white, coloured]), used + more + len(coloured)
+        return self.completed(np.array(points))
 
     def adapted(self, model: PolynomialModel) -> Array:
         """A model as points of these orders: coefficients cut off or filled up with zeros."""
