@@ -6,6 +6,7 @@ A larger number of records, and of systems: ``benchmarks/nonlinear_distortion.py
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,11 +14,12 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
-from evopem.report.results_text import error_parts
+from evopem.report.results_text import error_parts as sentences_of
 from evopem.signals.recording import Recording, concatenated
 from evopem.validation.distortion import Distortion, distortion_of
 from evopem.validation.error_parts import ErrorParts, Part
-from evopem.validation.responses import stretches_of
+from evopem.validation.linear_floor import floors_of
+from evopem.validation.responses import divided, stretches_of
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
@@ -37,6 +39,10 @@ from nonlinear_distortion import (
 )
 
 RECORDS = 12
+
+
+def error_parts(distortion, floors=()):
+    return sentences_of(SimpleNamespace(distortion=distortion, floors=floors))
 
 
 def record(system, lines, generator, periods=2, noise=0.02):
@@ -174,6 +180,68 @@ def test_squares_fall_on_even_lines_and_cubes_on_odd_ones(power, share):
     assert f"mostly {'odd' if share < 0.5 else 'even'}" in error_parts(found)[0]
 
 
+EXCITED = np.random.default_rng(0).standard_normal(200_000)
+# Gain of the best linear approximation over that of the linear part under a Gaussian input
+# (Bussgang 1952), of 1 and of the variance of the response.
+BUSSGANG = {linear: 1.0, hammerstein: 1.21, wiener: 1.0 + 0.03 * np.var(linear(EXCITED))}
+
+
+def random_record(system, seed, samples, noise=0.02, scale=1.0):
+    """A random recording, held out in part, and the true part of a model off by a factor."""
+    generator = np.random.default_rng(seed)
+    u = generator.standard_normal(samples + 500)
+    y = system(u) - np.mean(system(EXCITED))
+    v = lfilter([1.0], [1.0, -0.8], generator.standard_normal(len(u)))
+    y, gain = y + noise * np.std(y) * v / np.std(v), BUSSGANG[system]
+    model = PolynomialModel(A=[1.0], B=[scale * gain * B[1:]], F=[A], nk=[1])
+    held_out = divided(model, Recording(u[500:], y[500:], 1.0), samples // 3)
+    part = 100.0 * abs(scale - 1.0) * gain * np.std(linear(u)[500:]) / np.std(y[500:])
+    return held_out, part
+
+
+@pytest.mark.parametrize("system", [linear, wiener, hammerstein])
+def test_the_floor_of_a_random_input_is_below_what_no_linear_model_removes(system):
+    above, parts = [], []
+    for seed in range(30):
+        held_out, part = random_record(system, seed, 2000, scale=1.2)
+        (floor,) = floors_of(Distortion("no periods"), held_out, False)
+        assert not floor.reached
+        parts.append((floor.rest.percent, part))
+        squares = floor.floor.percent**2 + floor.rest.percent**2
+        assert squares == pytest.approx(floor.error_percent**2)
+        above.append(part > floor.rest.high)
+    stated, true = np.sqrt(np.mean(np.square(parts), axis=0))
+    assert stated == pytest.approx(true, rel=0.05)
+    # Of 30 upper limits of 97.5 % four or more are too low in 0.6 % of all cases.
+    assert np.sum(above) <= 3
+
+
+def test_a_model_at_the_floor_of_a_random_input_is_told():
+    for system in (wiener, hammerstein):
+        found = [
+            floors_of(Distortion("no periods"), random_record(system, seed, 3000)[0], False)
+            for seed in range(10)
+        ]
+        assert np.mean([floor.reached for (floor,) in found]) >= 0.9
+
+
+def test_no_floor_is_told_of_a_few_samples_or_a_long_memory():
+    few, _ = random_record(linear, 1, 120)
+    slow = PolynomialModel(A=[1.0], B=[[1.0]], F=[[1.0, -0.999]], nk=[1])
+    u = np.random.default_rng(2).standard_normal(2000)
+    long = divided(slow, Recording(u, lfilter([0.0, 1.0], [1.0, -0.999], u), 1.0), 500)
+    assert floors_of(Distortion("no periods"), few, False) == ()
+    assert floors_of(Distortion("no periods"), long, False) == ()
+
+
+def test_the_floor_of_a_periodic_input_is_what_is_not_the_models():
+    parts = ErrorParts("y", 5.0, Part(3.0, 3.0, 3.0), Part(3.9, 3.5, 3.97), Part(0.9, 0.5, 2.0))
+    split = Distortion("", "validation", 512, 3, 1, 1e-9, True, (parts,))
+    (floor,) = floors_of(split, (), False)
+    assert (floor.reached, floor.floor.low) == (True, pytest.approx(np.sqrt(21.0)))
+    assert floors_of(replace(split, separated=False), (), False) == ()
+
+
 def test_transients_are_left_out():
     lines = with_gaps(ODD, np.random.default_rng(1))
     u = np.tile(multisine(np.random.default_rng(3), lines), 6)
@@ -223,6 +291,11 @@ def test_the_error_in_words():
         assert words in text
     assert "at least" not in text
     assert "at least 4.9" in error_parts(replace(found, separated=False))[0]
+    (floor,) = floors_of(found, (), False)
+    assert "as good as a linear model" not in error_parts(found, [floor])[0]
+    reached = replace(floor, floor=Part(6.0, 5.9, 6.1), rest=Part(1.0, 0.5, 2.4))
+    assert "as good as a linear model" in error_parts(found, [reached])[0]
+    assert "at most 2.4" in error_parts(Distortion("no"), [reached])[0]
     none = replace(found, p_value=0.4)
     assert "no nonlinear distortion shows" in error_parts(none)[0]
     assert found.prevails

@@ -77,7 +77,7 @@ class Section:
 def _summary(results: DatasetResults) -> dict[str, Any]:
     return {
         "verdict": verdict(results),
-        "parts_of_error": error_parts(results.validation.distortion),
+        "parts_of_error": error_parts(results.validation),
         "evidence": mode_lines(results),
         "checks": results.checks,
     }

@@ -8,11 +8,14 @@ from evopem.report.numbers import aligned, count, is_number, mode_cells, number,
 from evopem.results.fleet import DatasetSummary
 from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import ErrorParts
+from evopem.validation.linear_floor import Floor
+from evopem.validation.validation import Validation
 
 _WIDTH = 96
 # Share of a distortion's power from which on it is mostly of one kind.
 MOSTLY = 0.8
 ON_LINES = " or distortion at the lines of the input themselves"
+AT_FLOOR = " This is as good as a linear model can be, to a tenth of the error."
 _NO_MODE = "The model has no oscillating mode."
 
 
@@ -26,7 +29,7 @@ def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "
         "",
         f"  model   {_model(summary)}",
         *_wrapped(_errors(summary), "  errors  "),
-        *_wrapped(" ".join(error_parts(summary.distortion)[:1]), "  parts   "),
+        *_wrapped(" ".join(error_parts(summary)[:1]), "  parts   "),
     ]
     for check in summary.failed:
         sentence = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
@@ -85,10 +88,25 @@ def _wrapped(text: str, head: str) -> list[str]:
     return textwrap.wrap(text, _WIDTH, initial_indent=head, subsequent_indent=" " * 10)
 
 
-def error_parts(distortion: Distortion) -> list[str]:
+def error_parts(judged: Validation | DatasetSummary) -> list[str]:
     """A sentence for each of four outputs, the largest errors first; none where not judged."""
-    outputs = sorted(distortion.outputs, key=lambda output: -output.error_percent)
-    return [_sentence(distortion, output, len(outputs) > 1) for output in outputs[:4]]
+    split, floors = judged.distortion, [x for x in judged.floors if x.floor.low > 0.0]
+    reached = {x.name: AT_FLOOR for x in floors if x.reached}
+    several = len(split.outputs or judged.floors) > 1
+    said = [(x.error_percent, x.name, _sentence(split, x, several)) for x in split.outputs]
+    said = said or [(x.error_percent, x.name, _floor(x, several)) for x in floors]
+    return [text + reached.get(name, "") for _, name, text in sorted(said, reverse=True)[:4]]
+
+
+def _floor(floor: Floor, several: bool) -> str:
+    """How much of an error can be the model's."""
+    of_output = f" of {floor.name}" if several else ""
+    return (
+        f"Of the simulation error{of_output} of {percent(floor.error_percent)} on the validation"
+        f" samples, at most {percent(floor.rest.high, 2)} can be this model’s: noise, disturbances,"
+        f" nonlinearity and change, which no linear model of these inputs removes, are"
+        f" {percent(floor.floor.low, 2)} or more. The parts add up in squares."
+    )
 
 
 def _parity(parts: ErrorParts) -> str:

@@ -183,6 +183,8 @@ def _simulations(results: DatasetResults) -> list[Use]:
     owner, samples = "outputs’" if several else "output’s", count(validation.samples)
     text = f" of the {owner} deviation on {samples} validation samples"
     checked = _by_checks("simulation", results)
+    if validation.at_floor:
+        text += ", as good as a linear model can be"
     worst_of: Finding = "good", ""
     if several:
         worst, errors = results.worst_first[0]

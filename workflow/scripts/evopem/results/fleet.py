@@ -18,6 +18,7 @@ from evopem.results.identity import IncompleteDataset, incompleteness
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, Evidence, checks, failed_checks
 from evopem.validation.distortion import NOT_TESTED, Distortion
+from evopem.validation.linear_floor import Floor
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,6 +64,7 @@ class DatasetSummary:
     # to half the sampling rate, for a small plot. Of a model without input, of its noise filter
     gain_db: tuple[float, ...]
     distortion: Distortion = NOT_TESTED  # parts of the simulation error
+    floors: tuple[Floor, ...] = ()  # the least error of linear models
 
     @property
     def failed(self) -> list[Check]:
@@ -96,6 +98,7 @@ def summarize(evidence: Evidence) -> DatasetSummary:
         trusted=tuple(mode.trusted for mode in validation.modes.modes),
         gain_db=_gain_outline(model),
         distortion=replace(validation.distortion, levels=()),
+        floors=validation.floors,
     )
 
 

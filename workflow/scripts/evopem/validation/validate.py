@@ -26,9 +26,10 @@ from evopem.validation.held_out_tests import (
     joint_contribution_test,
     left_by,
 )
+from evopem.validation.linear_floor import floors_of
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
-from evopem.validation.model_class import model_class
+from evopem.validation.model_class import REJECTED, model_class
 from evopem.validation.peak_evidence import peak_evidence
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
@@ -119,6 +120,9 @@ def validate(
     )
     crossed = _crossed(tested, prepared.validation, min(lags, CROSS_CORRELATION_LAGS))
     models = models or [OrderModel.of(order, math.nan, model)]
+    # Validation samples that continue those of the estimation are one stretch with them.
+    tests = model_class(held_out if held_out[0].before else [*tested.stretches, *held_out])
+    distortion = distortion_of(held_out, tested.stretches, fit_level)
     validation = Validation(
         samples=int(np.sum(responses.scored)),
         unscored_samples=int(np.sum(~responses.scored)),
@@ -137,12 +141,15 @@ def validate(
         lags=len(autocorrelations[0].lag) - 1,
         correlation_lags=min(lags, CROSS_CORRELATION_LAGS, len(tested.residuals) - 1),
         input_test=input_significance(held_out),
-        # Validation samples that continue those of the estimation are one stretch with them.
-        model_class=model_class(held_out if held_out[0].before else [*tested.stretches, *held_out]),
+        model_class=tests,
         resolution_hz=_resolution(prepared.estimation, spectrum),
         modes=table_of_models(models, order, lambda m: held_out_stretches(m, prepared, fit_level)),
         share_of_noise=_share_left(held_out) if form.inputs else math.nan,
-        distortion=distortion_of(held_out, tested.stretches, fit_level),
+        distortion=distortion,
+        # Under feedback the inputs follow the noise, and explain a part of it.
+        floors=()
+        if tests.without_feedback.p_value < REJECTED
+        else floors_of(distortion, held_out, fit_level),
     )
     names = ((name,) for name in prepared.validation.output_names)
     of_outputs = list(zip(names, autocorrelations, strict=True))

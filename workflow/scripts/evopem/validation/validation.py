@@ -11,6 +11,7 @@ import numpy as np
 from evopem.validation.distortion import NOT_TESTED, Distortion
 from evopem.validation.excitation import SplitSpectra
 from evopem.validation.held_out_tests import HeldOutTest
+from evopem.validation.linear_floor import Floor
 from evopem.validation.mode_evidence import ModeTable
 from evopem.validation.model_class import ModelClass
 from evopem.validation.peak_evidence import PeakEvidence
@@ -121,6 +122,12 @@ class Validation:
     # Smallest share that fitted states leave of records of the model's own noise
     share_of_noise: float = math.nan
     distortion: Distortion = NOT_TESTED  # what no linear model explains of the response
+    floors: tuple[Floor, ...] = ()  # of the simulation error, of each output; none where not known
+
+    @property
+    def at_floor(self) -> bool:
+        """Whether all outputs are simulated as well as by any linear model, as far as is known."""
+        return bool(self.floors) and all(floor.reached for floor in self.floors)
 
     @property
     def simulation_fit_percent(self) -> float:

@@ -37,6 +37,10 @@ LEFT_TO_DO = {
 
 # Distortion makes these fail, whatever the linear model.
 BY_DISTORTION = (WHITE, INDEPENDENT_OF_INPUT, LINEAR)
+AT_FLOOR = (
+    "It costs little: nine tenths of the simulation error or more are what no linear model of these"
+    " inputs removes, such as noise, nonlinearity and change."
+)
 NOT_THE_MODEL = (
     "This model is not to blame: no other order or structure removes the distortion. Record with a"
     " smaller input, and trust no standard error."
@@ -50,13 +54,18 @@ def checks(evidence: Evidence) -> list[Check]:
     judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
     if evidence.is_automatic:
         judged = [_after_remedies(check) for check in judged]
-    return [_with_reason(check, evidence.validation.distortion) for check in judged]
+    distortion, at_floor = evidence.validation.distortion, evidence.validation.at_floor
+    return [_with_reason(check, distortion, at_floor) for check in judged]
 
 
-def _with_reason(check: Check, distortion: Distortion) -> Check:
-    """A failed check of the residuals with the distortion that is shown to be in them."""
-    if check.passed is not False or check.name not in BY_DISTORTION or not distortion.shown:
+def _with_reason(check: Check, distortion: Distortion, at_floor: bool) -> Check:
+    """A failed check of the residuals with what is shown to be in them."""
+    if check.passed is not False or check.name not in BY_DISTORTION:
         return check
+    if not distortion.shown:
+        if not at_floor or check.name == WHITE:
+            return check
+        return replace(check, statement=f"{check.statement} {AT_FLOOR}")
     worst = max(output.distortion.percent for output in distortion.outputs)
     least = "" if distortion.separated else "at least "
     statement = (
