@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.state_space.estimate import (
     estimate_state_space,
     estimates_of_orders,
-    noise_model,
+    noise_models,
 )
 from evopem.estimation.state_space.local_estimates import StateSpaceTask, descend_from
 from evopem.models.conversions import plant_of, side_by_side
@@ -42,7 +43,7 @@ def plant(record):
 
 @pytest.fixture(scope="module")
 def both(plant, record):
-    noise = noise_model(plant, Recording(*record, 10.0), SETTINGS, (1, 2, 3))
+    noise, *_ = noise_models(plant, Recording(*record, 10.0), SETTINGS, (1, 2, 3))
     return side_by_side(plant, noise)
 
 
@@ -85,7 +86,7 @@ def test_no_noise_model_where_residuals_are_white(record):
     generator = np.random.default_rng(9)
     truth = next(estimates_of_orders(Recording(*record, 1.0), (2,), structure="ss_oe")).model
     y = truth.simulate(u) + generator.standard_normal((N, 2))
-    assert noise_model(truth, Recording(u, y, 1.0), SETTINGS, (1, 2)) is None
+    assert noise_models(truth, Recording(u, y, 1.0), SETTINGS, (1, 2))[0] is None
 
 
 @pytest.mark.parametrize("searched", [False, True])
@@ -101,3 +102,25 @@ def test_a_plant_beside_its_noise_model_is_a_structure(record, searched):
     assert found.model.order > 2
     assert found.model.structure == "ss"
     assert found.bic < plain.bic
+
+
+def test_a_noise_model_that_leads_nowhere_gives_way_to_the_next():
+    """That of the lowest BIC has zeros at the bound, from where no descent ends stable."""
+    generator = np.random.default_rng(3)
+    f = np.poly([0.9 * np.exp(0.6j), 0.9 * np.exp(-0.6j), 0.5]).real
+    gains, u, y = generator.standard_normal(2), [], []
+    for number in range(2):
+        u.append(generator.standard_normal(300))
+        x = lfilter([0.0, *gains], f, u[-1])
+        noise = lfilter([1.0], [1.0, -0.8], generator.standard_normal(300))
+        y.append(x + 0.2 * x.std() * noise + 0.5 * number)
+    recording = Recording(
+        *(np.concatenate(parts)[:, None] for parts in (u, y)),
+        10.0,
+        segment_starts=(0, 300),
+        segment_recordings=(0, 1),
+    )
+    found = estimate_state_space(recording, 4, structure="ss_bj", settings=SETTINGS)
+    assert np.abs(found.model.poles()).max() < 1.0
+    # The share of the innovations in the outputs, of which the fit takes some away.
+    assert 2.5 < found.objective < 100.0 * 0.04 / (1.0 + 0.04 / (1.0 - 0.8**2))

@@ -15,7 +15,7 @@ from evopem.config.constraints import (
 )
 from evopem.config.settings import OutputWeighting, SearchSettings
 from evopem.config.structures import check_model, samples_ahead
-from evopem.errors import InputError, LostModelError
+from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.criteria import log_loss
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import (
@@ -207,13 +207,13 @@ def noise_orders(recording: Recording) -> tuple[int, ...]:
     return tuple(range(1, max(affordable, 1) + 1))
 
 
-def noise_model(
+def noise_models(
     plant: StateSpaceModel,
     recording: Recording,
     settings: SearchSettings,
     orders: Sequence[int] | None = None,
-) -> StateSpaceModel | None:
-    """The noise model of lowest BIC for the residuals of a plant; None where they are white."""
+) -> list[StateSpaceModel | None]:
+    """Noise models for the residuals of a plant, the lowest BIC first; None for white ones."""
     lost = max(plant.input_delays, default=0)
     residuals = []
     for segment in recording.segments:
@@ -224,23 +224,26 @@ def noise_model(
     alone = replace(
         recording, inputs=recording.inputs[:, :0], input_names=(), input_units=()
     ).with_segments([Segment(e[:, :0], e, number) for number, e in enumerate(residuals)])
-    lowest, best = log_loss(joined, settings.objective), None
-    rises = 0
+    models: list[StateSpaceModel | None] = [None]
+    criteria, rises = [log_loss(joined, settings.objective)], 0
     orders = noise_orders(recording) if orders is None else orders
     for estimate in plain_estimates(alone, orders, StateSpaceTask(settings=settings), WIDTH):
-        rises += 1
-        if estimate.bic < lowest:
-            lowest, best, rises = estimate.bic, estimate.model, 0
+        rises = 0 if estimate.bic < min(criteria) else rises + 1
+        models.append(estimate.model)
+        criteria.append(estimate.bic)
         if rises >= RISES:
             break
-    return best
+    return [models[place] for place in np.argsort(criteria, kind="stable")]
 
 
 def with_noise_model(
     plant: StateSpaceModel, recording: Recording, settings: SearchSettings
 ) -> StateSpaceModel:
     """An output-error plant with its noise model; alone where its residuals are white."""
-    noise = noise_model(plant, recording, settings)
+    return _beside_noise(plant, noise_models(plant, recording, settings)[0])
+
+
+def _beside_noise(plant: StateSpaceModel, noise: StateSpaceModel | None) -> StateSpaceModel:
     return plant if noise is None else side_by_side(plant, noise)
 
 
@@ -249,11 +252,14 @@ def estimate_beside(
 ) -> StateSpaceEstimate:
     """The optimum of innovations form next to an output-error plant with its noise model.
 
-    ValueError when the recording is too short, or the descent ends at no stable model.
+    With the next likely one where no descent from it ends at a stable model, as with zeros at the
+    bound.  ValueError when the recording is too short, or that is so of each of them.
     """
-    start = with_noise_model(plant, recording, task.settings)
-    start = replace(start, structure="ss", covariance=None)
-    return descend_from(start, recording, task)
+    for noise in noise_models(plant, recording, task.settings):
+        start = replace(_beside_noise(plant, noise), structure="ss", covariance=None)
+        with suppress(NoModelError):
+            return descend_from(start, recording, task)
+    raise NoModelError("no descent from the plant beside a noise model ended at a stable model")
 
 
 def check_state_space_constraints(constraints: Constraints, errors: StateSpaceErrors) -> None:
