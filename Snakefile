@@ -16,6 +16,7 @@ rule all:
     input:
         provider.targets,
         provider.lists,
+        expand(SETUPS, structure=provider.setups),
 
 
 include: "workflow/rules/stages.smk"

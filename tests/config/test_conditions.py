@@ -42,3 +42,28 @@ def test_dates_become_days():
 def test_a_condition_that_cannot_order_is_refused(entries, follow, expected):
     with pytest.raises(InputError, match=expected):
         complete({"follow": follow, "datasets": entries})
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (
+            {"setups": {"beam": ["a", "c"]}},
+            "there is no data set c; name each of its data sets once.",
+        ),
+        ({"setups": {"beam": ["a"]}}, "[a] holds 1 value; give structures, each with a list"),
+        ({"setups": {"beam": ["a", "b", "a"]}}, "a data set comes twice; name each"),
+        ({"setups": {"a/b": ["a", "b"]}}, "a/b is not known; give structures, each"),
+        ({"setups": {"beam": ["a", "b"]}, "shard": "1/2"}, "it cannot stand beside shard or"),
+    ],
+)
+def test_set_ups_that_cannot_be_merged_are_refused(given, sentence):
+    with pytest.raises(InputError) as raised:
+        complete({"datasets": {"a": entry(), "b": entry()}} | given)
+    assert sentence in str(raised.value)
+    assert "setups." in str(raised.value)
+
+
+def test_set_ups_are_data_sets():
+    config = complete({"datasets": {"a": entry(), "b": entry()}, "setups": {"beam": ["a", "b"]}})
+    assert config.run.setups == {"beam": ("a", "b")}

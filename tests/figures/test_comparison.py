@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identified import with_judged_modes
+from identified import with_judged_modes, with_output_name
 
+from evopem.config.channels import ChannelPlace, Geometry
 from evopem.errors import InputError
 from evopem.figures.comparison import Comparison, spread_percent
 from evopem.models.modes import Mode
+from evopem.report.comparison import build_comparison, merged_sentences
+from evopem.report.templates import template_folder
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +73,58 @@ def test_what_cannot_be_compared_is_refused(results, number, labels, sentence):
     with pytest.raises(InputError) as refused:
         Comparison.of([results] * number, labels)
     assert str(refused.value).startswith(sentence)
+
+
+def test_models_of_set_ups_are_merged(results):
+    """Two records that say the same halve the variance of all that is common."""
+    compared = Comparison.of([results] * 7, list("abcdefg"), setups=True)
+    assert compared.merged.contradictions == ()
+    for mode, alone in zip(compared.merged.modes, results.model.plant.modes(), strict=True):
+        assert mode.frequency_hz == pytest.approx(alone.frequency_hz)
+        assert mode.frequency_se_hz == pytest.approx(alone.frequency_se_hz / 7**0.5, rel=1e-6)
+    assert Comparison.of([results, results], setups=True).matched == [
+        (mode, mode) for mode in results.model.plant.modes()
+    ]
+
+
+def test_set_ups_of_different_sensors_are_scaled_by_a_common_input(results):
+    other = with_output_name(results, "tip")
+    compared = Comparison.of([results, other], ["root", "tip"], setups=True)
+    assert compared.merged.outputs == ("output", "tip")
+    for mode in compared.merged.modes:
+        np.testing.assert_allclose(mode.shape, [1.0, 1.0], rtol=1e-6)
+        assert np.isfinite(mode.shape_se_real).all()
+    away = replace(other, recording=replace(other.recording, input_names=("shaker",)))
+    with pytest.raises(InputError, match="tip: it has no channel in common"):
+        Comparison.of([results, away], ["root", "tip"], setups=True)
+
+
+def test_a_set_up_that_contradicts_the_others_is_named_in_a_sentence(results):
+    record = results.model
+    warm = replace(record.model, sampling_rate=1.02 * record.sampling_rate)
+    other = replace(results, model=replace(record, model=warm))
+    other = with_judged_modes(other, warm.modes())
+    other = replace(other, model=replace(record, model=warm))
+    merged = Comparison.of([results, results, other], ["a", "b", "c"], setups=True).merged
+    counted, contradiction = merged_sentences(merged)
+    assert counted == "3 set-ups and 1 output; input and output in all set-ups."
+    assert contradiction.startswith(
+        "c contradicts the others, most in the frequency of mode 3: 37.72 beside 36.98, "
+    )
+
+
+def test_merged_shapes_are_drawn_over_the_geometries_of_all_set_ups(results):
+    def at(point, output):
+        place = ChannelPlace(point, (0.0, 0.0, 1.0))
+        points = {"root": (0.0, 0.0, 0.0), point: (1.0, 0.0, 0.0)}
+        geometry = Geometry(points, {output: place}, (("root", point),))
+        named = with_output_name(results, output)
+        return replace(named, settings=replace(results.settings, geometry=geometry))
+
+    compared = Comparison.of([at("mid", "a"), at("tip", "b")], ["one", "other"], setups=True)
+    page = build_comparison(compared, template_folder())
+    assert page.count('<svg class="shape"') == 3
+    assert "<title>mid</title>" in page
+    assert "<title>tip</title>" in page
+    alone = Comparison.of([at("mid", "a"), results], ["one", "other"], setups=True)
+    assert build_comparison(alone, template_folder()).count('<svg class="shape"') == 3

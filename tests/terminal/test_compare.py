@@ -36,6 +36,17 @@ def test_the_page_has_errors_overlays_modes_and_checks(folders, capsys):
     assert "src=" not in re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
 
 
+def test_set_ups_of_one_structure_are_merged_on_the_page(folders, capsys):
+    assert main(["compare", "results/a", "results/b", "--setups", "--page", "pages.html"]) == 0
+    printed = capsys.readouterr().out
+    assert "2 set-ups and 1 output; input and output in all set-ups. No set-up" in printed
+    page = (folders / "pages.html").read_text(encoding="utf-8")
+    assert "<h1>2 set-ups of one structure</h1>" in page
+    assert re.findall('data-name="([A-Z][^"]*)"', page)[:4] == [
+        *("Merged modes", "Shapes and drives", "Set-ups", "Errors and verdicts"),
+    ]
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

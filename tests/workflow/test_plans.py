@@ -45,6 +45,16 @@ def test_a_validation_file_is_read_as_well(folder):
     assert "synthesize" not in planned
 
 
+def test_set_ups_are_merged_when_all_of_them_are_whole(folder):
+    config = copies.deepcopy(TINY)
+    config["datasets"]["other"] = {"synthesis": "armax"}
+    folder.configure(config | {"setups": {"beam": list(config["datasets"])}})
+    planned = folder.planned("results/setups/beam.html")
+    assert planned["merge_setups"] == 1
+    assert planned["report"] == 2
+    assert folder.planned()["merge_setups"] == 1
+
+
 def test_auto_waits_for_the_spectrum_and_a_range_does_not(folder):
     config = copies.deepcopy(TINY)
     config["datasets"]["auto"] = {"synthesis": "armax", "orders": {"plant": "auto"}}

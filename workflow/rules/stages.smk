@@ -32,6 +32,11 @@ else:
 include: "lists.smk"
 
 
+if provider.setups:
+
+    include: "setups.smk"
+
+
 # A benchmark beside the workflow: `snakemake fletcher_powell` runs it, a plain `snakemake` does not.
 # It runs from its own folder, so that there is none where the workflow is used from a repository.
 if IN_CHECKOUT:

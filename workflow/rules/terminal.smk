@@ -50,3 +50,5 @@ def print_results():
         if name in names
     }
     show(f"\n{run_text(entries, provider.page, provider.lists)}\n")
+    for page in filter(os.path.exists, expand(SETUPS, structure=provider.setups)):
+        show(f"Merged set-ups: {page}\n")

@@ -1,6 +1,6 @@
 """Where the samples of a data set come from, and where they were measured."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -185,3 +185,12 @@ class Geometry:
     lines: Annotated[
         tuple[tuple[_Point, _Point], ...], key("a list of pairs of points, such as [[root, tip]]")
     ] = ()
+
+
+def joined_geometry(parts: Iterable[Geometry | None]) -> Geometry | None:
+    """The points, channels and lines of several set-ups; None without any."""
+    given = [part for part in parts if part]
+    points = {name: place for part in given for name, place in part.points.items()}
+    channels = {name: place for part in given for name, place in part.channels.items()}
+    lines = dict.fromkeys(line for part in given for line in part.lines)
+    return Geometry(points, channels, tuple(lines)) if given else None

@@ -23,6 +23,10 @@ from evopem.errors import InputError
 Number = Annotated[int, Field(ge=1)] | Literal["auto"]
 
 
+_Structure = Annotated[str, Field(pattern="^[A-Za-z0-9_-]{1,100}$")]
+_Setups = Annotated[tuple[str, ...], Field(min_length=2)]
+
+
 @dataclass(frozen=True)
 class RunSettings:
     """How a run is divided into jobs, and what it writes: the keys beside the data sets."""
@@ -45,6 +49,8 @@ class RunSettings:
     recordings_per_job: Number | None = None
     """the recordings that [one job identifies](fleets.md#several-recordings-a-job). With `report:
     none`"""
+    setups: dict[_Structure, _Setups] | None = None
+    """structures, each with a list of the data sets that are its [set-ups](fleets.md#set-ups)"""
 
 
 @dataclass(frozen=True)
@@ -126,6 +132,19 @@ def check_batches(run: RunSettings, source: str) -> None:
             problem = f"a job of several recordings {problem}"
             remedy = f"write {remedy}, or remove the key"
             raise InputError(source, problem, remedy, "recordings_per_job")
+
+
+def check_setups(run: RunSettings, datasets: Mapping[str, object], source: str) -> None:
+    """Refuse set-ups that are no data sets of this run, or whose results are packed."""
+    for structure, names in (run.setups or {}).items():
+        missing = [name for name in names if name not in datasets]
+        problem, remedy = "", "name each of its data sets once"
+        if run.shard or run.recordings_per_job is not None:
+            problem, remedy = "it cannot stand beside shard or recordings_per_job", "remove one"
+        elif missing or len(set(names)) < len(names):
+            problem = f"there is no data set {missing[0]}" if missing else "a data set comes twice"
+        if problem:
+            raise InputError(source, problem, remedy, f"setups.{structure}")
 
 
 def batches_of(

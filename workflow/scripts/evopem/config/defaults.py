@@ -20,6 +20,7 @@ from evopem.config.configuration import (
     RunSettings,
     batches_of,
     check_batches,
+    check_setups,
     order_of,
     with_jobs,
 )
@@ -78,6 +79,7 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     check_no_results(written, source)
     run = RunSettings(**{key: config[key] for key in config if key not in ("datasets", "defaults")})
     check_batches(run, source)
+    check_setups(run, datasets, source)
     run = with_jobs(run, len(datasets))
     batches = batches_of(datasets, run.recordings_per_job)
     if batches and run.shard:

@@ -26,6 +26,7 @@ RESERVED_NAMES = (
     "benchmarks",
     "checksums",
     "fletcher_powell",
+    "setups",
 )
 """Names of other files and folders of the results."""
 

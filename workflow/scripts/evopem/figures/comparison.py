@@ -13,6 +13,7 @@ from evopem.errors import InputError
 from evopem.figures.chart import FAMILY, MOST_PANELS, Chart, Curve, Panel, across, family, nothing
 from evopem.figures.frequency_domain import gain_panels, phase_panels, thinned
 from evopem.figures.time_domain import VALIDATION_TIME, shown_samples
+from evopem.models.merged_modes import MergedModes, merge_setups
 from evopem.models.mode_matching import matched_modes
 from evopem.models.modes import Mode
 from evopem.results.channel_labels import Channel, Pair
@@ -37,23 +38,30 @@ class Comparison:
 
     labels: tuple[str, ...]  # one for each model, all different
     models: tuple[DatasetResults, ...]
+    # The models as set-ups of one structure, their modes merged
+    merged: MergedModes | None = None
 
     @classmethod
-    def of(cls, results: Sequence[DatasetResults], labels: Sequence[str] = ()) -> Self:
+    def of(
+        cls, results: Sequence[DatasetResults], labels: Sequence[str] = (), setups: bool = False
+    ) -> Self:
         """Compare data sets, by default under their names and, where these agree, their models.
 
-        `InputError` for fewer than two, more than :data:`MOST`, labels that do not tell them
-        apart, or models without a common output.
+        With ``setups`` their modes are merged.  `InputError` for fewer than two, more than
+        :data:`MOST`, labels that do not tell them apart, models without a common output, or set-ups
+        that cannot be merged; these may be more, and have common inputs instead.
         """
-        if not 2 <= len(results) <= MOST:
+        if len(results) < 2 or (len(results) > MOST and not setups):
             problem = f"there are {len(results)} models"
             raise InputError("compare", problem, f"give 2 to {MOST} of them")
         chosen = tuple(labels) or _labels(results)
         if len(chosen) != len(results) or len(set(chosen)) != len(chosen):
             problem = "they are not one for each model, all different"
             raise InputError("labels", problem, "correct them")
-        compared = cls(chosen, tuple(results))
-        if not compared.outputs:
+        named = zip(chosen, results, strict=True)
+        merged = merge_setups([model.setup(name) for name, model in named]) if setups else None
+        compared = cls(chosen, tuple(results), merged)
+        if not compared.outputs and not setups:
             problem = "the models have no output in common"
             raise InputError("compare", problem, "compare models of one system")
         return compared
@@ -73,6 +81,8 @@ class Comparison:
     @property
     def has_same_validation(self) -> bool:
         """Whether all models were validated on the same samples, at the same rate."""
+        if not self.outputs:
+            return False
         first, *others = (
             model.validation_tables.simulation[["time_s", *(f"output_{o.name}" for o in outputs)]]
             for model, outputs in zip(self.models, zip(*self.outputs, strict=True), strict=True)
@@ -84,7 +94,9 @@ class Comparison:
 
     @cached_property
     def matched(self) -> list[tuple[Mode | None, ...]]:
-        """Each mode as every model has it, matched by frequency, in its order."""
+        """Each mode as every model has it, matched by frequency, in its order, or as merged."""
+        if self.merged:
+            return list(self.merged.by_setup)
         return matched_modes([model.modes for model in self.models])
 
     @cached_property

@@ -1,11 +1,10 @@
 """The modes of one structure from several set-ups, which have some channels in common.
 
-Each set-up has a model of its own channels, estimated by maximum likelihood, with its own noise and
-strength of excitation.  The structure has one pole, one shape and one drive for each mode.  The
-likelihood of all set-ups under these is, to first order, that of their estimates with their
-covariances: its maximum is a generalised least-squares problem in poles, shapes and drives, in
-which common channels scale every set-up, weighed by what it knows (asymptotic least squares,
-Gourieroux, Monfort & Trognon 1985; re-scaling by references, Doehler & Mevel 2012).
+Each set-up has a maximum-likelihood model of its channels, with its own noise and excitation.
+The likelihood of all under common poles, shapes and drives is, to first order, that of their
+estimates with their covariances: its maximum solves a generalised least-squares problem, in which
+common channels scale every set-up, weighed by what it knows (asymptotic least squares, Gourieroux,
+Monfort & Trognon 1985; re-scaling by references, Doehler & Mevel 2012).
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,9 +16,7 @@ import numpy as np
 
 from evopem.arrays import Array, Complex, Flags, Indices
 from evopem.errors import InputError
-from evopem.models.mode_shapes import neighbours_among
 from evopem.models.modes import Mode
-from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.setups import INPUT, PLACE, Setup, check_setups, common_modes
 
 # Probability that any set-up is said to contradict the others where none does.
@@ -30,8 +27,6 @@ ROUNDING, SHARED = 1e-9, 1e-6
 # Factor of the covariance of a set-up that is as good as left out.
 IGNORED = 1e8
 STEPS, HALVINGS, CONVERGED = 50, 12, 1e-8
-
-PARTS = ("real part", "imaginary part")
 
 Groups = Sequence[Mapping[int, int]]
 """Index of each merged mode in the set-ups that have it."""
@@ -71,6 +66,8 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
     A set-up that contradicts the others stays, with errors enlarged until it agrees.  InputError
     where there are fewer than two set-ups, nothing connects them, or no mode is common.
     """
+    from scipy.stats import chi2
+
     check_setups(setups)
     groups = common_modes(setups)
     if not groups:
@@ -78,27 +75,29 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
         raise InputError(PLACE, problem, "see the modes of each one")
     channels = list(dict.fromkeys(name for setup in setups for name in setup.channels))
     channels.sort(key=lambda name: name[0] == INPUT)
-    given = [_Part.of(place, setup, groups, channels) for place, setup in enumerate(setups)]
-    parts, structure = list(given), _Structure.of(setups, groups, channels)
+    having = [k for k in range(len(setups)) if any(k in group for group in groups)]
+    given = {k: _Part.of(k, setups[k], groups, channels) for k in having}
+    parts, structure = given, _Structure.of(setups, groups, channels)
     named: dict[int, float] = {}
     while True:
         structure = structure.fitted(parts)
-        apart = {k: structure.left_over(part) for k, part in enumerate(parts) if k not in named}
-        p_values = {k: _log_p(*distance) for k, distance in apart.items() if distance[1]}
+        apart = {k: structure.left_over(part) for k, part in parts.items() if k not in named}
+        p_values = {k: float(chi2.logsf(*distance)) for k, distance in apart.items()}
         if min(p_values.values(), default=0.0) >= np.log(FALSE_ALARMS / len(setups)):
             break
         # That without which the others agree best; of the last two, each contradicts the other.
-        without = {k: structure.fitted(_enlarged(parts, k, IGNORED)) for k in p_values}
-        worst = min(without, key=lambda k: without[k].squares(_enlarged(parts, k, IGNORED)))
+        fits = {k: structure.fitted(parts | {k: parts[k].enlarged(IGNORED)}) for k in p_values}
+        squares = {k: fit.squares(parts) for k, fit in fits.items()}
+        worst = min(fits, key=lambda k: sum(squares[k].values()) - squares[k][k])
         for k in p_values if len(p_values) == 2 else [worst]:
             named[k] = float(np.exp(p_values[k]))
-            parts = _enlarged(parts, k, max(without[k].squares([parts[k]]) / apart[k][1], 1.0))
+            parts = parts | {k: parts[k].enlarged(max(squares[k][k] / apart[k][1], 1.0))}
     names = [name.removeprefix(INPUT) for name in channels]
     contradictions = [
         Contradiction(setups[k].name, p, *given[k].worst(structure, names))
         for k, p in named.items()
     ]
-    outputs = int(np.sum(~structure.is_input))
+    structure, outputs = structure.referred().fitted(parts), int(np.sum(~structure.is_input))
     modes, drive_errors = structure.modes(setups[0].rate, outputs)
     by_setup = [
         tuple(setup.modes[group[at]] if at in group else None for at, setup in enumerate(setups))
@@ -108,19 +107,6 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
         *(tuple(setups), tuple(names[:outputs]), tuple(names[outputs:]), modes, drive_errors),
         *(tuple(by_setup), tuple(contradictions)),
     )
-
-
-def _enlarged(parts: Sequence["_Part"], place: int, ratio: float) -> list["_Part"]:
-    """Parts with the covariance of one of them so many times as large."""
-    part = replace(parts[place], whitener=parts[place].whitener / np.sqrt(ratio))
-    return [*parts[:place], part, *parts[place + 1 :]]
-
-
-def _log_p(squares: float, freedom: int) -> float:
-    """Logarithm of the p-value of a chi-squared distance."""
-    from scipy.stats import chi2
-
-    return float(chi2.logsf(squares, freedom))
 
 
 def _started(setups: Sequence[Setup], group: Mapping[int, int], channels: list[str]) -> Complex:
@@ -158,19 +144,23 @@ class _Structure:
 
     @classmethod
     def of(cls, setups: Sequence[Setup], groups: Groups, channels: list[str]) -> Self:
-        """From the set-ups one after the other; the largest output is the reference of a mode."""
+        """From the set-ups one after the other."""
         is_input = np.array([name[0] == INPUT for name in channels])
         shapes = np.array([_started(setups, group, channels) for group in groups])
-        sizes = np.where(is_input | np.isnan(shapes), 0.0, np.abs(shapes))
-        scales = np.take_along_axis(shapes, np.argmax(sizes, axis=1)[:, None], axis=1)
-        shapes = np.where(is_input, shapes * scales, shapes / scales)
-        is_free = np.isfinite(shapes) & (np.arange(len(channels)) != np.argmax(sizes, 1)[:, None])
         poles = [
             np.mean([setups[at].values[k][:2].real for at, k in group.items()], axis=0)
             for group in groups
         ]
-        free = tuple(map(np.flatnonzero, is_free))
-        return cls(np.array(poles), shapes, is_input, free, np.empty((0, 0)))
+        return cls(np.array(poles), shapes, is_input, (), np.empty((0, 0))).referred()
+
+    def referred(self) -> Self:
+        """With the largest output of each mode as its reference."""
+        sizes = np.where(self.is_input | np.isnan(self.shapes), 0.0, np.abs(self.shapes))
+        largest = np.argmax(sizes, axis=1)[:, None]
+        scales = np.take_along_axis(self.shapes, largest, axis=1)
+        shapes = np.where(self.is_input, self.shapes * scales, self.shapes / scales)
+        is_free = np.isfinite(shapes) & (np.arange(shapes.shape[1]) != largest)
+        return replace(self, shapes=shapes, free=tuple(map(np.flatnonzero, is_free)))
 
     @property
     def spans(self) -> list[tuple[int, int]]:
@@ -208,12 +198,12 @@ class _Structure:
         slopes[:, scale] += np.where(of_input, shape[places], -shape[places] / at**2)
         return np.where(of_input, shape[places] * at, shape[places] / at), slopes
 
-    def fitted(self, parts: Sequence["_Part"]) -> Self:
+    def fitted(self, parts: Mapping[int, "_Part"]) -> Self:
         """The maximum of the likelihood, by Gauss-Newton steps."""
         count = self.spans[-1][1]
 
         def left(fit: Self) -> Array:
-            return np.vstack([part.whitened(fit) for part in parts])
+            return np.vstack([part.whitened(fit) for part in parts.values()])
 
         fit, rows = self, left(self)
         for _ in range(STEPS):
@@ -232,9 +222,9 @@ class _Structure:
             fit, rows = fit.moved(step), after
         return fit
 
-    def squares(self, parts: Sequence["_Part"]) -> float:
-        """Sum of squares that parts leave over, in their errors."""
-        return float(sum(np.sum(part.whitened(self)[:, -1] ** 2) for part in parts))
+    def squares(self, parts: Mapping[int, "_Part"]) -> dict[int, float]:
+        """Sum of squares that each part leaves over, in its errors."""
+        return {k: float(np.sum(part.whitened(self)[:, -1] ** 2)) for k, part in parts.items()}
 
     def left_over(self, part: "_Part") -> tuple[float, int]:
         """Squared distance of a set-up from the others, in its errors and theirs, and its freedom.
@@ -250,41 +240,26 @@ class _Structure:
 
     def modes(self, rate: float, outputs: int) -> tuple[tuple[Mode, ...], tuple[Complex, ...]]:
         """The modes, and the standard errors of their drives."""
-        poles, derivatives, errors = [], [], []
-        for (first, stop), (frequency, damping), free in zip(
-            self.spans, self.poles, self.free, strict=True
+        modes, drives = [], []
+        for (first, stop), (frequency, damping), free, shape in zip(
+            self.spans, self.poles.tolist(), self.free, self.shapes, strict=True
         ):
-            damped = np.sqrt(1.0 - damping**2)
-            s = 2.0 * np.pi * frequency / rate * (1j * damped - damping)
-            slopes = np.zeros((1 + len(self.is_input), len(self.factor)), dtype=complex)
-            slopes[0, first : first + 2] = s / frequency, s * 1j / damped
-            real, imaginary = np.split(np.arange(first + 2, stop), 2)
-            slopes[1 + free, real], slopes[1 + free, imaginary] = 1.0, 1j
-            poles.append(np.exp(s))
-            derivatives.append((slopes[0] * np.exp(s), slopes[1 : 1 + outputs]))
-            deviations = slopes[1:] @ self.factor
-            errors.append(
-                np.linalg.norm(deviations.real, axis=1)
-                + 1j * np.linalg.norm(deviations.imag, axis=1)
+            errors = np.linalg.norm(self.factor[first:stop], axis=1)
+            real, imaginary = np.split(errors[2:], 2)
+            both = np.where(np.isnan(shape), np.nan + 0j, 0.0)
+            both[free] = real + 1j * imaginary
+            s = 2.0 * np.pi * frequency * (1j * np.sqrt(1.0 - damping**2) - damping)
+            modes.append(
+                Mode(
+                    *(frequency, damping, complex(np.exp(s / rate))),
+                    *(float(errors[0]), float(errors[1]), shape[:outputs]),
+                    *(both.real[:outputs], both.imag[:outputs]),
+                    input_participation=shape[outputs:],
+                    output_shares=np.full(outputs, np.nan),
+                )
             )
-        covariance = ParameterCovariance(self.factor, np.empty((len(self.factor), 0)))
-        shapes, known = self.shapes[:, :outputs], range(len(poles))
-        near = neighbours_among(
-            np.array(poles), np.nan_to_num(shapes).T, derivatives, known, covariance
-        )
-        of_poles = np.linalg.norm(self.factor, axis=1)
-        modes = [
-            Mode(
-                *(float(self.poles[k, 0]), float(self.poles[k, 1]), complex(poles[k])),
-                *(float(of_poles[self.spans[k][0]]), float(of_poles[self.spans[k][0] + 1])),
-                *(shapes[k], errors[k].real[:outputs], errors[k].imag[:outputs]),
-                input_participation=self.shapes[k, outputs:],
-                output_shares=np.full(outputs, np.nan),
-                **near[k],
-            )
-            for k in known
-        ]
-        return tuple(modes), tuple(error[outputs:] for error in errors)
+            drives.append(both[outputs:])
+        return tuple(modes), tuple(drives)
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,8 +278,6 @@ class _Part:
         """The part of a set-up."""
         at = np.array([channels.index(name) for name in setup.channels])
         modes = [mode for mode, group in enumerate(groups) if place in group]
-        if not modes:
-            return cls((), (), (), np.empty(0), np.empty((0, 0)), np.empty((0, 0)))
         values: list[Array] = []
         factors: list[Array] = []
         places, scales = [], []
@@ -325,14 +298,13 @@ class _Part:
         )
 
     def whitened(self, structure: _Structure) -> Array:
-        """Derivatives of the values by the parameters, and what is left of the values behind them.
-
-        In errors of unit variance.
-        """
-        if not self.modes:
-            return np.empty((0, structure.spans[-1][1] + 1))
+        """Derivatives by the parameters and, behind them, what is left; errors of unit variance."""
         values, rows = structure.seen(self)
         return np.asarray(self.whitener @ np.column_stack([rows, self.values - values]))
+
+    def enlarged(self, ratio: float) -> Self:
+        """With a covariance so many times as large."""
+        return replace(self, whitener=self.whitener / np.sqrt(ratio))
 
     def worst(
         self, structure: _Structure, channels: Sequence[str]
@@ -347,7 +319,11 @@ class _Part:
             for mode, places in zip(self.modes, self.places, strict=True)
             for quantity in (
                 *("frequency", "damping ratio"),
-                *(f"{part} of the shape at {channels[k]}" for part in PARTS for k in places),
+                *(
+                    f"{part} of the shape at {channels[k]}"
+                    for part in ("real part", "imaginary part")
+                    for k in places
+                ),
             )
         ]
         return (*names[row], float(self.values[row]), float(values[row]), float(apart[row]))

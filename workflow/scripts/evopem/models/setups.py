@@ -47,19 +47,15 @@ class Setup:
             raise InputError(name, problem, "estimate it with structure: state_space")
         if not model.output_names or len(model.input_names) != model.inputs:
             raise InputError(name, "its channels have no names", "give them names")
-        right_left = eigenvectors(model.A)
-        offered, values, errors, kept = model.modes(), [], [], []
-        for mode in offered if modes is None else modes:
-            known = np.isfinite([mode.frequency_se_hz, mode.damping_se, *mode.shape_se_real])
-            if known.all():
-                value, error = _linearised(model, *right_left, mode)
-                kept.append(mode)
-                values.append(value)
-                errors.append(error)
-        of_channels = model.output_names, model.input_names
-        return cls(
-            name, *of_channels, model.sampling_rate, tuple(kept), tuple(values), tuple(errors)
-        )
+        known = [
+            mode
+            for mode in (model.modes() if modes is None else modes)
+            if np.isfinite([mode.frequency_se_hz, mode.damping_se, *mode.shape_se_real]).all()
+        ]
+        linearised = [_linearised(model, *eigenvectors(model.A), mode) for mode in known]
+        values, errors = (tuple(pair[place] for pair in linearised) for place in (0, 1))
+        names = model.output_names, model.input_names
+        return cls(name, *names, model.sampling_rate, tuple(known), values, errors)
 
     @property
     def channels(self) -> list[str]:
@@ -96,9 +92,6 @@ def check_setups(setups: Sequence[Setup]) -> None:
     """Refuse set-ups that cannot be merged whatever their modes are."""
     if len(setups) < 2:
         raise InputError(PLACE, "there are fewer than two", "give those of one structure")
-    names = [setup.name for setup in setups]
-    if len(set(names)) < len(names):
-        raise InputError(PLACE, "two have the same name", "name each one differently")
     alone = set(range(len(setups))) - set(connected(setups, range(len(setups))))
     if alone:
         problem = "it has no channel in common with the others, through which its shapes are scaled"
@@ -130,9 +123,7 @@ def common_modes(setups: Sequence[Setup]) -> list[dict[int, int]]:
             for at, seen in ((place, mode), (other, another))
         )
         apart = abs(np.log(mode.frequency_hz / another.frequency_hz)) / SAME_FREQUENCY
-        if len(common) < 2:
-            return float(apart)
-        return float(max(apart, (1.0 - assurance(*shapes)) / (1.0 - SAME_SHAPE)))
+        return float(np.fmax(apart, (1.0 - assurance(*shapes)) / (1.0 - SAME_SHAPE)))
 
     modes = {place: setup.modes for place, setup in enumerate(setups)}
     groups = []

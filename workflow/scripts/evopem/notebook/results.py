@@ -233,7 +233,9 @@ class Results(_Reported):
     plot_horizons = _figure("horizons")
     """Error of the prediction of the validation samples over its horizon."""
 
-    def compare(self, *others: Results, labels: Sequence[str] = ()) -> ModelComparison:
+    def compare(
+        self, *others: Results, labels: Sequence[str] = (), setups: bool = False
+    ) -> ModelComparison:
         """Lay this model beside others: their errors, their modes matched, and overlays.
 
         Parameters
@@ -242,6 +244,8 @@ class Results(_Reported):
             One to five.
         labels : sequence of str, optional
             By default the names, and the orders where names agree.
+        setups : bool
+            They are set-ups of one structure with common channels: ``merged`` has their modes.
 
         Raises
         ------
@@ -252,7 +256,8 @@ class Results(_Reported):
             if not isinstance(other, Results):
                 shown = repr(other)[:40]
                 raise InputError("compare", f"{shown} is no result", "give what identify returns")
-        return ModelComparison.of([other.results for other in (self, *others)], labels)
+        results = [other.results for other in (self, *others)]
+        return ModelComparison.of(results, labels, setups)
 
     def _page(self) -> str:
         from evopem.figures import svg_texts

@@ -68,10 +68,19 @@ def report_page(
     )
 
 
-def compare_datasets(folders: Sequence[str], page: str) -> Comparison:
-    """Lay the results of data sets side by side, on a page with links to their reports."""
+def merge_setups(files: DatasetFiles, names: tuple[str, ...], structure: str) -> None:
+    """The page of a structure whose set-ups are data sets."""
+    folders = [f"{files.folder}/{name}" for name in names]
+    compare_datasets(folders, f"{files.folder}/setups/{structure}.html", setups=True)
+
+
+def compare_datasets(folders: Sequence[str], page: str, setups: bool = False) -> Comparison:
+    """Lay the results of data sets side by side, on a page with links to their reports.
+
+    With ``setups`` they are set-ups of one structure, and their modes are merged.
+    """
     datasets = [DatasetFiles(folder) for folder in folders]
-    comparison = Comparison.of([read_whole_results(files) for files in datasets])
+    comparison = Comparison.of(list(map(read_whole_results, datasets)), setups=setups)
     reports = {
         label: quote(Path(os.path.relpath(files.report, Path(page).parent)).as_posix())
         for label, files in zip(comparison.labels, datasets, strict=True)

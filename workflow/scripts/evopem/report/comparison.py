@@ -3,19 +3,38 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import numpy as np
+from markupsafe import Markup
+
+from evopem.config.channels import joined_geometry
 from evopem.figures.chart import Chart
 from evopem.figures.comparison import (
+    MOST,
     Comparison,
     compared_modes,
     compared_responses,
     compared_simulations,
     spread_percent,
 )
+from evopem.figures.shapes import ShapeDrawing
+from evopem.models.merged_modes import MergedModes
 from evopem.models.modes import Mode
-from evopem.report.numbers import MISSING, THIN, aligned, fixed, mode_cells, percent
+from evopem.models.setups import INPUT
+from evopem.report.numbers import (
+    MISSING,
+    THIN,
+    aligned,
+    enumeration,
+    fixed,
+    mode_cells,
+    number,
+    percent,
+    plural,
+)
 from evopem.report.verdict import verdict
 
 SAME = "All models were validated on the same samples."
+AGREED = "No set-up contradicts the others."
 DIFFERENT = (
     "The models were validated on different samples: their errors are no ranking of the models."
 )
@@ -42,9 +61,10 @@ def _mode_rows(comparison: Comparison) -> list[ModeRow]:
     """
     rows = []
     for modes in comparison.matched:
+        trusted = modes if comparison.merged else comparison.trusted
         texts = [mode_cells(mode) if mode else (MISSING, MISSING) for mode in modes]
         cells = [
-            row if mode is None or mode in comparison.trusted else (f"({row[0]})", f"({row[1]})")
+            row if mode is None or mode in trusted else (f"({row[0]})", f"({row[1]})")
             for mode, row in zip(modes, texts, strict=True)
         ]
         spread = fixed(spread_percent(modes), 2)
@@ -53,8 +73,26 @@ def _mode_rows(comparison: Comparison) -> list[ModeRow]:
 
 
 def _remark(comparison: Comparison) -> str:
-    """Whether the errors of the models can be compared."""
+    """Whether the errors of the models can be compared; of set-ups, whether they fit each other."""
+    if comparison.merged:
+        return " ".join(merged_sentences(comparison.merged))
     return SAME if comparison.has_same_validation else DIFFERENT
+
+
+def merged_sentences(merged: MergedModes) -> list[str]:
+    """How set-ups were merged, and which of them contradict the others."""
+    of_all = set.intersection(*(set(setup.channels) for setup in merged.setups))
+    common = enumeration([name.removeprefix(INPUT) for name in sorted(of_all)])
+    counted = plural(len(merged.setups), "set-up"), plural(len(merged.outputs), "output")
+    sentences = [f"{' and '.join(counted)}; {common or 'no channel'} in all set-ups."]
+    for one in merged.contradictions:
+        values = f"{number(one.value)} beside {number(one.joint)}"
+        sentences.append(
+            f"{one.setup} contradicts the others, most in the {one.quantity} of mode"
+            f" {one.mode + 1}: {values}, {number(abs(one.standard_errors), 2)} standard errors"
+            " apart; it counts with errors enlarged until it agrees."
+        )
+    return sentences if merged.contradictions else [*sentences, AGREED]
 
 
 def comparison_text(comparison: Comparison) -> str:
@@ -69,14 +107,28 @@ def comparison_text(comparison: Comparison) -> str:
     ]
     lines = [*aligned(errors), "", _remark(comparison)]
     if comparison.matched:
-        modes = [("mode", *comparison.labels, "spread")]
+        merged = comparison.merged.modes if comparison.merged else ()
+        modes = [("mode", *(["merged"] if merged else []), *comparison.labels, "spread")]
         modes += [
-            (str(place), *(frequency for frequency, _ in cells), spread)
+            (
+                *(str(place), *(mode_cells(mode)[0] for mode in merged[place - 1 : place])),
+                *(*(frequency for frequency, _ in cells), spread),
+            )
             for place, (_, cells, spread) in enumerate(_mode_rows(comparison), start=1)
         ]
         lines += ["", "Natural frequencies in Hz; in brackets: not to be trusted."]
         lines += aligned(modes)
     return "\n".join(lines)
+
+
+def _drawn(comparison: Comparison) -> list[Markup]:
+    """The merged shapes over the geometries of all set-ups."""
+    geometry = joined_geometry([model.settings.geometry for model in comparison.models])
+    if comparison.merged is None or geometry is None:
+        return []
+    drawing = ShapeDrawing(geometry, comparison.merged.outputs)
+    shapes = [np.nan_to_num(mode.shape) for mode in comparison.merged.modes]
+    return [Markup(drawing.drawn(shape, f"Mode {k}")) for k, shape in enumerate(shapes, 1)]
 
 
 def build_comparison(
@@ -96,10 +148,13 @@ def build_comparison(
     return page.render(
         rows=table.to_dict("records"),
         remark=_remark(comparison),
+        merged=comparison.merged,
+        drawn=_drawn(comparison),
         sections=[
             drawn_figure(chart_of(comparison), words, name, data)
             for chart_of, words in FIGURES.items()
             if comparison.has_same_validation or chart_of is not compared_simulations
+            if len(comparison.models) <= MOST
         ],
         modes=_mode_rows(comparison),
         # The outcome of every check for each model, in words; empty where it has none.

@@ -1,7 +1,7 @@
 """All results of one data set, read once for figures and report."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +21,9 @@ from evopem.estimation.model_record import FORMS, ModelRecord, load_record
 from evopem.estimation.order_candidate import PhaseSelection
 from evopem.files.checksums import rewritten
 from evopem.files.json_form import load
+from evopem.models.mode_matching import match_modes, mode_distance
 from evopem.models.modes import Mode
+from evopem.models.setups import Setup
 from evopem.results.channel_labels import Channel, Pair
 from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
@@ -134,6 +136,15 @@ class DatasetResults:
     def modes(self) -> list[Mode]:
         """The modes that the validation has judged."""
         return [mode.mode for mode in self.validation.modes.modes]
+
+    def setup(self, name: str) -> Setup:
+        """What its trusted modes say beside other set-ups of one structure."""
+        outputs, inputs = (tuple(c.name for c in side) for side in (self.outputs, self.inputs))
+        model = replace(self.model.plant, output_names=outputs, input_names=inputs)
+        modes, trusted = model.modes(), self.validation.modes.trusted
+        pairs = match_modes(modes, trusted).items()
+        alike = [k for k, of in pairs if mode_distance(modes[k], trusted[of]) <= 1.0]
+        return Setup.of(name, model, [modes[k] for k in sorted(alike)])
 
     @property
     def true_modes(self) -> tuple[Mode, ...]:

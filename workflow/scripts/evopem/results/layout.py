@@ -51,6 +51,9 @@ OVERVIEW = tuple(
 )
 """The lists of all data sets."""
 
+SETUPS = f"{FOLDER}/setups/{{structure}}.html"
+"""The page of a structure with several set-ups."""
+
 IDENTIFICATION = "identification"
 """The job that takes a recording through all stages."""
 

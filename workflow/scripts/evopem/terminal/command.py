@@ -98,7 +98,7 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         "evopem",
         usage="evopem FILE … --input CHANNEL … --output CHANNEL … [--rate HZ | --time CHANNEL] …\n"
         "       evopem init [FOLDER]\n"
-        "       evopem compare FOLDER FOLDER … [--page FILE]\n"
+        "       evopem compare FOLDER FOLDER … [--setups] [--page FILE]\n"
         "       evopem export MODEL [--c [FOLDER]] [--fmu FILE]",
         description=_DESCRIPTION,
         epilog=_EPILOG,
@@ -183,13 +183,15 @@ def _compare(given: Sequence[str]) -> int:
     parser.add_argument("folders", nargs="+", metavar="FOLDER", help="results, such as results/arm")
     about = "default: %(default)s"
     parser.add_argument("--page", default="comparison.html", metavar="FILE", help=about)
+    about = "they are set-ups of one structure with common channels: merge their modes"
+    parser.add_argument("--setups", action="store_true", help=about)
     arguments = parser.parse_args(given)
     _prepare("the figures and the page")
     from evopem.pipeline.report import compare_datasets
     from evopem.report.comparison import comparison_text
     from evopem.terminal.results_text import show
 
-    comparison = compare_datasets(arguments.folders, arguments.page)
+    comparison = compare_datasets(arguments.folders, arguments.page, arguments.setups)
     show(f"{comparison_text(comparison)}\n\n  page  {arguments.page}")
     return 0
 

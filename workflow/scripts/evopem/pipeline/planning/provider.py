@@ -101,6 +101,12 @@ class Provider:
         several = len(self.config.datasets) > 1
         return [*OVERVIEW] if several or any(map(is_file, OVERVIEW)) else []
 
+    @property
+    def setups(self) -> dict[str, tuple[str, ...]]:
+        """The set-ups of each structure, all of which are here."""
+        given, known = self.config.run.setups or {}, self.config.datasets.keys()
+        return {structure: names for structure, names in given.items() if known >= set(names)}
+
     def with_whole_results(self) -> Provider:
         """The same for the data sets whose results are whole; standard error names the others."""
         whole = {}
