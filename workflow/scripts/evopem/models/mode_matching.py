@@ -7,6 +7,7 @@ usual tolerances of modal analysis; a mode has at most one pole of an order.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from statistics import median
 from typing import Literal, Self
@@ -26,6 +27,9 @@ SAME_DAMPING = 0.3
 STANDARD_ERRORS = 3.0
 # Smallest modal assurance criterion of two shapes of one mode, where both are known well enough.
 SAME_SHAPE = 0.8
+# Distance up to which a mode of a model that could have been chosen as well is another estimate of
+# a mode: their difference is what its standard errors are to contain.
+OF_RIVAL = 2.0
 # In a stabilization diagram a pole is stable when its natural frequency changes by less than 1 %
 # and its damping ratio by less than 10 %, the usual thresholds of modal analysis (Ewins 2000).
 FREQUENCY_TOLERANCE = 0.01
@@ -124,6 +128,26 @@ def mode_distance(first: Mode, second: Mode) -> float:
         (1.0 - assurance(first.shape, second.shape))
         / max(1.0 - SAME_SHAPE, _loss_by_noise(first) + _loss_by_noise(second)),
     )
+
+
+def with_spread(modes: Sequence[Mode], rivals: Sequence[Sequence[Mode]]) -> tuple[Mode, ...]:
+    """Modes whose standard errors contain the mean squared difference to those of other models.
+
+    ``rivals``: of models that could have been chosen as well, where they have the mode.
+    """
+
+    def widened(mode: Mode) -> Mode:
+        nearest = [min(known, key=partial(mode_distance, mode)) for known in rivals if known]
+        same = [other for other in nearest if mode_distance(mode, other) <= OF_RIVAL] or [mode]
+        frequency = np.mean([(other.frequency_hz - mode.frequency_hz) ** 2 for other in same])
+        damping = np.mean([(other.damping_ratio - mode.damping_ratio) ** 2 for other in same])
+        return replace(
+            mode,
+            frequency_se_hz=math.hypot(mode.frequency_se_hz, math.sqrt(frequency)),
+            damping_se=math.hypot(mode.damping_se, math.sqrt(damping)),
+        )
+
+    return tuple(map(widened, modes))
 
 
 def cluster_modes(

@@ -19,6 +19,7 @@ from evopem.estimation.order_candidate import PhaseSelection
 from evopem.estimation.order_selection import complete_estimate
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
+from evopem.models.mode_matching import with_spread
 from evopem.models.polynomial import Model, save_model_mat
 from evopem.models.response_tables import frequency_response_table, time_response_table
 from evopem.pipeline.structure_search import Scored, errors_name_dataset
@@ -108,9 +109,10 @@ def complete_model(
         record, about = _record_of(files, remedied.choice, scored, *arguments)
         save(about, files.decision("search"))
         comparison = load(Comparison, files.decision("comparison"))
-        if scored.scorer.has_input:
-            known = rivals_of(scored.scorer, remedied.choice, comparison)
-            rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
+        known = rivals_of(scored.scorer, remedied.choice, comparison)
+        rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
+        modes = with_spread(record.modes, [rival.modes() for rival in rivals])
+        record = replace(record, modes=modes)
         for purpose in others:
             choice = comparison.choice(purpose)
             given = files, choice, scored, search, replace(settings, evaluations=0)
