@@ -12,6 +12,7 @@ from evopem.models.mode_matching import (
     deviations,
     match_modes,
     mode_distance,
+    with_spread,
 )
 from evopem.models.modes import Mode
 
@@ -96,6 +97,16 @@ def test_a_distance_is_judged_by_its_standard_errors_where_these_are_large():
     assert unknown < 1.0
     # Of two models of which one has no covariance, those of the other one.
     assert mode_distance(shaped(10.0, error=0.2), shaped(10.5, error=np.nan)) < 1.0
+
+
+def test_standard_errors_contain_the_spread_of_models_that_do_as_well():
+    (mode,) = [shaped(10.0)]
+    rivals = [[mode], [shaped(10.2), shaped(30.0)], [shaped(30.0)], []]
+    (wide,) = with_spread([mode], rivals)
+    # Two of the models have the mode, one of them 0.2 Hz higher.
+    assert wide.frequency_se_hz == pytest.approx(np.hypot(mode.frequency_se_hz, 0.2 / np.sqrt(2)))
+    assert wide.damping_se == mode.damping_se
+    assert with_spread([mode], [[shaped(30.0)]]) == (mode,)
 
 
 def test_no_modes_make_no_groups():

@@ -321,7 +321,7 @@ def _intervals(results: DatasetResults) -> Use:
         findings.append(("care", text))
     if len(results.scores) > 1:
         # Intervals of models that the automatic recipe chose cover less (docs/report.md).
-        findings.append(("care", "those of coefficients and modes leave out the choice"))
+        findings.append(("care", "those of coefficients leave out the choice of the model"))
     if not findings and checked[0] == "good":
         coloured = not results.model.has_noise_model and white(results.validation) is not True
         text = "the colour of the residuals is taken into account"

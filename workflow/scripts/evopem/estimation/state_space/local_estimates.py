@@ -1,7 +1,6 @@
 """Estimates of one state-space problem: next to a model, of ascending orders, in full."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Self, get_args
@@ -50,6 +49,8 @@ STRUCTURES, WEIGHTINGS = get_args(StateSpaceStructure), get_args(OutputWeighting
 QUADRATIC = SearchSettings(objective="quadratic")
 # Periods of the drift of structure ss_oe_drift in the longest segment, the shortest one.
 DRIFT_PERIODS = 5
+# Orders in a row that are lost in rounding at which a sweep ends.
+MOST_LOST = 2
 
 
 @dataclass(frozen=True)
@@ -187,13 +188,23 @@ def plain_estimates(
     starts: Mapping[int, StateSpaceModel] = NO_MODELS,
     log: Log | None = None,
 ) -> Iterator[StateSpaceEstimate]:
-    """Estimates of several orders with K or without; see :func:`.estimates_of_orders`."""
+    """Estimates of several orders with K or without; see :func:`.estimates_of_orders`.
+
+    They end where two orders in a row are lost in rounding: larger ones are as well.
+    """
     with one_blas_thread():
         orders = sorted(orders)
-        errors = task.errors(recording, orders[-1])
+        errors, lost = task.errors(recording, orders[-1]), 0
         for problem, result in swept(errors, orders, task.settings, width, log, steps, starts):
-            with suppress(LostModelError):
-                yield described(problem, result)
+            try:
+                estimate = described(problem, result)
+            except LostModelError:
+                lost += 1
+                if lost == MOST_LOST:
+                    return
+                continue
+            lost = 0
+            yield estimate
 
 
 def descend_from(

@@ -248,7 +248,7 @@ def searched(
     points = [optimum.point for optimum in given]
     spent = sum(optimum.evaluations for optimum in given)
     for form in (plain, *_other_form(plain)):
-        optima = _optima_from_estimates(form, models, generator, log)
+        optima = _optima_from_estimates(form, models, generator, bool(starts), log)
         if form is not plain:
             spent += sum(optimum.evaluations for optimum in optima)
             crossing = [converted(plain, form, optimum.point) for optimum in optima[:CROSSED]]
@@ -282,18 +282,22 @@ def _optima_from_estimates(
     problem: StateSpaceErrors,
     models: StartingModels,
     generator: np.random.Generator,
+    swept: bool,
     log: Log | None,
 ) -> list[Optimum]:
-    """Optima from estimates of the order itself, and from the optimum of two states fewer."""
+    """Optima from estimates, and from two states fewer, after all smaller if not yet ``swept``."""
     if is_heavy(problem):
         itself = range(problem.order, problem.order + 1)
         width = 1 if problem.cost > HEAVY else WIDTH
         return next(rungs(problem, models, generator, width, itself)).optima
     starts = list(models.points(problem))
     smaller = range(1 + (problem.order + 1) % 2, problem.order, 2)
+    smaller = smaller[-1:] if swept else smaller
     for below in rungs(problem, models, generator, WIDTH, smaller, log=log):
         if below.optima and below.problem.order == problem.order - 2:
             starts += extensions(problem, below.problem, below.optima[0].point, generator)
+    if swept:
+        return raced(problem, lowest(problem, starts, FINAL_WIDTH), STEPS)
     return descended(problem, starts, FINAL_WIDTH)
 
 
@@ -356,9 +360,8 @@ def swept(
         problem = problem_for(replace(errors, order=order), settings)
         result = lowest_of(problem, rung.optima)
         if log is not None:
-            log(
-                f"order {order}: {result.value:.9g} %, {result.diagnostics.evaluations} evaluations"
-            )
+            spent = result.diagnostics.evaluations
+            log(f"order {order}: {result.value:.9g} %, {spent} evaluations")
         yield problem, result
 
 
