@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from evopem.report.numbers import with_error
-from evopem.report.results_text import results_text
+from evopem.report.results_text import results_html, results_text
 from evopem.report.verdict import verdict
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
@@ -28,12 +28,24 @@ def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified, 
     for mode in results.model.modes:
         assert with_error(mode.frequency_hz, mode.frequency_se_hz) in text
     for check in results.checks:
-        assert (f"failed {check.name}:" in words) == (check.word == "Failed")
+        for word in ("failed", "caution"):
+            assert (f"{word} {check.name}:" in words) == (check.word.lower() == word)
     doubted = len(results.model.modes) - len(results.validation.modes.trusted)
     assert text.count("not to be trusted: see the report") == doubted
     assert str(results.model.orders) in text
     assert text.endswith("report  results/bench/report.html")
     assert max(map(len, text.splitlines())) <= 100
+
+
+def test_cautions_come_after_failed_checks_and_notes_are_not_listed(summary):
+    listed = tuple(Check(g.title(), False, "It is.", grade=g) for g in ("note", "caution", "defect"))
+    judged = replace(summary, checks=listed)
+    lines = results_text("a", "Good.", judged).splitlines()
+    assert lines[-2:] == ["  failed  Defect: It is.", "  caution Caution: It is."]
+    assert "Note: It is." not in "".join(lines)
+    html = results_html("a", "Good.", judged)
+    assert "<summary>1 failed check, 1 caution</summary>" in html
+    assert "Note" not in html
 
 
 def test_what_a_failed_check_found_is_a_whole_sentence(summary):

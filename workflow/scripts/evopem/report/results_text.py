@@ -31,9 +31,9 @@ def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "
         *_wrapped(_errors(summary), "  errors  "),
         *_wrapped(" ".join(error_parts(summary)[:1]), "  parts   "),
     ]
-    for check in summary.failed:
+    for check in sorted(summary.reservations, key=lambda check: check.word, reverse=True):
         sentence = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
-        lines += _wrapped(f"{check.name}: {sentence}.", "  failed  ")
+        lines += _wrapped(f"{check.name}: {sentence}.", f"  {check.word.lower():8}")
     return "\n".join([*lines, *([f"  report  {page}"] if page else [])])
 
 
@@ -48,9 +48,12 @@ def results_html(name: str, verdict: str, summary: DatasetSummary) -> str:
         modes,
         f"<p>{escape(_model(summary))}. Errors: {escape(_errors(summary))}.</p>",
     ]
-    if items := [f"<li>{escape(f'{c.name}: {c.statement}')}</li>" for c in summary.failed]:
-        heading = plural(len(items), "failed check")
-        parts.append(f"<details><summary>{heading}</summary><ul>{''.join(items)}</ul></details>")
+    if listed := [f"{c.word}: {c.name}. {c.statement}" for c in summary.reservations]:
+        counts = len(summary.failed), len(listed) - len(summary.failed)
+        named = zip(counts, ("failed check", "caution"), strict=True)
+        heading = ", ".join(plural(number, noun) for number, noun in named if number)
+        items = "".join(f"<li>{escape(item)}</li>" for item in listed)
+        parts.append(f"<details><summary>{heading}</summary><ul>{items}</ul></details>")
     return "<div>" + "\n".join(parts) + "</div>"
 
 

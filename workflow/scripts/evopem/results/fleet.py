@@ -71,6 +71,11 @@ class DatasetSummary:
         """The checks that headlines count as failed."""
         return failed_checks(self.checks)
 
+    @property
+    def reservations(self) -> list[Check]:
+        """Those, and failed checks that leave the model usable with care."""
+        return [check for check in self.checks if check.word in ("Failed", "Caution")]
+
     def n_checks(self, passed: bool | None) -> int:
         """Number of checks with an outcome: passed, failed whatever their grade, not judged."""
         return sum(check.passed is passed for check in self.checks)
