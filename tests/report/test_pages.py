@@ -19,11 +19,13 @@ from evopem.config.channels import RecordedSource
 from evopem.config.structures import phases_of
 from evopem.report import read_wall_clock
 from evopem.report.numbers import number, with_error
+from evopem.report.templates import environment
 from evopem.results.layout import FIGURES
 from evopem.signals.recording_info import FileOrigin
-from evopem.validation.checks import Check
+from evopem.validation.checks import CHECKS, Check
 
 PHASES = phases_of("armax")
+MEANINGS = environment(TEMPLATES).get_template("parts.html.j2").module.MEANINGS
 
 HIDDEN = ("style", "script")
 HOSTILE = """<script>alert("x")</script>'&"""
@@ -201,15 +203,25 @@ def test_every_check_is_in_the_page(results, page):
     assert len({check.name for check in checks}) == len(checks) >= 15
     assert [check.name for check in checks if check.passed is False] != []
     for check in checks:
-        words = [f"{check.word} {check.name}.", check.statement]
-        if check.advice:
-            words += [f"What to do : {check.name}", check.advice]
+        meaning = MEANINGS[check.name] if check.passed is False else ""
+        words = [f"{check.word} {check.name}.", meaning or check.statement]
+        if meaning or check.advice:
+            heading = "Numbers, and what to do" if meaning else "What to do"
+            found = check.statement if meaning else ""
+            words += [f"{heading} : {check.name}", found, check.advice]
         shown = " ".join(" ".join(words).split())
         assert shown in page.text, check.name
     places = [page.text.index(f"{check.word} {check.name}.") for check in checks]
     last_failed = max(p for p, c in zip(places, checks, strict=True) if c.passed is False)
     first_passed = min(p for p, c in zip(places, checks, strict=True) if c.passed)
     assert last_failed < first_passed
+
+
+def test_every_check_has_a_meaning_in_plain_words():
+    assert MEANINGS.keys() == {judge.name for judge in CHECKS}
+    for meaning in MEANINGS.values():
+        assert meaning.endswith(".")
+        assert len(meaning.split()) <= 15
 
 
 def test_an_order_at_the_end_of_a_given_range_is_no_failed_check(results, page):

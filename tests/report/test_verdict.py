@@ -67,6 +67,8 @@ def test_the_error_of_the_simulation_decides(results, monkeypatch, error, answer
         ("Response_to_the_input_significant", False, "standard errors", "no"),
         ("Free_of_feedback", False, "standard errors", "no"),
         ("Free_of_feedback", False, "the frequency response", "no"),
+        ("Record_not_saturated", False, "the modes at 5.35, 16.5 and 37\u202fHz", "care"),
+        ("Record_not_saturated", False, "standard errors", "no"),
     ],
 )
 def test_a_check_that_did_not_pass_takes_its_uses_away(

@@ -38,7 +38,9 @@ def test_a_data_set_has_its_verdict_its_modes_and_its_failed_checks(identified, 
 
 
 def test_cautions_come_after_failed_checks_and_notes_are_not_listed(summary):
-    listed = tuple(Check(g.title(), False, "It is.", grade=g) for g in ("note", "caution", "defect"))
+    listed = tuple(
+        Check(g.title(), False, "It is.", grade=g) for g in ("note", "caution", "defect")
+    )
     judged = replace(summary, checks=listed)
     lines = results_text("a", "Good.", judged).splitlines()
     assert lines[-2:] == ["  failed  Defect: It is.", "  caution Caution: It is."]

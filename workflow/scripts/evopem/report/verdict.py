@@ -69,6 +69,7 @@ ESSENTIAL: dict[str, tuple[str, ...]] = {
     "Roots inside the stability bound": ("intervals",),
     "Constant in time": ("intervals",),
     "Linear": ("intervals",),
+    "Record not saturated": ("intervals",),
 }
 DESIRABLE: dict[str, tuple[str, ...]] = {
     "Excitation adequate": ("response",),
@@ -82,6 +83,7 @@ DESIRABLE: dict[str, tuple[str, ...]] = {
     "Every spectral peak modelled": ("spectrum",),
     "Poles and zeros distinct": ("intervals",),
     "Few residual outliers": ("intervals",),
+    "Record not saturated": ("simulation", "response", "modes"),
 }
 
 
@@ -291,7 +293,7 @@ def _modes(results: DatasetResults) -> Use:
     if all(mode.stable for mode in results.validation.modes.modes if mode.trusted):
         reason += " and at most other orders"
     against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
-    findings: list[Finding] = [("good", reason), ("good", against)]
+    findings: list[Finding] = [("good", reason), ("good", against), _by_checks("modes", results)]
     if len(results.outputs) > 1:
         name += " (with shapes)"
         mixed = sum(bool(judged.shape_doubt) for judged in trusted)
