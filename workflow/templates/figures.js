@@ -244,7 +244,9 @@
       });
       toggle.setAttribute("aria-pressed", "true");
       toggle.append(swatch, curve.label);
-      legend.append(toggle, out);
+      const pair = document.createElement("span"); // a value stays beside its name
+      pair.append(toggle, out);
+      legend.append(pair);
     });
     legend.append(where);
     return plot;
