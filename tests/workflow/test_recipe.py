@@ -81,7 +81,7 @@ def test_three_keys_find_the_system(identified):
     pole = np.log(max(np.roots([1.0, -1.5, 0.7]), key=np.imag)) * 50
     assert mode.frequency_hz == pytest.approx(abs(pole) / (2 * np.pi), rel=0.03)
     summary = json.loads(Path(files.summary).read_text())
-    other = load(DecisionRecord, files.decisions).other
+    other = load(DecisionRecord, files.decisions).other_model
     assert other.purpose == "prediction"
     kept = load(ModelRecord, files.other_model("prediction"))
     assert str(kept.orders) == other.model

@@ -65,4 +65,4 @@ class DecisionRecord:
     trials: tuple[Trial, ...]  # remedies of failed checks
     failed: tuple[str, ...]  # checks that no remedy made hold
     remarks: tuple[str, ...]  # sentences about the record that the decisions led to
-    other: OtherModel | None  # None without an input
+    other_model: OtherModel | None  # None without an input

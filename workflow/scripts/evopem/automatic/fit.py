@@ -158,7 +158,7 @@ def _arx(stretches: Sequence[Segment], order: int, first: int, levels: bool) -> 
     e = target - regressors @ point
     mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
     bic = count * float(np.log(mean_square)) + len(point) * float(np.log(count))
-    a, one, m = np.concatenate([[1.0], point[:order]]), np.ones(1), stretches[0].inputs.shape[1]
+    a, unit, m = np.concatenate([[1.0], point[:order]]), np.ones(1), stretches[0].inputs.shape[1]
     b = point[order : order + (order + 1) * m].reshape(order + 1, m)
-    model = PolynomialModel(a, tuple(np.ascontiguousarray(b.T)), one, one, (one,) * m, (0,) * m)
+    model = PolynomialModel(a, tuple(np.ascontiguousarray(b.T)), unit, unit, (unit,) * m, (0,) * m)
     return ArxFit(bic, model, e)

@@ -123,7 +123,7 @@ def _statement(
     if holding:
         best = min(holding, key=score)
         others = sorted(set(scorer.checks(best).failed) - set(scorer.checks(current).failed))
-        fails = f", and of which {' and '.join(f'“{other}”' for other in others)} fails"
+        fails = f", and of which {' and '.join(f'“{failing}”' for failing in others)} fails"
         return (
             f"“{check}” holds for {best.name}, whose error on held-out samples is"
             f" {score(best):.3g} % instead of {score(current):.3g} %{fails if others else ''}."

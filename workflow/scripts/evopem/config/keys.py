@@ -127,9 +127,9 @@ def _range(low: int, high: int) -> Any:
 
 def _input_ranges(low: int, high: int) -> Any:
     """A range of all inputs, a list of ranges in their order, or a mapping from their names."""
-    one = _range(low, high)
-    several = Annotated[tuple[one, ...], Field(min_length=1)]
-    by_name = Annotated[dict[str, one], Field(min_length=1)]
+    of_all = _range(low, high)
+    in_order = Annotated[tuple[of_all, ...], Field(min_length=1)]
+    by_name = Annotated[dict[str, of_all], Field(min_length=1)]
 
     def checked(value: Any) -> Any:
         if isinstance(value, list) and value:
@@ -144,7 +144,7 @@ def _input_ranges(low: int, high: int) -> Any:
                 )
         return tuple(value) if isinstance(value, list) else value
 
-    return Annotated[Union[one, several, by_name], BeforeValidator(checked)]  # noqa: UP007
+    return Annotated[Union[of_all, in_order, by_name], BeforeValidator(checked)]  # noqa: UP007
 
 
 def one_or_list(values: Sequence[Value]) -> Value | list[Value] | None:

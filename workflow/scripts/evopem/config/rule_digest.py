@@ -33,7 +33,7 @@ def code_version(
     script = Path(script).resolve()
     roots = (script.parent, *(Path(folder).resolve() for folder in folders))
     starts = {script, *(Path(module).resolve() for module in modules)}
-    files = starts | reached_files(starts, roots) | {Path(other).resolve() for other in others}
+    files = starts | reached_files(starts, roots) | {Path(extra).resolve() for extra in others}
     digest = hashlib.sha256()
     for name, file in sorted((os.path.relpath(file, script.parent), file) for file in files):
         digest.update(Path(name).as_posix().encode() + _content(file))

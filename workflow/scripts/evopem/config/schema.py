@@ -105,8 +105,8 @@ def checked(kind: Any, written: Any, source: str) -> Any:
         for path, problem in problems
         if not _is_of_other_kind(problem)
         or not any(
-            other[: len(path)] == path and (len(other) > len(path) or not _is_of_other_kind(inner))
-            for other, inner in problems
+            place[: len(path)] == path and (len(place) > len(path) or not _is_of_other_kind(inner))
+            for place, inner in problems
         )
     )
     problem, remedy = _explained(details, path, adapter(kind).json_schema())

@@ -106,11 +106,11 @@ def check_source(
         for channel, count in Counter(channels).items():
             if count > 1:
                 at.refuse(role, f"{channel} stands there twice", "name each channel once")
-    for one, other in combinations(roles, 2):
-        for channel in roles[other]:
-            if channel in roles[one]:
-                problem = f"{channel} is both {one} and {other}"
-                at.refuse(other, problem, "name two different columns")
+    for first, second in combinations(roles, 2):
+        for channel in roles[second]:
+            if channel in roles[first]:
+                problem = f"{channel} is both {first} and {second}"
+                at.refuse(second, problem, "name two different columns")
     for role in ("input", "output"):
         units, key = keys.get(f"{role}_unit"), f"{role}_unit"
         if isinstance(units, tuple) and not any(map(is_pattern, roles[role])):

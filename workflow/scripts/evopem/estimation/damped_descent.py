@@ -156,7 +156,7 @@ class Damping:
         scale = np.sqrt(np.maximum(np.diag(hessian), 0.0))
         scale = np.where(scale > 1e-12 * scale.max(initial=1e-300), scale, 1.0)
         gradient, hessian = gradient / scale, hessian / np.outer(scale, scale)
-        growth = 2.0
+        multiplier = 2.0
         while self._damping <= LARGEST_DAMPING:
             step = damped_step(hessian, gradient, self._damping)
             if step is not None:
@@ -169,7 +169,7 @@ class Damping:
                     factor = max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3)
                     self._damping = max(self._damping * factor, 1e-15)
                     return gain
-            self._damping, growth = self._damping * growth, growth * 2.0
+            self._damping, multiplier = self._damping * multiplier, multiplier * 2.0
         self._damping = FIRST_DAMPING
         return None
 

@@ -268,15 +268,15 @@ def _no_worse_than_nested(
     """Re-optimise each candidate that a nested one beats, from the smallest up."""
     settled = list(candidates)
     for row in sorted(range(len(settled)), key=lambda row: settled[row].orders.parameters):
-        settled_one = settled[row]
+        larger = settled[row]
         nested = [
-            other
-            for other in settled
-            if settled_one.orders.contains(other.orders)
-            and not same_optimum(settled_one.minimum, other.minimum)
+            smaller
+            for smaller in settled
+            if larger.orders.contains(smaller.orders)
+            and not same_optimum(larger.minimum, smaller.minimum)
         ]
         if nested:
-            settled[row] = reoptimize(min(nested, key=lambda c: c.minimum), settled_one)
+            settled[row] = reoptimize(min(nested, key=lambda c: c.minimum), larger)
     return settled
 
 

@@ -118,20 +118,20 @@ def _divisions(
     plant: PolynomialModel, orders: Orders, constraints: Constraints, sampling_rate: float
 ) -> Iterator[Plant]:
     """The ways to divide the plant's denominators into A and F_i with real coefficients."""
-    one = np.ones(1)
+    unity = np.ones(1)
     if orders.na == 0 or _has_shared_poles(orders):
         yield plant.A, plant.F
         return
     denominator = plant.F[0]
     if orders.single.nf == 0:
-        yield denominator, (one,)
+        yield denominator, (unity,)
         return
     poles = roots(denominator[1:])
     units = [np.array([z, z.conjugate()]) for z in poles if z.imag > 0.0]
     units += [np.array([z]) for z in poles if z.imag == 0.0]
     of_product = Orders(nb=1, nf=orders.na + orders.single.nf)
     fixed = plant_polynomial("f", constraints, of_product, sampling_rate, 1.0)
-    known = roots(getattr(fixed, "factor", one)[1:])
+    known = roots(getattr(fixed, "factor", unity)[1:])
     held = [
         k for k, unit in enumerate(units) if any(np.min(np.abs(unit - z)) < 1e-6 for z in known)
     ]

@@ -88,8 +88,8 @@ class Comparison:
             for model, outputs in zip(self.models, zip(*self.outputs, strict=True), strict=True)
         )
         return all(
-            first.shape == other.shape and np.allclose(first, other, rtol=1e-9, equal_nan=True)
-            for other in others
+            first.shape == table.shape and np.allclose(first, table, rtol=1e-9, equal_nan=True)
+            for table in others
         )
 
     @cached_property

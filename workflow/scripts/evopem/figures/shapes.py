@@ -21,7 +21,7 @@ class ShapeDrawing:
         self.names = list(geometry.points)
         self.rest = np.array([geometry.points[name] for name in self.names])
         index = {name: place for place, name in enumerate(self.names)}
-        self.lines = [(index[one], index[other]) for one, other in geometry.lines]
+        self.lines = [(index[start], index[end]) for start, end in geometry.lines]
         self.channels = [
             (
                 output_names.index(name),
@@ -86,7 +86,7 @@ class ShapeDrawing:
         words = [f"{x:.1f} {y:.1f}" for x, y in flat]
         if not self.lines:
             return "".join(f"M{word}h.1" for word in words)
-        return "".join(f"M{words[one]}L{words[other]}" for one, other in self.lines)
+        return "".join(f"M{words[start]}L{words[end]}" for start, end in self.lines)
 
 
 def _view(flat: Flags) -> Array:

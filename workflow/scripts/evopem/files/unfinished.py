@@ -51,9 +51,9 @@ def start_record(record: UnfinishedJob, logs: str | Path) -> None:
     """
     made = {Path(output) for output in record.outputs}
     made |= {output.with_suffix("") for output in made}
-    for other in _read(Path(logs)):
-        if all({Path(output), *Path(output).parents} & made for output in other.outputs):
-            other.delete(logs)
+    for earlier in _read(Path(logs)):
+        if all({Path(output), *Path(output).parents} & made for output in earlier.outputs):
+            earlier.delete(logs)
     record.save(logs)
 
 

@@ -138,9 +138,9 @@ def with_spread(modes: Sequence[Mode], rivals: Sequence[Sequence[Mode]]) -> tupl
 
     def widened(mode: Mode) -> Mode:
         nearest = [min(known, key=partial(mode_distance, mode)) for known in rivals if known]
-        same = [other for other in nearest if mode_distance(mode, other) <= OF_RIVAL] or [mode]
-        frequency = np.mean([(other.frequency_hz - mode.frequency_hz) ** 2 for other in same])
-        damping = np.mean([(other.damping_ratio - mode.damping_ratio) ** 2 for other in same])
+        same = [near for near in nearest if mode_distance(mode, near) <= OF_RIVAL] or [mode]
+        frequency = np.mean([(near.frequency_hz - mode.frequency_hz) ** 2 for near in same])
+        damping = np.mean([(near.damping_ratio - mode.damping_ratio) ** 2 for near in same])
         return replace(
             mode,
             frequency_se_hz=math.hypot(mode.frequency_se_hz, math.sqrt(frequency)),
@@ -152,9 +152,7 @@ def with_spread(modes: Sequence[Mode], rivals: Sequence[Sequence[Mode]]) -> tupl
 
 def cluster_modes(
     modes: Mapping[int, Sequence[Mode]],
-    distance_of: Callable[[int, Mode, int, Mode], float] = lambda _, one, __, other: mode_distance(
-        one, other
-    ),
+    distance_of: Callable[[int, Mode, int, Mode], float] = lambda _, a, __, b: mode_distance(a, b),
 ) -> list[dict[int, int]]:
     """Group the modes of models of several orders, or set-ups, the nearest pairs first.
 
@@ -164,9 +162,9 @@ def cluster_modes(
     pairs = []
     for a, (order, index) in enumerate(nodes):
         for b in range(a + 1, len(nodes)):
-            other, another = nodes[b]
-            if other != order:
-                distance = distance_of(order, modes[order][index], other, modes[other][another])
+            second, place = nodes[b]
+            if second != order:
+                distance = distance_of(order, modes[order][index], second, modes[second][place])
                 if distance <= 1.0:
                     pairs.append((distance, a, b))
     group_of = list(range(len(nodes)))
@@ -260,9 +258,9 @@ def persistent_frequencies(poles: Sequence[PoleOfOrder]) -> list[float]:
 
 def _status(mode: Mode, below: Sequence[Mode]) -> Status:
     width = FREQUENCY_TOLERANCE * mode.frequency_hz
-    near = [other for other in below if abs(other.frequency_hz - mode.frequency_hz) <= width]
+    near = [lower for lower in below if abs(lower.frequency_hz - mode.frequency_hz) <= width]
     if not near:
         return "new"
     tolerance = DAMPING_TOLERANCE * abs(mode.damping_ratio)
-    alike = any(abs(other.damping_ratio - mode.damping_ratio) <= tolerance for other in near)
+    alike = any(abs(lower.damping_ratio - mode.damping_ratio) <= tolerance for lower in near)
     return "stable" if alike else "frequency"

@@ -70,12 +70,12 @@ def neighbours_among(
             "shape_assurance": _assurance_in(shapes[:, [row]], shapes[:, row], deviations)
         }
         equal = {
-            other: _equal_poles_p(poles[row] - poles[other], of_poles[row] - of_poles[other])
-            for other in known
-            if other != row
+            near: _equal_poles_p(poles[row] - poles[near], of_poles[row] - of_poles[near])
+            for near in known
+            if near != row
         }
         if equal:
-            partner = max(equal, key=lambda other: equal[other])
+            partner = max(equal, key=lambda near: equal[near])
             plane = _assurance_in(shapes[:, [row, partner]], shapes[:, row], deviations)
             neighbours[row] |= {
                 "partner": partner,

@@ -52,10 +52,10 @@ class Mode:
     # shapes, which a mixture of the two does not change
     plane_assurance: float = float("nan")
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Mode) and all(
+    def __eq__(self, value: object) -> bool:
+        return isinstance(value, Mode) and all(
             mine == theirs if name == "partner" else np.array_equal(mine, theirs, equal_nan=True)
-            for (name, mine), theirs in zip(vars(self).items(), vars(other).values(), strict=True)
+            for (name, mine), theirs in zip(vars(self).items(), vars(value).values(), strict=True)
         )
 
     def __hash__(self) -> int:

@@ -137,12 +137,12 @@ class Orders:
         exists = letter in "acd" or place < m
         return slice(first, first + (lengths[at] if exists else 0))
 
-    def contains(self, other: Self) -> bool:
+    def contains(self, smaller: Self) -> bool:
         """Whether every model of other orders is one of these, with zeros added."""
-        pairs = zip(self.nb, self.nf, self.nk, other.nb, other.nf, other.nk, strict=False)
+        pairs = zip(self.nb, self.nf, self.nk, smaller.nb, smaller.nf, smaller.nk, strict=False)
         return (
-            all(getattr(other, name) <= getattr(self, name) for name in ("na", "nc", "nd"))
-            and other.inputs in (0, self.inputs)
+            all(getattr(smaller, name) <= getattr(self, name) for name in ("na", "nc", "nd"))
+            and smaller.inputs in (0, self.inputs)
             and all(f <= nf and k >= nk and k + b <= nk + nb for nb, nf, nk, b, f, k in pairs)
         )
 

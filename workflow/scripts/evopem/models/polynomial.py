@@ -149,8 +149,8 @@ class PolynomialModel(Polynomials):
         if covariance is not None:
             noise = np.r_[orders.part("c"), orders.part("d")]
             covariance = covariance.part(np.delete(np.arange(len(covariance)), noise))
-        one = np.ones(1)
-        return replace(self, C=one, D=one, covariance=covariance)
+        unit = np.ones(1)
+        return replace(self, C=unit, D=unit, covariance=covariance)
 
     def state_space(self) -> StateSpaceModel:
         """The same model in innovations form, states of the plant first, with its covariance."""

@@ -116,13 +116,13 @@ def connected(setups: Sequence[Setup], places: Sequence[int]) -> list[int]:
 def common_modes(setups: Sequence[Setup]) -> list[dict[int, int]]:
     """Index of each merged mode in the set-ups that have it and that common channels connect."""
 
-    def distance(place: int, mode: Mode, other: int, another: Mode) -> float:
-        common = [name for name in setups[place].outputs if name in setups[other].outputs]
+    def distance(place: int, mode: Mode, second: int, later: Mode) -> float:
+        common = [name for name in setups[place].outputs if name in setups[second].outputs]
         shapes = (
             seen.shape[[setups[at].outputs.index(name) for name in common]]
-            for at, seen in ((place, mode), (other, another))
+            for at, seen in ((place, mode), (second, later))
         )
-        apart = abs(np.log(mode.frequency_hz / another.frequency_hz)) / SAME_FREQUENCY
+        apart = abs(np.log(mode.frequency_hz / later.frequency_hz)) / SAME_FREQUENCY
         return float(np.fmax(apart, (1.0 - assurance(*shapes)) / (1.0 - SAME_SHAPE)))
 
     modes = {place: setup.modes for place, setup in enumerate(setups)}

@@ -215,7 +215,7 @@ class StateSpaceModel:
         model = replace(self, level=np.zeros(self.outputs))
         errors, nothing = model.residuals(inputs, outputs), np.zeros_like(inputs, dtype=float)
         ones = np.eye(self.outputs)[:, None].repeat(len(errors), axis=1)
-        levels = np.stack([model.residuals(nothing, one) for one in ones], axis=2)
+        levels = np.stack([model.residuals(nothing, unit) for unit in ones], axis=2)
         columns = np.concatenate([levels, self._free_responses(self.predictor, len(errors))], 2)
         spread = np.sqrt(np.abs(np.diag(self.noise_covariance)))
         return replace(self, level=fitted(columns, errors, spread)[: self.outputs])

@@ -252,11 +252,11 @@ class Results(_Reported):
         InputError
             For too many, or labels that do not tell the models apart.
         """
-        for other in (self, *others):
-            if not isinstance(other, Results):
-                shown = repr(other)[:40]
+        for compared in (self, *others):
+            if not isinstance(compared, Results):
+                shown = repr(compared)[:40]
                 raise InputError("compare", f"{shown} is no result", "give what identify returns")
-        results = [other.results for other in (self, *others)]
+        results = [compared.results for compared in (self, *others)]
         return ModelComparison.of(results, labels, setups)
 
     def _page(self) -> str:

@@ -124,9 +124,9 @@ def given_recordings(data: Any, wanted: Wanted, source: str = DATA) -> tuple[Giv
 
 def alike(signals: GivenSignals, first: GivenSignals, source: str) -> GivenSignals:
     """The signals of a further recording, under the names of the first one."""
-    rate, other = first.sampling_rate, signals.sampling_rate
-    if rate and other and abs(other / rate - 1.0) > RATE_TOLERANCE:
-        problem = f"a sampling rate is {other:g} Hz, and that of the first recording is {rate:g} Hz"
+    rate, known = signals.sampling_rate, first.sampling_rate
+    if rate and known and abs(rate / known - 1.0) > RATE_TOLERANCE:
+        problem = f"a sampling rate is {rate:g} Hz, and that of the first recording is {known:g} Hz"
         raise InputError(source, problem, "give recordings of one rate")
     for role in ("inputs", "outputs"):
         channels, expected = (getattr(recording, role).shape[1] for recording in (signals, first))
@@ -213,10 +213,10 @@ def _samples(values: Any, source: str, role: str) -> Array:
     return samples
 
 
-def _are_equal(one: Any, other: Any) -> bool:
-    if len(one) != len(other) or one.equals(other):
-        return len(one) == len(other)
-    stamps = np.asarray(one), np.asarray(other)
+def _are_equal(first: Any, second: Any) -> bool:
+    if len(first) != len(second) or first.equals(second):
+        return len(first) == len(second)
+    stamps = np.asarray(first), np.asarray(second)
     if any(stamp.dtype.kind != "f" or stamp.size < 2 for stamp in stamps):
         return False
     step = float(np.min(np.abs(np.diff(stamps[0]))))

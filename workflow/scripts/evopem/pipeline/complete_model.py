@@ -117,15 +117,15 @@ def complete_model(
             choice = comparison.choice(purpose)
             given = files, choice, scored, search, replace(settings, evaluations=0)
             try:
-                other, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
+                for_purpose, _ = _record_of(*given, FitSettings(constraints=fit.constraints))
             except InputError as error:
                 # What a structure meets depends on the orders that it has come to; where a descent
                 # ends at no stable model, which no key is to blame for, the first one serves.
                 key = error.source.removeprefix(f"datasets.{files.name}")
                 if key and not key.startswith(".constraints"):
                     raise
-                other = _record_of(*given, FitSettings())[0] if key else record
-            save(other, files.other_model(purpose))
+                for_purpose = _record_of(*given, FitSettings())[0] if key else record
+            save(for_purpose, files.other_model(purpose))
     model, names = record.model, (record.input_names, record.output_names)
     plant = None if record.orders is not None else record.plant
     with one_blas_thread():

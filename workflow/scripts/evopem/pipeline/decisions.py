@@ -117,7 +117,7 @@ def decision_record(
     searches: Sequence[StructureSearch],
     comparison: Comparison,
     remedied: Remedied,
-    other: OtherModel | None,
+    other_model: OtherModel | None,
 ) -> DecisionRecord:
     """All decisions of a data set, in their order."""
     folds, choice = load(FoldPlan, files.decision("folds")), remedied.choice
@@ -135,7 +135,7 @@ def decision_record(
     return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
         (*_remarks(prepared.estimation.segments, choice.level), *remedied.statements),
-        other,
+        other_model,
     )
 
 

@@ -55,8 +55,10 @@ def complete_results(
         comparison = load(Comparison, files.decision("comparison"))
         remedied = load(Remedied, files.decision("remedies"))
         choice, rows = remedied.choice, rows_of_structures(searches, comparison, remedied)
-        other = _errors_of_other(files, prepared, others[0]) if others else None
-        record_of_all = decision_record(files, prepared, searches, comparison, remedied, other)
+        other_model = _errors_of_other(files, prepared, others[0]) if others else None
+        record_of_all = decision_record(
+            files, prepared, searches, comparison, remedied, other_model
+        )
         save(record_of_all, files.decisions)
         path, order = files.models_of_orders(choice.candidate.structure), choice.candidate.order
         order_models = load(OrderModels, path).models if Path(path).exists() else ()

@@ -211,7 +211,7 @@ PHASE_NAMES = {"plant": "plant order"}
 def _selection(results: DatasetResults) -> dict[str, Any]:
     record, validation = results.decisions, results.validation
     decisions = record.decisions if record else map(phase_decision, results.phases.values())
-    other = record.other if record else None
+    other_model = record.other_model if record else None
     model = OtherModel(
         *(record.purpose if record else "", results.model.text),
         *(validation.prediction_error_percent, validation.simulation_error_percent),
@@ -220,7 +220,7 @@ def _selection(results: DatasetResults) -> dict[str, Any]:
         "record": record,
         "candidates": results.candidates.to_dict("records") if results.phases else [],
         "decisions": [(decision, rivals(decision)) for decision in decisions],
-        "purposes": [model, other] if other else [],
+        "purposes": [model, other_model] if other_model else [],
     }
 
 

@@ -176,13 +176,13 @@ def causality_test(first: Array, second: Array) -> CausalityTest:
     """
     from scipy.special import fdtrc
 
-    one, other = (_standardized(signal[:MOST_SAMPLES]) for signal in (first, second))
-    most = min(MOST_LAGS, len(one) // SAMPLES_PER_LAG)
+    x, z = (_standardized(signal[:MOST_SAMPLES]) for signal in (first, second))
+    most = min(MOST_LAGS, len(x) // SAMPLES_PER_LAG)
     if most < 1:
         return CausalityTest(np.nan, np.nan, 0)
-    rows = len(one) - most
+    rows = len(x) - most
     with one_blas_thread():
-        pairs = (one, other), (other, one)
+        pairs = (x, z), (z, x)
         triangles = [regression_triangle(u[:, None], y, most) for u, y in pairs]
 
         def criterion(lags: int) -> float:

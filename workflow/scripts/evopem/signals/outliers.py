@@ -171,7 +171,7 @@ def _replace(part: Part, mask: Flags, model: _Arx) -> bool:
     least = OF_LARGEST * size[inside].max(initial=0.0)
     apart: list[int] = []
     for at in off[np.argsort(-size, kind="stable")].tolist():
-        if abs(deviations[at]) >= least and all(abs(at - other) > lags for other in apart):
+        if abs(deviations[at]) >= least and all(abs(at - before) > lags for before in apart):
             apart.append(at)
     taken = [at for at in apart if lags <= at < len(y) - lags]
     y[taken] -= model.scale * deviations[taken] / weight[taken]

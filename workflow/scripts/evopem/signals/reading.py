@@ -67,13 +67,13 @@ def read_measured(
             problem = f"the {first} has {values[first].size} samples and the {role} {value.size}"
             remedy = f"choose {'two ' * (len(values) == 2)}channels that were sampled together"
             raise InputError(source, problem, remedy)
-    for one, other in itertools.combinations(columns, 2):
-        pair = columns[one].values, columns[other].values
+    for role, second in itertools.combinations(columns, 2):
+        pair = columns[role].values, columns[second].values
         floats = all(values.dtype.kind == "f" for values in pair)
         if np.array_equal(*pair, equal_nan=floats):
             problem = (
-                f"the {one} ({references[one]!r}) and the {other}"
-                f" ({references[other]!r}) hold the same values"
+                f"the {role} ({references[role]!r}) and the {second}"
+                f" ({references[second]!r}) hold the same values"
             )
             raise InputError(source, problem, "choose different channels")
     timed = _timing(columns, channels, source)
@@ -144,7 +144,7 @@ def _timing(channels: Mapping[str, Channel], stated: ChannelSettings, source: st
             remedy = f"state time{_named_times(source)}, or remove {key}"
             raise InputError(source, f"{key} is stated without a time channel", remedy)
     if known is None:
-        problem = next((one.rate_problem for one in signals if one.rate_problem), "")
+        problem = next((s.rate_problem for s in signals if s.rate_problem), "")
         problem = f"the sampling rate is not known, since {problem or 'the file states none'}"
         remedy = f"give sampling_rate in Hz or the name of a time channel{_named_times(source)}"
         raise InputError(source, problem, remedy)

@@ -276,6 +276,6 @@ def load_recordings(prefixes: Sequence[str], path: str | Path) -> list[Recording
     recordings = []
     for prefix in prefixes:
         inputs, outputs, rate, *others = (arrays[prefix + name] for name in _FIELDS)
-        listed = (tuple(other.tolist()) for other in others)
+        listed = (tuple(further.tolist()) for further in others)
         recordings.append(Recording(inputs, outputs, float(rate), *listed))
     return recordings

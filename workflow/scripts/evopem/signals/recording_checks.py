@@ -102,8 +102,8 @@ def saturated_share(signal: Array) -> float:
 def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording:
     """Recordings of one system as one, each with its own number; refused where they disagree."""
     expected = _in_common(recordings[0])
-    for number, (other, source) in enumerate(zip(recordings, sources, strict=True)):
-        common = _in_common(other)
+    for number, (recording, source) in enumerate(zip(recordings, sources, strict=True)):
+        common = _in_common(recording)
         for (what, key), value in expected.items():
             if common.get((what, key)) != value:
                 here = f'"{common.get((what, key))}" here and "{value}" in {sources[0]}'
@@ -112,10 +112,10 @@ def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording
                     " out of it"
                 )
                 raise InputError(source, f"the {what} is {here}", remedy)
-        _check_rate(recordings[0], other, source, sources[0])
+        _check_rate(recordings[0], recording, source, sources[0])
         once = "give every recording of the data set once"
         for earlier, earlier_source in zip(recordings[:number], sources, strict=False):
-            check_independent(earlier, other, source, earlier_source, once)
+            check_independent(earlier, recording, source, earlier_source, once)
     return concatenated(recordings)
 
 
@@ -131,9 +131,9 @@ def _in_common(recording: Recording) -> dict[tuple[str, str], str]:
     return common
 
 
-def _check_rate(first: Recording, other: Recording, source: str, other_source: str) -> None:
-    if abs(other.sampling_rate - first.sampling_rate) > RATE_TOLERANCE * first.sampling_rate:
-        rates = f"{other.sampling_rate:g} Hz and that of {other_source} {first.sampling_rate:g} Hz"
+def _check_rate(first: Recording, second: Recording, source: str, first_source: str) -> None:
+    if abs(second.sampling_rate - first.sampling_rate) > RATE_TOLERANCE * first.sampling_rate:
+        rates = f"{second.sampling_rate:g} Hz and that of {first_source} {first.sampling_rate:g} Hz"
         remedy = "give recordings of one rate, or correct sampling_rate or time"
         raise InputError(source, f"its sampling rate is {rates}", remedy)
 
@@ -153,28 +153,28 @@ def check_independent(
     estimation: Recording,
     validation: Recording,
     source: str,
-    other: str = "the estimation recording",
+    whose: str = "the estimation recording",
     remedy: str = "give an independent recording, or leave the key out to cut this one",
 ) -> None:
     """Refuse a recording with a segment that is a copy of one of another, or of a part of it."""
-    for one, two in itertools.product(estimation.segments, validation.segments):
-        start = shared_start(*(np.column_stack([r.inputs, r.outputs]) for r in (one, two)))
+    for first, second in itertools.product(estimation.segments, validation.segments):
+        start = shared_start(*(np.column_stack([r.inputs, r.outputs]) for r in (first, second)))
         if start is None:
             continue
-        shorter = min(one.samples, two.samples)
+        shorter = min(first.samples, second.samples)
         part = f"samples {start + 1} to {start + shorter} of"
-        if one.samples == two.samples:
-            problem = f"its samples are those of {other}"
-        elif two.samples == shorter:
-            problem = f"its samples are {part} {other}"
+        if first.samples == second.samples:
+            problem = f"its samples are those of {whose}"
+        elif second.samples == shorter:
+            problem = f"its samples are {part} {whose}"
         else:
-            problem = f"{part} it are {other}"
+            problem = f"{part} it are {whose}"
         raise InputError(source, problem, remedy)
 
 
-def shared_start(one: Array, other: Array) -> int | None:
+def shared_start(first: Array, second: Array) -> int | None:
     """Find where all rows of the shorter array stand in the longer one; None where nowhere."""
-    shorter, longer = sorted((one + 0.0, other + 0.0), key=len)  # no -0.0, whose bits differ
+    shorter, longer = sorted((first + 0.0, second + 0.0), key=len)  # no -0.0, whose bits differ
     # Searching bytes takes a time proportional to their number, however often samples repeat.
     width = shorter.itemsize * shorter.shape[1]
     content, sought = longer.tobytes(), shorter.tobytes()

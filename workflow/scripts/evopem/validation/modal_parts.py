@@ -91,7 +91,7 @@ class ModalParts:
         # other's response, neither may pass because the other one is there.
         first, others = self.first, [*parts[:index], *parts[index + 1 :], *more]
         nuisance = [
-            np.column_stack([*(other[first:, column] for other in others), self.free])
+            np.column_stack([*(part[first:, column] for part in others), self.free])
             for column in range(self.outputs.shape[1])
         ]
         return HeldOutContribution(self.outputs[first:], parts[index][first:], nuisance)

@@ -224,12 +224,12 @@ def table_of_models(
     return ModeTable(chosen, tuple(by_order), rows, tuple(poles), alike)
 
 
-def _lacks(other: OrderModel, mode: Mode, group: Mapping[int, int]) -> bool:
+def _lacks(model: OrderModel, mode: Mode, group: Mapping[int, int]) -> bool:
     """Whether a model has neither a mode nor another one that may be it, by its frequency."""
     width = max(SAME_FREQUENCY, mode.damping_ratio) * mode.frequency_hz
     width = max(width, STANDARD_ERRORS * np.nan_to_num(mode.frequency_se_hz, posinf=0.0))
-    near = (abs(candidate.frequency_hz - mode.frequency_hz) <= width for candidate in other.modes)
-    return other.order not in group and not any(near)
+    near = (abs(candidate.frequency_hz - mode.frequency_hz) <= width for candidate in model.modes)
+    return model.order not in group and not any(near)
 
 
 def _mean_squares(held_out: Sequence[HeldOut]) -> Array:

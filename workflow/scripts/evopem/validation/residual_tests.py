@@ -159,9 +159,9 @@ def fit_effects(
         with np.errstate(all="ignore"):
             up, down = (residuals_after(sign * STEP * column) for sign in (1.0, -1.0))
             moved = [
-                autocorrelation_of(one, lags, bounds).values[1:]
-                - autocorrelation_of(other, lags, bounds).values[1:]
-                for one, other in zip(up.T, down.T, strict=True)
+                autocorrelation_of(above, lags, bounds).values[1:]
+                - autocorrelation_of(below, lags, bounds).values[1:]
+                for above, below in zip(up.T, down.T, strict=True)
             ]
         effects.append(math.sqrt(len(up)) / (2.0 * STEP) * np.array(moved))
     if not effects:

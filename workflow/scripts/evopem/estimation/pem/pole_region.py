@@ -63,9 +63,9 @@ class PoleRegion:
         """``[c_1, c_2]`` of a section, and their derivatives by the shares, (2, 2)."""
         if kind == len(self.bands):
             low, high = self.real or (0.0, 0.0)
-            one, two = low + (high - low) * shares
-            coefficients = np.array([-one - two, one * two])
-            return coefficients, (high - low) * np.array([[-1.0, -1.0], [two, one]])
+            lower_root, upper_root = low + (high - low) * shares
+            coefficients = np.array([-lower_root - upper_root, lower_root * upper_root])
+            return coefficients, (high - low) * np.array([[-1.0, -1.0], [upper_root, lower_root]])
         band = self.bands[kind]
         largest = self.largest_angle(band)
         angle = largest * shares[0]

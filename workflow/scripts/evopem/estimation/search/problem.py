@@ -172,21 +172,21 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
     the larger of the two: which of them coincide is not known.  The undiscovered probability is
     that of the one with more random points."""
     best = second if second.value < first.value else first
-    one, other = first.diagnostics, second.diagnostics
-    drawn = max(one, other, key=lambda d: (d.n_multistart, d.undiscovered_probability))
+    earlier, later = first.diagnostics, second.diagnostics
+    drawn = max(earlier, later, key=lambda d: (d.n_multistart, d.undiscovered_probability))
     continued = (
-        (one.evaluations + spent, min(value, first.value)) for spent, value in other.convergence
+        (earlier.evaluations + spent, min(value, first.value)) for spent, value in later.convergence
     )
-    minima = one.restart_minima + other.restart_minima
+    minima = earlier.restart_minima + later.restart_minima
     diagnostics = SearchDiagnostics(
-        evaluations=one.evaluations + other.evaluations,
-        generations=one.generations + other.generations,
+        evaluations=earlier.evaluations + later.evaluations,
+        generations=earlier.generations + later.generations,
         restart_minima=minima,
         n_confirming=count_confirming(minima, best.value),
-        n_local_optima=max(one.n_local_optima, other.n_local_optima),
-        n_multistart=one.n_multistart + other.n_multistart,
+        n_local_optima=max(earlier.n_local_optima, later.n_local_optima),
+        n_multistart=earlier.n_multistart + later.n_multistart,
         undiscovered_probability=drawn.undiscovered_probability,
-        convergence=(*one.convergence, *continued),
+        convergence=(*earlier.convergence, *continued),
         withstood=any(
             result.diagnostics.withstood and same_optimum(result.value, best.value)
             for result in (first, second)

@@ -71,8 +71,8 @@ def recombined_polynomials(
     offspring = np.empty((count, order))
     if order == 0:
         return offspring
-    for row, (one, other) in enumerate(pairs.T):
-        first, second, chosen = parents[one], parents[other], from_first[row]
+    for row, (mother, father) in enumerate(pairs.T):
+        first, second, chosen = parents[mother], parents[father], from_first[row]
         quadratic = np.where(chosen[: order // 2, None], first.quadratic, second.quadratic)
         single = first.single if chosen[-1] else second.single
         offspring[row] = product_of(RootSections(quadratic, single))

@@ -37,8 +37,8 @@ def grid() -> Array:
         places.append(np.column_stack([np.ones(count), -2.0 * radii * np.cos(angles), radii**2]))
         distance *= 2.0
     roots = np.array([sign * (1.0 - away) for away in OF_REAL_ROOTS for sign in (1.0, -1.0)])
-    one, other = roots[np.array(np.triu_indices(len(roots)))]
-    places.append(np.column_stack([np.ones(len(one)), -one - other, one * other]))
+    first, second = roots[np.array(np.triu_indices(len(roots)))]
+    places.append(np.column_stack([np.ones(len(first)), -first - second, first * second]))
     return np.concatenate(places)
 
 
@@ -74,12 +74,12 @@ def gains(
     count = len(spectra) - 1
     scores = np.empty((len(places), 2 * count))
     matrices = np.empty((len(places), 2 * count, 2 * count))
-    for i, one in enumerate(spectra[1:]):
-        cross = np.sum(spectra[0].conj() * one, axis=0)
+    for i, spectrum in enumerate(spectra[1:]):
+        cross = np.sum(spectra[0].conj() * spectrum, axis=0)
         both = summed(cross * delay, cross * delay**2).astype(np.complex64)
         scores[:, 2 * i : 2 * i + 2] = (response @ both).real
-        for j, other in enumerate(spectra[1 : i + 2]):
-            cross = np.sum(one * other.conj(), axis=0)
+        for j, earlier_spectrum in enumerate(spectra[1 : i + 2]):
+            cross = np.sum(spectrum * earlier_spectrum.conj(), axis=0)
             lags = summed(cross, cross * delay, cross * delay.conj()).real.astype(np.float32)
             same, later, earlier = (power @ lags).T
             block = np.array([[same, earlier], [later, same]]).transpose(2, 0, 1)

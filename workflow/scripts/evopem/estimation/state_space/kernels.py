@@ -62,11 +62,11 @@ def derivative_signals(sigma, coupling, back, driven_by, pulses, signals, ratio,
         for t in range(first, stop):
             now = out[t]
             for m in range(pairs):
-                one, two = 2 * m, 2 * m + 1
-                now[extra + m] = p[one] + r[two]
-                now[extra + pairs + m] = ratio[m] * r[one] + p[two]
-                now[extra + 2 * pairs + m] = r[one]
-                now[extra + 3 * pairs + m] = p[one]
+                even, odd = 2 * m, 2 * m + 1
+                now[extra + m] = p[even] + r[odd]
+                now[extra + pairs + m] = ratio[m] * r[even] + p[odd]
+                now[extra + 2 * pairs + m] = r[even]
+                now[extra + 3 * pairs + m] = p[even]
             _advance(p, r, own_sigma, own_coupling, own_back, states[t])
     return out
 

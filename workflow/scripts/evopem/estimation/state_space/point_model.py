@@ -223,19 +223,19 @@ def sandwich(
     between = weights @ autocovariances @ weights
     hessian, score = np.zeros((count, count)), np.zeros((count, count))
     gradient = np.zeros(count)
-    for one, other in combinations_with_replacement(range(len(weights)), 2):
-        (columns, weighted), (others, their) = jacobian(one), jacobian(other)
+    for row, column in combinations_with_replacement(range(len(weights)), 2):
+        (columns, weighted), (others, their) = jacobian(row), jacobian(column)
         gram = columns.T @ others
-        of_lags = np.concatenate([between[:0:-1, other, one], between[:, one, other]])
+        of_lags = np.concatenate([between[:0:-1, column, row], between[:, row, column]])
         summed = of_lags[0] * gram
         if len(of_lags) > 1:
             summed = columns.T @ _filtered(others, of_lags, data.bounds)
-        for total, of_pair in ((hessian, weights[one, other] * gram), (score, summed)):
+        for total, of_pair in ((hessian, weights[row, column] * gram), (score, summed)):
             total[np.ix_(weighted, their)] += of_pair
-            if one != other:
+            if row != column:
                 total[np.ix_(their, weighted)] += of_pair.T
-        if one == other:
-            gradient[weighted] += columns.T @ (scores @ weights[one])
+        if row == column:
+            gradient[weighted] += columns.T @ (scores @ weights[row])
     score *= data.samples / degrees_of_freedom(errors)
     seen = np.diag(hessian) > 0.0
     unseen, mapping = mapping[:, ~seen], mapping[:, seen]

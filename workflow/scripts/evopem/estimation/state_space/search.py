@@ -103,9 +103,9 @@ def continued(errors: StateSpaceErrors, optimum: Optimum, steps: int, tolerance:
     return replace(ended, evaluations=optimum.evaluations + ended.evaluations)
 
 
-def converted(errors: StateSpaceErrors, other: StateSpaceErrors, point: Array) -> Array:
+def converted(errors: StateSpaceErrors, form: StateSpaceErrors, point: Array) -> Array:
     """A point of the other form."""
-    return point_of_model(PointModel(other, other.projection(point)).model(), errors)
+    return point_of_model(PointModel(form, form.projection(point)).model(), errors)
 
 
 def extensions(
@@ -319,8 +319,8 @@ def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
     """The problem of the other form, whose optima are starts, where it is not too large."""
     if errors.data.inputs.shape[1] == 0:
         return ()
-    other = replace(errors, structure="ss_oe" if errors.innovations else "ss")
-    return () if other.cost > HEAVY else (other,)
+    converse = replace(errors, structure="ss_oe" if errors.innovations else "ss")
+    return () if converse.cost > HEAVY else (converse,)
 
 
 def likeliest_order(errors: StateSpaceErrors, orders: Sequence[int]) -> int:

@@ -233,11 +233,11 @@ def extended(
     added = replace(larger, order=len(poles))
     bare = poles_only(added.layout, poles)
     extra = _with_inputs(added, bare, remainder)
-    (pairs, single), (more, another) = (
+    (pairs, single), (more, last) = (
         np.split(errors.layout.rows(of), [errors.layout.pairs])
         for errors, of in ((smaller, point), (added, extra))
     )
-    last = np.vstack([single, another])
+    last = np.vstack([single, last])
     if len(last) == 2:
         drives = last[:, 2 : 2 + larger.layout.drives]
         last = point_of(Layout(2, drives.shape[1]), np.diag(last[:, 0]), drives)[None, :]

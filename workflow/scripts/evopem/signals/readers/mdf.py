@@ -84,5 +84,5 @@ def _channel(path: Path, name: str, signal: Any) -> Channel:
         return Channel(name, values, unit, None, f"{uneven.problem} among its times", start)
     # The shortest number that leaves each stamp within a tenth of a step, for groups of one rate.
     rounded = (float(f"{rate:.{digits}g}") for digits in range(1, 10))
-    rate = next((one for one in rounded if abs(one / rate - 1.0) * values.size < 0.1), rate)
+    rate = next((near for near in rounded if abs(near / rate - 1.0) * values.size < 0.1), rate)
     return Channel(name, values, unit, rate, "", start)

@@ -163,8 +163,8 @@ def _values(table: Table, fields: list[str], lines: list[int], column: int) -> N
             # Infinity may be what an instrument wrote; that of digits is damage.
             if np.isnan(values[index]) or (np.isinf(values[index]) and any(map(str.isdigit, text))):
                 problem = f'"{shown[:40]}" is not a finite number'
-                other = "." if comma else ","
-                if other in shown and dialect.is_number(shown.replace(other, "")):
+                swapped = "." if comma else ","
+                if swapped in shown and dialect.is_number(shown.replace(swapped, "")):
                     problem += f' with a decimal "{dialect.decimal_mark}"'
         if problem:
             remedy = "repair or remove that sample"

@@ -165,10 +165,10 @@ def _update(h: Array, s: Array, y: Array) -> None:
 
 # Sums in one order: the bits of a result must not depend on the processor's vectors.
 @njit
-def _dot(one: Array, other: Array) -> float:
+def _dot(x: Array, y: Array) -> float:
     total = 0.0
-    for i in range(len(one)):
-        total += one[i] * other[i]
+    for i in range(len(x)):
+        total += x[i] * y[i]
     return total
 
 

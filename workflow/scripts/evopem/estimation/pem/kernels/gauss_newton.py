@@ -182,7 +182,7 @@ def _keep_last(buffers, segment, history, size, alive):
 
 
 @njit
-def _add_products(one, x, size, other, z, count, sums, row, stride):
+def _add_products(table, x, size, past, z, count, sums, row, stride):
     """``sums[row + j stride] += sum_i one[x + i] other[z + i - j]`` for ``0 <= j < count``, of a
     signal or a table.  Four lags share what they load; up to four rows before are read."""
     zero = constant(0.0)
@@ -190,16 +190,16 @@ def _add_products(one, x, size, other, z, count, sums, row, stride):
         p0, p1, p2, p3 = zero, zero, zero, zero
         q0, q1, q2, q3 = zero, zero, zero, zero
         k = z - j
-        z1, z2, z3 = load_either(other, k - 1), load_either(other, k - 2), load_either(other, k - 3)
+        z1, z2, z3 = load_either(past, k - 1), load_either(past, k - 2), load_either(past, k - 3)
         for i in range(0, size - 1, 2):
-            v, w = load(one, x + i), load(one, x + i + 1)
-            y0, y1 = load_either(other, k + i), load_either(other, k + i + 1)
+            v, w = load(table, x + i), load(table, x + i + 1)
+            y0, y1 = load_either(past, k + i), load_either(past, k + i + 1)
             p0, p1, p2, p3 = fma(v, y0, p0), fma(v, z1, p1), fma(v, z2, p2), fma(v, z3, p3)
             q0, q1, q2, q3 = fma(w, y1, q0), fma(w, y0, q1), fma(w, z1, q2), fma(w, z2, q3)
             z1, z2, z3 = y1, y0, z1
         if size % 2:
-            v = load(one, x + size - 1)
-            p0, p1 = fma(v, load_either(other, k + size - 1), p0), fma(v, z1, p1)
+            v = load(table, x + size - 1)
+            p0, p1 = fma(v, load_either(past, k + size - 1), p0), fma(v, z1, p1)
             p2, p3 = fma(v, z2, p2), fma(v, z3, p3)
         first = row + j * stride
         store(sums, first, add(load(sums, first), add(p0, q0)))
@@ -219,15 +219,15 @@ def _add_products_of_parts(record, buffers, segment, now, size, alive):
     # A bare 1 would be a type of its own, which the products would be compiled for once more.
     next_row = np.intp(1)
     for p in range(parts.shape[0]):
-        one, x, copies = _table_of(record, buffers, parts[p]), p * segment + now, parts[p, 2]
+        of_p, x, copies = _table_of(record, buffers, parts[p]), p * segment + now, parts[p, 2]
         for q in range(p, parts.shape[0]):
             if not (alive[p] and alive[q]):
                 continue
-            other, z = _table_of(record, buffers, parts[q]), q * segment + now
+            of_q, z = _table_of(record, buffers, parts[q]), q * segment + now
             row = parts[p, 3] * width + parts[q, 3]
-            _add_products(one, x, size, other, z, parts[q, 2], sums, row, next_row)
+            _add_products(of_p, x, size, of_q, z, parts[q, 2], sums, row, next_row)
             if q > p:
-                _add_products(other, z, size, one, x - 1, copies - 1, sums, row + width, width)
+                _add_products(of_q, z, size, of_p, x - 1, copies - 1, sums, row + width, width)
 
 
 @njit
@@ -310,12 +310,12 @@ def _unload_sums(record, objective, weights, buffers, rows, matrices):
     parts, width = buffers.parts, buffers.width
     for p in range(parts.shape[0]):
         for q in range(parts.shape[0]):
-            for one in range(parts[p, 4]):
-                for other in range(parts[q, 4]):
-                    a, b = parts[p, 5] + one, parts[q, 5] + other
+            for row_of_p in range(parts[p, 4]):
+                for row_of_q in range(parts[q, 4]):
+                    a, b = parts[p, 5] + row_of_p, parts[q, 5] + row_of_q
                     i, j = record.entry[a], record.entry[b]
                     sign = objective.factor * record.sign[a] * record.sign[b]
-                    row = (parts[p, 3] + one) * width + parts[q, 3] + other
+                    row = (parts[p, 3] + row_of_p) * width + parts[q, 3] + row_of_q
                     for lane, r in enumerate(rows):
                         matrices[r, i, j] = sign * weights[0, lane] * buffers.sums[row, lane]
 

@@ -117,9 +117,9 @@ def products_of_sections(reflections, radius):
     factors, product = np.empty(((m + 1) // 2, 2)), np.empty(m + 1)
     for model in range(count):
         for section in range(m // 2):
-            one, two = reflections[model, 2 * section], reflections[model, 2 * section + 1]
-            factors[section, 0] = radius * one * (1.0 + two)
-            factors[section, 1] = radius * radius * two
+            k1, k2 = reflections[model, 2 * section], reflections[model, 2 * section + 1]
+            factors[section, 0] = radius * k1 * (1.0 + k2)
+            factors[section, 1] = radius * radius * k2
         if m % 2:
             factors[m // 2, 0], factors[m // 2, 1] = radius * reflections[model, m - 1], 0.0
         _product(factors, -1, product)
@@ -129,13 +129,13 @@ def products_of_sections(reflections, radius):
             _product(factors, section, product)
             first = 2 * section
             last = first + 1 == m
-            one = 0.0 if last else reflections[model, first]
-            two = 0.0 if last else reflections[model, first + 1]
+            k1 = 0.0 if last else reflections[model, first]
+            k2 = 0.0 if last else reflections[model, first + 1]
             for i in range(m):
-                derivatives[model, i, first] = radius * (1.0 + two) * product[i]
+                derivatives[model, i, first] = radius * (1.0 + k2) * product[i]
                 if not last:
                     before = product[i - 1] if i else 0.0
-                    derivatives[model, i, first + 1] = radius * (one * product[i] + radius * before)
+                    derivatives[model, i, first + 1] = radius * (k1 * product[i] + radius * before)
     return coefficients, derivatives
 
 
