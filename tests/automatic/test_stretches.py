@@ -7,7 +7,11 @@ import pytest
 from records import error_percent, output_error_record
 from scipy.optimize import approx_fprime
 
-from evopem.automatic.cross_validation.simulation import simulated
+from evopem.automatic.cross_validation.simulation import (
+    errors_simulated_on,
+    errors_with_both_levels,
+    simulated,
+)
 from evopem.automatic.cross_validation.stretches import folds_of
 from evopem.automatic.fit import fit
 from evopem.config.structures import ORDER_NAMES
@@ -95,3 +99,16 @@ def test_a_level_state_is_the_free_level_of_a_simulation(orders):
     form = with_level_as_state(model).plant().state_space()
     by_state = form.simulate_from_fitted_state(u[:, None], y[:, None] + 5.0)[:, 0]
     assert by_state == pytest.approx(simulated(model, shifted, fitted_level=True)[:, 0], abs=1e-6)
+
+
+@pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.parametrize("orders", [(0, 2, 0, 0, 2, 1), (2, 2, 1, 0, 0, 1)])
+def test_errors_with_both_levels_are_those_of_two_simulations(orders, robust):
+    """A model whose predictor runs on, and one whose state is fitted."""
+    u, y, _ = output_error_record(300)
+    model = fit([Segment(u, y)], Orders(**dict(zip(ORDER_NAMES, orders, strict=True)))).model
+    parts = model, Segment(u[:200], y[:200]), Segment(u[200:], y[200:] + 1.0)
+    for fitted, errors in enumerate(errors_with_both_levels(*parts, robust)):
+        alone = errors_simulated_on(*parts, bool(fitted), robust)
+        np.testing.assert_allclose(errors, alone, atol=1e-9)
+        assert abs(np.mean(errors)) < 0.5 if fitted else np.mean(errors) < -0.5

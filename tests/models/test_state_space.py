@@ -114,6 +114,9 @@ def test_states_that_fit_are_those_that_were_simulated():
     y = m.simulate(u, x0)
     np.testing.assert_allclose(m.simulate_from_fitted_state(u, y), y, atol=1e-8)
     np.testing.assert_allclose(m.prediction_state(u, y), x0, atol=1e-8)
+    levelled, state = replace(m, level=np.zeros(3)).with_fitted_level(u, y)
+    np.testing.assert_allclose(levelled.level, m.level, atol=1e-8)
+    np.testing.assert_allclose(state, x0, atol=1e-8)
 
 
 def test_a_level_that_fits_is_the_one_that_was_added():

@@ -210,15 +210,16 @@ class StateSpaceModel:
         states = states_of(self.A, u[known:] @ self.B.T, last)
         return np.asarray(states @ self.C.T + u[known:] @ self.D.T + self.level)
 
-    def with_fitted_level(self, inputs: ArrayLike, outputs: ArrayLike) -> Self:
-        """The model with the level whose prediction errors are smallest, states fitted as well."""
+    def with_fitted_level(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[Self, Array]:
+        """The model with the level, and the initial state, whose prediction errors are smallest."""
         model = replace(self, level=np.zeros(self.outputs))
         errors, nothing = model.residuals(inputs, outputs), np.zeros_like(inputs, dtype=float)
         ones = np.eye(self.outputs)[:, None].repeat(len(errors), axis=1)
         levels = np.stack([model.residuals(nothing, unit) for unit in ones], axis=2)
         columns = np.concatenate([levels, self._free_responses(self.predictor, len(errors))], 2)
         spread = np.sqrt(np.abs(np.diag(self.noise_covariance)))
-        return replace(self, level=fitted(columns, errors, spread)[: self.outputs])
+        level, state = np.split(fitted(columns, errors, spread), [self.outputs])
+        return replace(self, level=level), state
 
     def simulate_from_fitted_state(
         self,

@@ -124,10 +124,11 @@ def _stretches(
 ) -> tuple[HeldOut, ...]:
     form, plant, responses = state_space_of(model), simulated_form(model), []
     for record, past in zip_longest(held_out, before):
-        with_level, known = form, past or record
+        known = past or record
         if own_levels:
-            with_level = form.with_fitted_level(known.inputs, known.outputs)
-        state = with_level.prediction_state(known.inputs, known.outputs)
+            with_level, state = form.with_fitted_level(known.inputs, known.outputs)
+        else:
+            with_level, state = form, form.prediction_state(known.inputs, known.outputs)
         responses.append(
             HeldOut(with_level, replace(plant, level=with_level.level), record, past, state)
         )

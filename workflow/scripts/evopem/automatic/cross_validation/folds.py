@@ -8,7 +8,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import (
     Model,
-    errors_simulated_on,
+    errors_with_both_levels,
     prediction_errors,
 )
 from evopem.automatic.cross_validation.stretches import REASON, Fold, folds_of, response_parts
@@ -141,7 +141,7 @@ class HeldOutScores:
 
     Root mean square errors for the quadratic objective, mean absolute ones for the absolute; the
     geometric mean over the designs of folds of the mean over the outputs.  Simulations run on from
-    the samples before (:func:`.errors_simulated_on`), with the level of the training samples, or
+    the samples before (:func:`.simulated_on`), with the level of the training samples, or
     with one that is fitted to the held-out samples; predictions are one step ahead.  Sums are
     divided by the samples less the level that was fitted to them.  Infinite where there is none.
     """
@@ -278,9 +278,10 @@ def _errors_on(model: Model, before: Segment, stretch: Segment, absolute: bool) 
     outputs = stretch.outputs.shape[1]
     sums, counts = np.zeros((3, outputs)), np.zeros((3, outputs))
     with np.errstate(all="ignore"):
-        for kind, fitted_level in enumerate((False, True) if stretch.has_input else ()):
-            errors = errors_simulated_on(model, before, stretch, fitted_level, absolute)
-            sums[kind], counts[kind] = total(errors), len(errors) - int(fitted_level)
+        if stretch.has_input:
+            simulations = errors_with_both_levels(model, before, stretch, absolute)
+            for fitted, errors in enumerate(simulations):
+                sums[fitted], counts[fitted] = total(errors), len(errors) - fitted
         errors = prediction_errors(model, stretch, before)
         if len(errors) > stretch.samples // 4:
             sums[2], counts[2] = total(errors), len(errors)

@@ -35,7 +35,7 @@ def simulated_on(
     with np.errstate(all="ignore"):
         computed = np.full(outputs.shape, np.inf)
         if np.abs(states.poles()).max(initial=0.0) < STABLE:
-            if before.samples and not robust and noise_moves_plant(model):
+            if _continues(model, before, robust):
                 form = state_space_of(replace(model, covariance=None))
                 computed[known:] = form.simulate_on(inputs, outputs, known)
             else:
@@ -47,6 +47,11 @@ def simulated_on(
             centre = np.median if robust else np.mean
             computed = computed + centre(measured - computed, axis=0)
     return np.asarray(computed)
+
+
+def _continues(model: Model, before: Segment, robust: bool) -> bool:
+    """Whether a simulation runs on from the state of the predictor, which no level is part of."""
+    return bool(before.samples) and not robust and noise_moves_plant(model)
 
 
 def noise_moves_plant(model: Model) -> bool:
@@ -71,6 +76,17 @@ def errors_simulated_on(
     computed = simulated_on(model, past, held_out, fitted_level, robust)
     with np.errstate(all="ignore"):
         return np.asarray(computed - held_out.outputs[held_out.samples - len(computed) :])
+
+
+def errors_with_both_levels(
+    model: Model, before: Segment, held_out: Segment, robust: bool
+) -> tuple[Array, Array]:
+    """Errors of :func:`simulated_on` with the model's level, and with one that is fitted."""
+    errors = errors_simulated_on(model, before, held_out, robust=robust)
+    if _continues(model, before, robust):
+        with np.errstate(all="ignore"):
+            return errors, np.asarray(errors - errors.mean(axis=0))
+    return errors, errors_simulated_on(model, before, held_out, True, robust)
 
 
 def simulated(

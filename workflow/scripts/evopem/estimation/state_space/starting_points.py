@@ -196,8 +196,9 @@ def _initial_states(model: StateSpaceModel, errors: StateSpaceErrors) -> Array:
         stop = min(end, first + MOST_SAMPLES)
         u = data.inputs[first:stop] * data.input_scales
         y = data.outputs[first:stop] * data.output_scales + data.output_offsets
-        levelled = form.with_fitted_level(u, y) if data.levels else form
-        states.append(levelled.prediction_state(u, y))
+        states.append(
+            form.with_fitted_level(u, y)[1] if data.levels else form.prediction_state(u, y)
+        )
     return np.nan_to_num(np.array(states).T)
 
 
