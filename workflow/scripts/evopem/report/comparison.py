@@ -85,11 +85,11 @@ def merged_sentences(merged: MergedModes) -> list[str]:
     common = enumeration([name.removeprefix(INPUT) for name in sorted(of_all)])
     counted = plural(len(merged.setups), "set-up"), plural(len(merged.outputs), "output")
     sentences = [f"{' and '.join(counted)}; {common or 'no channel'} in all set-ups."]
-    for one in merged.contradictions:
-        values = f"{number(one.value)} beside {number(one.joint)}"
+    for c in merged.contradictions:
+        values = f"{number(c.value)} beside {number(c.joint)}"
         sentences.append(
-            f"{one.setup} contradicts the others, most in the {one.quantity} of mode"
-            f" {one.mode + 1}: {values}, {number(abs(one.standard_errors), 2)} standard errors"
+            f"{c.setup} contradicts the others, most in the {c.quantity} of mode"
+            f" {c.mode + 1}: {values}, {number(abs(c.standard_errors), 2)} standard errors"
             " apart; it counts with errors enlarged until it agrees."
         )
     return sentences if merged.contradictions else [*sentences, AGREED]
