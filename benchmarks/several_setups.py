@@ -69,8 +69,8 @@ def merged(setups):  # type: ignore[no-untyped-def]
             *(tuple(f"force{k}" for k in points), tuple(f"y{k}" for k in sensors)),
             *(("",) * len(points), ("",) * len(sensors)),
         )
-        delays = 0 if points else 1
-        (estimate,) = estimates_of_orders(recording, [ORDER], delays=delays)
+        form = {"structure": "ss_oe", "delays": 0} if points else {}
+        (estimate,) = estimates_of_orders(recording, [ORDER], **form)
         given.append(Setup.of(f"{place}", estimate.model))
     return merge_setups(given)
 
@@ -180,6 +180,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
     parser.add_argument("--structures", type=int, default=100)
+    parser.add_argument("--kind", choices=KINDS, nargs="*", default=KINDS)
     parser.add_argument("--peer", action="store_true")
     parser.add_argument("--write", action="store_true")
     arguments = parser.parse_args()
@@ -187,7 +188,7 @@ def main() -> None:
         write(arguments.folder)
         return
     arguments.folder.mkdir(parents=True, exist_ok=True)
-    for kind in KINDS[:1] if arguments.peer else KINDS:
+    for kind in KINDS[:1] if arguments.peer else arguments.kind:
         for number in range(arguments.structures):
             method = "pyOMA2" if arguments.peer else "evopem"
             file = arguments.folder / f"{kind}.{method}.{number:03d}.json"

@@ -2,11 +2,14 @@
 
 import re
 
+import numpy as np
+import pandas as pd
 import pytest
 from identified import finished_copy
 
 import evopem
 from evopem.files.checksums import GENERATOR, write_checksums, write_page
+from evopem.pipeline.report import merge_setups
 from evopem.results.layout import DatasetFiles
 from evopem.terminal.command import main
 
@@ -34,6 +37,18 @@ def test_the_page_has_errors_overlays_modes_and_checks(folders, capsys):
     assert 'href="results/a/report.html"' in page
     assert "results/b/report.html" not in page
     assert "src=" not in re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
+
+
+def test_the_job_of_set_ups_writes_the_page_and_a_table_of_shapes(folders, identified):
+    merge_setups(DatasetFiles("results"), ("a", "b"), "beam")
+    table = pd.read_csv(folders / "results" / "setups" / "beam.csv")
+    assert table["mode"].tolist() == [1, 2, 3]
+    np.testing.assert_allclose(
+        table["frequency_se_hz"],
+        [mode.frequency_se_hz / 2**0.5 for mode in identified.results.model.plant.modes()],
+    )
+    page = (folders / "results" / "setups" / "beam.html").read_text(encoding="utf-8")
+    assert 'href="../a/report.html"' in page
 
 
 def test_set_ups_of_one_structure_are_merged_on_the_page(folders, capsys):

@@ -10,12 +10,13 @@ rule merge_setups:
             for result in provider.results(name)
         ],
     output:
-        report(
+        page=report(
             SETUPS,
             caption="../report/setups.rst",
             category="All data sets",
             labels={"file": "set-ups of {structure}"},
         ),
+        modes=SETUPS.replace("html", "csv"),
     log:
         "results/logs/setups/{structure}.log",
     benchmark:

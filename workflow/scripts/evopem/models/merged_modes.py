@@ -17,19 +17,17 @@ import numpy as np
 from evopem.arrays import Array, Complex, Flags, Indices
 from evopem.errors import InputError
 from evopem.models.modes import Mode
-from evopem.models.setups import INPUT, PLACE, Setup, check_setups, common_modes
+from evopem.models.setups import INPUT, Setup, check_setups, common_modes
 
 # Probability that any set-up is said to contradict the others where none does.
 FALSE_ALARMS = 0.05
-# Eigenvalues of correlations below this are rounding, as are smaller shares of a set-up's
-# information in what others know of it.
+# Least eigenvalue of a correlation, and share of a set-up in what others know, beyond rounding.
 ROUNDING, SHARED = 1e-9, 1e-6
 # Factor of the covariance of a set-up that is as good as left out.
 IGNORED = 1e8
 STEPS, HALVINGS, CONVERGED = 50, 12, 1e-8
 
-Groups = Sequence[Mapping[int, int]]
-"""Index of each merged mode in the set-ups that have it."""
+Groups = Sequence[Mapping[int, int]]  # index of each mode in the set-ups that have it
 
 
 @dataclass(frozen=True)
@@ -52,8 +50,7 @@ class MergedModes:
     setups: tuple[Setup, ...]
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
-    # Shapes over all outputs, drives by all inputs in continuous time; NaN where no set-up has both
-    # the channel and the mode
+    # Shapes, and drives in continuous time; NaN where no set-up has both the channel and the mode
     modes: tuple[Mode, ...]
     drive_errors: tuple[Complex, ...]  # standard errors of real and imaginary parts
     by_setup: tuple[tuple[Mode | None, ...], ...]  # each mode as every set-up has it
@@ -72,7 +69,7 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
     groups = common_modes(setups)
     if not groups:
         problem = "no mode was found in two of them and in half of all"
-        raise InputError(PLACE, problem, "see the modes of each one")
+        raise InputError("set-ups", problem, "see the modes of each one")
     channels = list(dict.fromkeys(name for setup in setups for name in setup.channels))
     channels.sort(key=lambda name: name[0] == INPUT)
     having = [k for k in range(len(setups)) if any(k in group for group in groups)]
@@ -227,10 +224,8 @@ class _Structure:
         return {k: float(np.sum(part.whitened(self)[:, -1] ** 2)) for k, part in parts.items()}
 
     def left_over(self, part: "_Part") -> tuple[float, int]:
-        """Squared distance of a set-up from the others, in its errors and theirs, and its freedom.
-
-        What a fit with it leaves over says the same as a fit to the others (deletion).
-        """
+        """Squared distance of a set-up from a fit to all others, in its errors and theirs, and its
+        freedom: what the fit with it leaves over says the same (deletion)."""
         rows = part.whitened(self)
         half = rows[:, :-1] @ self.factor
         sizes, directions = np.linalg.eigh(np.eye(len(rows)) - half @ half.T)
@@ -245,9 +240,8 @@ class _Structure:
             self.spans, self.poles.tolist(), self.free, self.shapes, strict=True
         ):
             errors = np.linalg.norm(self.factor[first:stop], axis=1)
-            real, imaginary = np.split(errors[2:], 2)
             both = np.where(np.isnan(shape), np.nan + 0j, 0.0)
-            both[free] = real + 1j * imaginary
+            both[free] = errors[2 : 2 + len(free)] + 1j * errors[2 + len(free) :]
             s = 2.0 * np.pi * frequency * (1j * np.sqrt(1.0 - damping**2) - damping)
             modes.append(
                 Mode(
@@ -278,9 +272,7 @@ class _Part:
         """The part of a set-up."""
         at = np.array([channels.index(name) for name in setup.channels])
         modes = [mode for mode, group in enumerate(groups) if place in group]
-        values: list[Array] = []
-        factors: list[Array] = []
-        places, scales = [], []
+        values, factors, places, scales = list[Array](), list[Array](), [], []
         for mode in modes:
             index = groups[mode][place]
             largest = int(np.argmax(np.abs(setup.modes[index].shape)))

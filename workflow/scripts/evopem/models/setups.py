@@ -16,7 +16,6 @@ from evopem.models.state_space import StateSpaceModel
 # Two set-ups have the same mode where frequencies and shapes at common outputs differ by less: wide
 # enough that a set-up which contradicts the others is compared with them.
 SAME_FREQUENCY, SAME_SHAPE = 0.08, 0.5
-PLACE = "set-ups"
 INPUT = "\0"
 """What the name of an input begins with among channels: no output has it."""
 
@@ -91,7 +90,7 @@ def _linearised(
 def check_setups(setups: Sequence[Setup]) -> None:
     """Refuse set-ups that cannot be merged whatever their modes are."""
     if len(setups) < 2:
-        raise InputError(PLACE, "there are fewer than two", "give those of one structure")
+        raise InputError("set-ups", "there are fewer than two", "give those of one structure")
     alone = set(range(len(setups))) - set(connected(setups, range(len(setups))))
     if alone:
         problem = "it has no channel in common with the others, through which its shapes are scaled"
@@ -125,10 +124,10 @@ def common_modes(setups: Sequence[Setup]) -> list[dict[int, int]]:
         apart = abs(np.log(mode.frequency_hz / later.frequency_hz)) / SAME_FREQUENCY
         return float(np.fmax(apart, (1.0 - assurance(*shapes)) / (1.0 - SAME_SHAPE)))
 
-    modes = {place: setup.modes for place, setup in enumerate(setups)}
-    groups = []
-    for group in cluster_modes(modes, distance):
-        having = connected(setups, sorted(group))
-        if len(having) >= max(2, len(setups) / 2):
-            groups.append({place: group[place] for place in having})
-    return groups
+    groups = cluster_modes(dict(enumerate(setup.modes for setup in setups)), distance)
+    having = [connected(setups, sorted(group)) for group in groups]
+    return [
+        {place: group[place] for place in places}
+        for group, places in zip(groups, having, strict=True)
+        if len(places) >= max(2, len(setups) / 2)
+    ]

@@ -8,8 +8,9 @@ from urllib.parse import quote
 
 from evopem.figures import svg_texts
 from evopem.figures.comparison import Comparison
-from evopem.files.atomic import write_text
+from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import write_page
+from evopem.models.response_tables import shaped_modes_table
 from evopem.report.comparison import build_comparison
 from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import template_folder
@@ -69,9 +70,13 @@ def report_page(
 
 
 def merge_setups(files: DatasetFiles, names: tuple[str, ...], structure: str) -> None:
-    """The page of a structure whose set-ups are data sets."""
+    """The page of a structure whose set-ups are data sets, and the table of its modes."""
+    page = f"{files.folder}/setups/{structure}.html"
     folders = [f"{files.folder}/{name}" for name in names]
-    compare_datasets(folders, f"{files.folder}/setups/{structure}.html", setups=True)
+    merged = compare_datasets(folders, page, setups=True).merged
+    assert merged is not None
+    modes = shaped_modes_table(merged.modes, merged.inputs, merged.outputs)
+    write_table(f"{files.folder}/setups/{structure}.csv", modes)
 
 
 def compare_datasets(folders: Sequence[str], page: str, setups: bool = False) -> Comparison:

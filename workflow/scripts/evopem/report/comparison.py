@@ -34,7 +34,6 @@ from evopem.report.numbers import (
 from evopem.report.verdict import verdict
 
 SAME = "All models were validated on the same samples."
-AGREED = "No set-up contradicts the others."
 DIFFERENT = (
     "The models were validated on different samples: their errors are no ranking of the models."
 )
@@ -92,7 +91,7 @@ def merged_sentences(merged: MergedModes) -> list[str]:
             f" {c.mode + 1}: {values}, {number(abs(c.standard_errors), 2)} standard errors"
             " apart; it counts with errors enlarged until it agrees."
         )
-    return sentences if merged.contradictions else [*sentences, AGREED]
+    return sentences + ["No set-up contradicts the others."] * (not merged.contradictions)
 
 
 def comparison_text(comparison: Comparison) -> str:
