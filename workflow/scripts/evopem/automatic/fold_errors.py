@@ -53,20 +53,16 @@ def simplest(candidates: Sequence[Candidate]) -> list[Candidate]:
     """A gain, output-error models of first and second order, the likeliest ARX model and the
     likeliest regularised response: what a chosen model must not fall behind."""
 
-    def likeliest(structure: str, criterion: Score) -> list[Candidate]:
-        known = [c for c in candidates if c.structure == structure]
-        return sorted(known, key=criterion)[:1]
-
-    small = [
+    kept = [
         candidate
         for candidate in candidates
         if (candidate.structure, candidate.order) in (("fir", 1), ("oe", 1), ("oe", 2))
     ]
     # One-step errors of responses of different lengths begin at different samples.
-    return [
-        *(*small, *likeliest("arx", BIC)),
-        *(best for structure in REGULARISED for best in likeliest(structure, SIMULATION_BIC)),
-    ]
+    criteria = {"arx": BIC, **dict.fromkeys(REGULARISED, SIMULATION_BIC)}
+    for structure, criterion in criteria.items():
+        kept += sorted((c for c in candidates if c.structure == structure), key=criterion)[:1]
+    return kept
 
 
 def never_behind(

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -59,6 +60,9 @@ PLANT_WEIGHTING: OutputWeighting = "noise"
 RANDOM_STARTS = 8
 # Last number of the key of their draws.
 CONSTRAINED = 1
+# Shares of a noise model's gain that descents begin with: less draws its zeros in from the bound,
+# beyond which a start may be unstable.
+GAIN_SHARES = (1.0, 0.95)
 # Relative distance of two objectives that is rounding.
 SAME = 1e-9
 
@@ -211,7 +215,6 @@ def noise_models(
     plant: StateSpaceModel,
     recording: Recording,
     settings: SearchSettings,
-    orders: Sequence[int] | None = None,
 ) -> list[StateSpaceModel | None]:
     """Noise models for the residuals of a plant, the lowest BIC first; None for white ones."""
     lost = max(plant.input_delays, default=0)
@@ -226,8 +229,8 @@ def noise_models(
     ).with_segments([Segment(e[:, :0], e, number) for number, e in enumerate(residuals)])
     models: list[StateSpaceModel | None] = [None]
     criteria, rises = [log_loss(joined, settings.objective)], 0
-    orders = noise_orders(recording) if orders is None else orders
-    for estimate in plain_estimates(alone, orders, StateSpaceTask(settings=settings), WIDTH):
+    given = alone, noise_orders(recording), StateSpaceTask(settings=settings), WIDTH
+    for estimate in plain_estimates(*given):
         rises = 0 if estimate.bic < min(criteria) else rises + 1
         models.append(estimate.model)
         criteria.append(estimate.bic)
@@ -252,11 +255,12 @@ def estimate_beside(
 ) -> StateSpaceEstimate:
     """The optimum of innovations form next to an output-error plant with its noise model.
 
-    With the next likely one where no descent from it ends at a stable model, as with zeros at the
-    bound.  ValueError when the recording is too short, or that is so of each of them.
+    With less of its gain, else the next likely one, where no descent ends at a stable model.
+    ValueError when the recording is too short, or that is so of each of them.
     """
-    for noise in noise_models(plant, recording, task.settings):
-        start = replace(_beside_noise(plant, noise), structure="ss", covariance=None)
+    for noise, share in product(noise_models(plant, recording, task.settings), GAIN_SHARES):
+        start = _beside_noise(plant, noise)
+        start = replace(start, K=share * start.K, structure="ss", covariance=None)
         with suppress(NoModelError):
             return descend_from(start, recording, task)
     raise NoModelError("no descent from the plant beside a noise model ended at a stable model")
