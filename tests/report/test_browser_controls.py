@@ -284,6 +284,30 @@ def test_the_cursor_reads_the_values_of_the_table(browser, report, results):
     assert float(measured.replace("\u2212", "-")) == pytest.approx(row[output], rel=1e-3)
 
 
+def test_a_click_tells_the_pole_that_it_is_next_to(browser, report, results):
+    visit(browser, report)
+    bring(browser, "stabilization")
+    told = browser.execute_script(
+        """const over = document.querySelector('#stabilization .u-over');
+        const box = over.getBoundingClientRect();
+        const status = document.querySelector('#stabilization .legend [role="status"]');
+        const told = new Set();
+        for (let x = 2; x < box.width; x += 8) {
+            for (let y = 2; y < box.height; y += 8) {
+                const at = {clientX: box.left + x, clientY: box.top + y, bubbles: true};
+                for (const kind of ['mousemove', 'mousedown', 'mouseup', 'click']) {
+                    over.dispatchEvent(new MouseEvent(kind, at));
+                }
+                told.add(status.textContent);
+            }
+        }
+        return [...told];"""
+    )
+    poles = results.validation.modes.poles
+    known = {f"order {pole.order}, frequency hz {pole.frequency_hz:.6g}" for pole in poles}
+    assert {words.partition(", damping")[0] for words in told} == {"", *known}
+
+
 def test_figures_follow_a_change_of_the_theme(browser, report):
     visit(browser, report, scheme="light")
     bring(browser, "gain")

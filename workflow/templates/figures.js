@@ -4,6 +4,7 @@
 (() => {
   const COLOURS = ["ink", "muted", "grid", "model", "error", "truth", "fourth", "fifth"];
   const NEAR = "600px"; // a figure is drawn when it is that close to the screen
+  const REACH = 24; // pixels from a click to the point that it tells
   const groups = new Map(); // plots with the same abscissa, by the name of their group
   const parts = new Map(); // what a group shows of its abscissa; null for the whole
   const drawn = new Map(); // plots and observers of each figure
@@ -50,7 +51,7 @@
     const order = x.map((_, at) => at).filter(known).sort((a, b) => x[a] - x[b]);
     const sorted = [x, y, ...(curve.band ?? []).map(take)]
       .map((values) => order.map((at) => values[at]));
-    return apart(sorted);
+    return Object.assign(apart(sorted), { table, rows: order.map((at) => rows[at]) });
   };
 
   // Poles of several orders may have one frequency; an abscissa must not repeat.
@@ -248,7 +249,27 @@
       pair.append(toggle, out);
       legend.append(pair);
     });
-    legend.append(where);
+    const told = document.createElement("span");
+    told.setAttribute("role", "status");
+    legend.append(where, told);
+    // A click tells the row of the table that the nearest point stands for.
+    const tell = ({ clientX, clientY }) => {
+      const box = plot.over.getBoundingClientRect();
+      let best = { away: REACH };
+      panel.curves.forEach((curve, number) => {
+        if (curve.kind !== "points" || !plot.series[owners[number][0]].show) return;
+        const [x, y] = tables[number];
+        y.forEach((value, at) => {
+          if (value === null) return;
+          const across = plot.valToPos(x[at], "x") + box.left - clientX;
+          const away = Math.hypot(across, plot.valToPos(value, "y") + box.top - clientY);
+          if (away < best.away) best = { away, table: tables[number].table, row: tables[number].rows[at] };
+        });
+      });
+      const words = Object.entries(best.table ?? {}).map(([name, column]) => [name.replaceAll("_", " "), column[best.row]]);
+      told.textContent = words.filter(([, cell]) => cell !== "").map((pair) => pair.join(" ")).join(", ");
+    };
+    if (panel.curves.some((curve) => curve.kind === "points")) plot.over.addEventListener("click", tell);
     return plot;
   };
 
