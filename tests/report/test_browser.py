@@ -109,6 +109,16 @@ def test_the_first_screen_holds_the_answer(browser, report, results):
     assert min(first_paint(browser, report) for _ in range(3)) < 1000
 
 
+def test_the_first_plot_is_on_the_first_screen_of_a_phone(browser, report):
+    visit(browser, report, width=360)
+    wait_for_figures(browser)
+    bottom = browser.execute_script(
+        """return document.querySelector('#measured_and_simulated canvas')
+            .getBoundingClientRect().bottom;"""
+    )
+    assert bottom < 780
+
+
 def first_paint(browser, page):
     """Milliseconds from the request of a page to its first words; other work can delay one load."""
     visit(browser, page)
