@@ -170,7 +170,8 @@ def main():
         "needs, too, to object, of the records judged. White, coloured, periodic and swept inputs"
         " and steps; noise of 2, 10, 50 and 200 % of the response (outside the class to 50 %).\n"
         "Linear systems that stay as they are at their true structure and orders: false alarms."
-        " Outside the class Box-Jenkins models: power.",
+        " Outside the class Box-Jenkins models: power. Under a"
+        " sweep nonlinear systems are taken for feedback in a third of the records.",
         "benchmarks/class_rates.py",
         ("system", "constant in time", "linear", "free of feedback"),
         rows,
