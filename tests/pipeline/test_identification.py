@@ -3,15 +3,21 @@
 import os
 from collections import Counter
 from pathlib import Path
+from shutil import copytree
 
+import numpy as np
 import pytest
+import yaml
 from identified import without_figures
+from scipy.io import loadmat
 
 from evopem.config.defaults import complete
 from evopem.config.structures import phases_of
 from evopem.errors import InputError
+from evopem.estimation.model_record import load_record
 from evopem.pipeline.identification import identify_dataset, jobs, run_stage
 from evopem.pipeline.planning.stages import results_of
+from evopem.report.numbers import number
 from evopem.results.layout import DatasetFiles
 
 PHASES = phases_of("armax")
@@ -130,3 +136,31 @@ def test_a_recorded_file_without_a_report(tmp_path, arm, monkeypatch):
     assert {files.validation_recording, files.validation_recording_info} <= made
     assert files.report not in made
     assert load(Transforms, files.transforms).validation_source == "file"
+
+
+def test_the_key_continuous_time_gives_the_plant_in_s(arm, tmp_path):
+    folder = tmp_path / "arm"
+    copytree(arm.folder, folder)
+    files = DatasetFiles(str(folder))
+    config = Path(files.config)
+    settings = yaml.safe_load(config.read_text())
+    settings["datasets"]["arm"]["continuous_time"] = "zero-order"
+    config.write_text(yaml.safe_dump(settings, sort_keys=False))
+    run_stage("complete_model", folder, log=None)
+    run_stage("report", folder, log=None)
+    record = load_record(files.model)
+    found = record.continuous
+    (delay,) = record.orders.nk
+    if found.method == "conversion":
+        assert np.isclose(found.model.delays[0], (delay - 1) / record.sampling_rate)
+    gain, error = found.model.static_gain()
+    expected = record.model.frequency_response(np.zeros(1)).real.item()
+    assert abs(gain - expected) < (1e-6 if found.method == "conversion" else 5.0 * error)
+    theirs = loadmat(files.model_mat)["Continuous"][0, 0]
+    num, den = theirs["Numerator"][0, 0].ravel(), theirs["Denominator"][0, 0].ravel()
+    assert np.isclose(num[-1] / den[-1], gain, rtol=1e-6)
+    page = Path(files.report).read_text()
+    assert "In continuous time" in page
+    assert "In continuous time" not in Path(arm.report).read_text()
+    for quantity in found.model.quantities():
+        assert number(quantity.value, 5) in page

@@ -217,6 +217,7 @@ def settings_of(name: str, written: Keys) -> DatasetSettings:
         automatic=automatic,
         fit=FitSettings(keys.get("focus", "prediction"), constraints),
         geometry=keys.get("geometry"),
+        continuous_time=keys.get("continuous_time"),
     )
 
 

@@ -41,6 +41,7 @@ from evopem.config.configuration import RunSettings
 from evopem.config.constraints import Constraints
 from evopem.config.settings import (
     Focus,
+    Hold,
     OutputWeighting,
     Purpose,
     Recipe,
@@ -251,6 +252,8 @@ class _Analysis:
     """the errors that the model is [fitted for](structures.md#focus)"""
     constraints: _group(Constraints)
     """the [constraints](structures.md#constraints) of the model, a mapping of them"""
+    continuous_time: Annotated[Hold, built_in("none")]
+    """the hold of the input with which the model is [given in s](structures.md#continuous-time)"""
     geometry: Geometry
     """the structure over which mode shapes are drawn, a mapping of points, lines and channels"""
 

@@ -32,6 +32,8 @@ OutputWeighting = Literal["determinant", "noise", "power"]
 Objective = Literal["absolute", "quadratic"]
 OBJECTIVES: tuple[Objective, ...] = ("absolute", "quadratic")
 Focus = Literal["prediction", "simulation"] | Annotated[int, Field(ge=1, le=100_000)]
+Hold = Literal["zero-order", "first-order"]
+"""How an input runs between its samples: constant, or along a straight line."""
 Refine = Literal["worst", "all", "best", "random"]
 Recipe = Literal["auto", "chapter"]
 Purpose = Literal["auto", "simulation", "prediction", "modes"]
@@ -240,6 +242,7 @@ class DatasetSettings:
     automatic: AutomaticSettings | None = None  # None for the chapter's recipe
     fit: FitSettings = FitSettings()
     geometry: Geometry | None = None
+    continuous_time: Hold | None = None
 
     @property
     def recipe(self) -> Recipe:

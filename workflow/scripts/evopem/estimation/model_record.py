@@ -19,6 +19,7 @@ from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 from evopem.files.json_form import load
 from evopem.files.unfinished import check_result
+from evopem.models.continuous import ContinuousRecord
 from evopem.models.conversions import plant_of
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
@@ -122,6 +123,7 @@ class ModelRecord:
     at_upper_ends: tuple[str, ...]
     evopem: str  # version of this package
     versions: dict[str, str]  # versions of the libraries behind the numbers
+    continuous: ContinuousRecord | None = None  # the plant in s, where it was asked for
 
     @classmethod
     def of(

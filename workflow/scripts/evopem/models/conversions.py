@@ -8,16 +8,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm, logm
+from scipy.linalg import block_diag, logm
 
 from evopem.arrays import Array
+from evopem.config.settings import Hold
 from evopem.errors import InputError
-from evopem.models.continuous import NO_PART, ContinuousModel, Hold, phi_functions
+from evopem.models.continuous import ContinuousModel, phi_functions
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
 from evopem.models.state_space import StateSpaceModel
 
-_OTHER_MODEL = "estimate it in continuous time, `time: continuous`, or with other orders"
+# Poles so close to zero hold an input for a sample.
+AT_ZERO = 1e-6
 
 
 def innovations_form(
@@ -34,9 +36,8 @@ def innovations_form(
     """
     parameters = np.append(coefficients, level)
     if covariance is not None:
-        jacobian = jacobian_of(partial(_matrices, o), parameters)[:, : len(covariance)]
-        covariance = ParameterCovariance(
-            jacobian @ covariance.factor, jacobian @ covariance.null_space
+        covariance = covariance.through(
+            jacobian_of(partial(_matrices, o), parameters)[:, : len(covariance)]
         )
     A, B, C, D, K, levels = (
         np.ascontiguousarray(part.real) for part in _matrices(o, parameters.astype(complex))
@@ -174,23 +175,19 @@ def continuous_of(
 ) -> ContinuousModel:
     """The plant of a model in continuous time, its inputs by some samples later each.
 
-    With a zero-order hold, an input that a state holds for a sample stands for a delay that is no
-    multiple of the sample.  Each direction of the covariance is carried as the upper right block of
-    ``[[M, dM], [0, M]]``, of which a function of matrices has its derivative there (Higham 2008,
-    section 3.2).
+    Each direction of the covariance is carried as the upper right block of ``[[M, dM], [0, M]]``,
+    where a function of matrices has its derivative (Higham 2008, section 3.2).
 
     Raises
     ------
     InputError
         When no continuous-time model of the same order has these samples.
     """
-    if not model.inputs:
-        problem, remedy = "a model without input has no plant", "take its modes, which are in s"
-        raise InputError("to_continuous", problem, remedy)
     driven = np.flatnonzero(np.any(model.B != 0.0, axis=1))
     n = int(driven[-1]) + 1 if len(driven) else model.order
     if not np.any(model.A[:n, n:]) and not np.any(model.A[n:, :n]):
         model = plant_of(model, n)  # without states of noise alone
+    _check_continuous(model)
     step, nu, covariance = 1.0 / model.sampling_rate, model.inputs, model.covariance
     parts = [model.A, model.B, model.C, model.D]
     ends = np.cumsum([part.size for part in parts])
@@ -202,89 +199,47 @@ def continuous_of(
     sizes = np.maximum(np.abs(directions).max(axis=0), 1e-300)
     derivatives = []
     for column in (directions / sizes).T:
-        moves = np.split(column, ends[:-1])
         duals = [
             np.block([[part, move.reshape(part.shape)], [np.zeros_like(part), part]])
-            for part, move in zip(parts, moves, strict=True)
+            for part, move in zip(parts, np.split(column, ends[:-1]), strict=True)
         ]
-        carried_parts = [
-            np.split(part.reshape(2, len(part) // 2, -1)[0], 2, axis=1)
-            for part in _in_continuous_time(duals, step, hold)
+        halves = [
+            np.hsplit(part[: len(part) // 2], 2) for part in _in_continuous_time(duals, step, hold)
         ]
-        derivatives.append(np.concatenate([move.ravel() for _, move in carried_parts]))
-    A, B, C, D, late = (value for value, _ in carried_parts)
+        derivatives.append(np.concatenate([*(move.ravel() for _, move in halves), np.zeros(nu)]))
     if covariance is not None:
         rank, moved = 1 + covariance.factor.shape[1], np.array(derivatives).T * sizes
         covariance = ParameterCovariance(moved[:, 1:rank], moved[:, rank:])
-    delays = late[0] + step * np.array(later or (0,) * nu)
-    delays = delays + step * np.array(model.input_delays or (0,) * nu)
+    A, B, C, D = (value for value, _ in halves)
+    delays = np.array(later or (0,) * nu) + np.array(model.input_delays or (0,) * nu)
     about = hold, model.sampling_rate, covariance, model.input_names, model.output_names
-    return ContinuousModel(A, B, C, D, model.level, delays, *about)
+    return ContinuousModel(A, B, C, D, model.level, step * delays, *about)
+
+
+def _check_continuous(model: StateSpaceModel) -> None:
+    """Refuse what no continuous-time model of the same order has."""
+    poles = model.poles()
+    real = poles[(np.abs(poles.imag) <= 1e-9 * np.abs(poles)) & (poles.real <= 0.0)].real
+    remedy = "estimate it in continuous time, `continuous_time: zero-order`, or with other orders"
+    if not model.inputs:
+        problem, remedy = "a model without input has no plant", "take its modes, which are in s"
+    elif np.any(np.abs(real) < AT_ZERO):
+        problem = "the model has a pole at z = 0: its delay is no multiple of the sample"
+    elif len(real):
+        problem = f"the model has a real pole at z = {real[0]:.3g}, which no pole in s has"
+    else:
+        return
+    raise InputError("to_continuous", problem, remedy)
 
 
 def _in_continuous_time(parts: list[Array], step: float, hold: Hold) -> list[Array]:
-    """A, B, C, D in s from those in z by the principal logarithm, and delays within a sample."""
-    A, B, C, D = parts
-    n, nu = len(A) // 2, B.shape[1] // 2
-    late, taps = np.zeros((2, 2 * nu)), np.zeros((2, 2 * nu))
-    # States that only hold an input for a sample, of models of one output.
-    holding = np.tile(~np.any(A[:n], axis=1) & (len(C) == 2 and hold == "zero-order"), 2)
-    if np.any(holding):
-        kept, of_held = A[np.ix_(~holding, ~holding)], A[np.ix_(~holding, holding)] @ B[holding]
-        _check_poles(kept)
-        moved = np.linalg.solve(kept, of_held)
-        taps = C[:, holding] @ B[holding] - C[:, ~holding] @ moved
-        taps[:, np.abs(taps[0]) < NO_PART * np.abs(moved).max()] = 0.0
-        A, B, C = kept, B[~holding] + moved, C[:, ~holding]
-    _check_poles(A)
-    logarithm = np.real(logm(A))
-    _, first, second = phi_functions(logarithm)
-    A = logarithm / step
-    if hold == "first-order":
-        B = np.linalg.solve(first @ first, B) / step
-        return [A, B, C, D - step * C @ second @ B, late]
-    B = np.linalg.solve(first, B) / step
-    for i in np.flatnonzero(taps[0, :nu]):
-        b = B[:, [i, nu + i]]
-        delay, move = _delay_of_tap(A, b, C, taps[0, [i, nu + i]], step)
-        late[:, [i, nu + i]] = [[delay, move], [0.0, delay]]
-        B[:, [i, nu + i]] = expm(np.kron(late[:, [i, nu + i]], np.eye(len(A) // 2)) @ A) @ b
-    return [A, B, C, D, late]
+    """A, B, C, D in s by the principal logarithm: the inverse of ``exp(Ah)``, ``h phi1(Ah) B``.
 
-
-def _delay_of_tap(A: Array, b: Array, C: Array, tap: Array, step: float) -> tuple[float, float]:
-    """The time within one sample at which the step response is ``-tap``, with its derivative.
-
-    The tap takes away what the response has gained before the delayed input has come.
+    With a first-order hold, of ``h phi1(Ah)^2 B`` and ``D + h C phi2(Ah) B``.
     """
-    from scipy.optimize import brentq
-
-    def left(time: float) -> Array:
-        return np.asarray(tap + (time * C @ phi_functions(A * time)[1] @ b)[0])
-
-    times = np.linspace(0.0, step, 33)
-    signs = np.sign([left(time)[0] for time in times])
-    crossed = np.flatnonzero(signs[:-1] * signs[1:] <= 0.0)
-    if not len(crossed):
-        problem = "B has one coefficient more than poles, which no delay within a sample explains"
-        raise InputError("to_continuous", problem, _OTHER_MODEL)
-    bracket = times[crossed[0]], times[crossed[0] + 1]
-    delay = float(brentq(lambda time: left(time)[0], *bracket, xtol=1e-15))
-    speed = (C @ expm(A * delay) @ b)[0, 0]
-    return delay, float(-left(delay)[1] / speed)
-
-
-def _check_poles(A: Array) -> None:
-    """Refuse poles of ``[[A, dA], [0, A]]`` that no continuous-time model of the order has."""
-    n = len(A) // 2
-    poles = np.linalg.eigvals(A[:n, :n]).astype(complex)
-    real = poles[(np.abs(poles.imag) <= NO_PART * np.abs(poles)) & (poles.real <= 0.0)]
-    if n == 0:
-        problem = "the model has no poles, but a response of finite length"
-    elif np.min(np.abs(poles)) < NO_PART:
-        problem = "the model has a pole at z = 0, a delay that no model of its order in s has"
-    elif len(real):
-        problem = f"the model has a real pole at z = {real[0].real:.3g}, which no pole in s has"
-    else:
-        return
-    raise InputError("to_continuous", problem, _OTHER_MODEL)
+    logarithm, (B, C, D) = np.real(logm(parts[0])), parts[1:]
+    _, first, second = phi_functions(logarithm)
+    if hold == "zero-order":
+        return [logarithm / step, np.linalg.solve(first, B) / step, C, D]
+    B = np.linalg.solve(first @ first, B) / step
+    return [logarithm / step, B, C, D - step * C @ second @ B]

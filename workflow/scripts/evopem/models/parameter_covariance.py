@@ -78,6 +78,11 @@ class ParameterCovariance:
         """The covariance of some of the parameters."""
         return type(self)(self.factor[rows], self.null_space[rows])
 
+    def through(self, jacobian: Array) -> Self:
+        """The covariance of functions with gradients (m, n) to first order, in factored form."""
+        n = jacobian.shape[1]
+        return type(self)(jacobian @ self.factor[:n], jacobian @ self.null_space[:n])
+
     def identifiable(self, jacobian: ArrayLike) -> Flags:
         """Whether functions with gradients (m, n) are free of unidentifiable directions, (m,)."""
         gradients = np.asarray(jacobian, dtype=float)

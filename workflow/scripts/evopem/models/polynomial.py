@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evopem.arrays import Array, Complex
+from evopem.config.settings import Hold
 from evopem.files.atomic import atomic_write
-from evopem.models.continuous import ContinuousModel, Hold
+from evopem.models.continuous import ContinuousModel, ContinuousRecord
 from evopem.models.conversions import (
     block_sizes,
     continuous_of,
@@ -343,15 +344,20 @@ def model_of(orders: Orders, parameters: Array, **attributes: Any) -> Polynomial
     )
 
 
-def save_model_mat(model: Model, path: str | os.PathLike[str]) -> None:
+def save_model_mat(
+    model: Model, path: str | os.PathLike[str], continuous: ContinuousRecord | None = None
+) -> None:
     """Write the arguments of MATLAB's ``idpoly`` or ``idss`` to a v5 MAT file.
 
-    The level of the outputs, which they do not have, is stored beside them.
+    The level of the outputs, which they do not have, is stored beside them, and what ``idtf`` takes
+    of the model in continuous time in a structure.
     """
     from scipy.io import savemat
 
     with atomic_write(Path(path)) as temporary, temporary.open("wb") as stream:
-        savemat(stream, model.matlab_arguments())
+        in_s = continuous.model if continuous else None
+        beside = {"Continuous": in_s.matlab_arguments()} if in_s else {}
+        savemat(stream, {**model.matlab_arguments(), **beside})
         # SciPy stamps the header with the time of writing; the same model must give the same
         # bytes.  The first 116 bytes are free text (MATLAB Level 5 MAT-file format).
         stream.seek(0)

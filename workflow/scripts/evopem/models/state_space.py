@@ -14,7 +14,8 @@ from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.states import delayed, fitted, states_of
 
 if TYPE_CHECKING:
-    from evopem.models.continuous import ContinuousModel, Hold
+    from evopem.config.settings import Hold
+    from evopem.models.continuous import ContinuousModel
 
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 PlainStructure = Literal["ss", "ss_oe"]

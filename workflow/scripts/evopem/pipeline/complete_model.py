@@ -11,9 +11,16 @@ from evopem.automatic.remedies import Remedied
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose, rivals_of
 from evopem.blas_threads import one_blas_thread
-from evopem.config.settings import AutomaticSettings, FitSettings, ScoringWindow, SearchSettings
+from evopem.config.settings import (
+    AutomaticSettings,
+    FitSettings,
+    Hold,
+    ScoringWindow,
+    SearchSettings,
+)
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import InputError
+from evopem.estimation.continuous import in_continuous_time
 from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_candidate import PhaseSelection
 from evopem.estimation.order_selection import complete_estimate
@@ -91,9 +98,12 @@ def complete_model(
     settings: AutomaticSettings,
     fits: CommonSettings,
     others: tuple[Purpose, ...] = (),
+    hold: Hold | None = None,
     log: Log | None = None,
 ) -> None:
     """Complete the selected candidate, and write it for evopem, MATLAB and spreadsheets.
+
+    With a ``hold`` of the input in continuous time as well.
 
     With a focus or constraints, the model of its orders is estimated for these.  That of an
     automatic recipe, which has no phases, is searched globally; models for ``others`` of its
@@ -129,12 +139,17 @@ def complete_model(
     model, names = record.model, (record.input_names, record.output_names)
     plant = None if record.orders is not None else record.plant
     with one_blas_thread():
+        if hold is not None:
+            data = load_prepared(files.prepared, files.transforms).estimation
+            of_plant = plant or record.polynomials.plant()
+            in_s = in_continuous_time(of_plant, data, hold, search)
+            record = replace(record, continuous=in_s)
         responses = frequency_response_table(model, *names, plant, rivals=rivals)
         write_table(files.frequency_response, responses)
         times = time_response_table(model, *names, record.plant, rivals)
         write_table(files.time_response, times)
     save(record, files.model)
-    save_model_mat(record.model, files.model_mat)
+    save_model_mat(record.model, files.model_mat, record.continuous)
 
 
 def _selected(

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any, NamedTuple
 
+import numpy as np
 from markupsafe import Markup
 
 from evopem.automatic.decision import Alternative, Decision, OtherModel
@@ -90,6 +91,20 @@ def _model(results: DatasetResults) -> dict[str, Any]:
         "written": equations,
         "constraints": list(constraint_rows(record.fit)),
     }
+
+
+def _continuous(results: DatasetResults) -> dict[str, Any]:
+    """The model in s: of each path its numbers in words, and its transfer function."""
+    record = results.model.continuous
+    model = record.model if record else None
+    if model is None:
+        return {"record": record}
+    paths = [
+        (results.outputs[at[0]], results.inputs[at[1]], model.quantities(*at), path)
+        for at in np.ndindex(*model.D.shape)
+        for path in [model.transfer_function(*at)]
+    ]
+    return {"record": record, "paths": paths}
 
 
 def constraint_rows(fit: FitRecord | None) -> Iterator[tuple[str, str, str]]:
@@ -252,6 +267,12 @@ def rivals(decision: Decision) -> str:
 SECTIONS = (
     Section("summary", lambda _: "Verdict", _summary),
     Section("model", lambda _: "Model", _model),
+    Section(
+        "continuous",
+        lambda _: "In continuous time",
+        _continuous,
+        lambda results: results.model.continuous is not None,
+    ),
     Section(
         "modes", lambda results: "Modes beside the truth" if results.true_modes else "Modes", _modes
     ),

@@ -134,6 +134,7 @@ STAGES = (
         settings={
             "settings": of.choices("purpose", "orders", "evaluations", "max_root_radius"),
             "others": of.purposes,
+            "hold": "continuous_time",
         },
         demand="model",
     ),
