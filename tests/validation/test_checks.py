@@ -22,6 +22,8 @@ from evopem.validation.checks.roots import cancelling_pairs
 from evopem.validation.checks.search import ranges_of_phases, repeatability
 from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import ErrorParts, Part
+from evopem.validation.linear_floor import Floor
+from evopem.validation.model_class import ResidualTest
 from evopem.validation.peak_evidence import PeakEvidence
 from evopem.validation.residual_tests import correlation_with_input
 from evopem.validation.validation import Validation
@@ -510,6 +512,33 @@ def test_root_covariance_of_a_polynomial_that_is_not_monic():
     b = np.array([2.0, -1.0])
     spread = root_covariance(b, 0.5, np.diag([0.01, 0.04]))
     np.testing.assert_allclose(spread, [[(0.04 + 0.25 * 0.01) / 4, 0.0], [0.0, 0.0]])
+
+
+def test_a_failed_test_of_the_class_says_when_and_what_kind(good):
+    failed = ResidualTest(1e-6, 0.05)
+
+    def said(name, **fields):
+        tests = replace(good.validation.model_class, **fields)
+        return good.with_("validation", model_class=tests).check(name).statement
+
+    rate = good.model.sampling_rate
+    sudden = said("Constant in time", constant=failed, changed_at=250.0)
+    assert f"One sudden change explains it, about {250.0 / rate:.3g} s" in sudden
+    assert "gradual" in said("Constant in time", constant=failed, changed_at=0.0)
+    unsought = said("Constant in time", constant=failed)
+    assert "sudden" not in unsought
+    assert "gradual" not in unsought
+    powers = (0.01, 0.02, 0.01, 0.3)
+    assert "Cubes of the inputs" in said("Linear", linear=failed, powers=powers)
+
+
+def test_a_model_at_the_floor_names_what_no_linear_model_removes(good):
+    floor = Floor("y", 10.0, Part(9.8, 9.5, 10.0), Part(2.0, 0.0, 3.0))
+    tests = replace(good.validation.model_class, linear=ResidualTest(1e-6, 0.05))
+    failed = good.with_("validation", model_class=tests)
+    assert "No linear model" not in failed.check("Linear").statement
+    at_floor = failed.with_("validation", floors=(floor,))
+    assert "No linear model does much better" in at_floor.check("Linear").statement
 
 
 @pytest.mark.parametrize(("p_value", "shown"), [(1e-6, True), (0.3, False)])

@@ -56,7 +56,8 @@ class ModelClass:
     constant: ResidualTest  # the response does not change with time
     linear: ResidualTest  # squares and cubes of inputs and response explain nothing
     without_feedback: ResidualTest  # later inputs do not depend on the residuals
-    # Where a change at one moment explains as much as a gradual one: samples from the first one
+    # Samples until the moment that explains as much as a gradual change, 0 where none does; NaN
+    # where it was not sought
     changed_at: float = math.nan
     # Shares of the residuals that squares and cubes of the response explain alone, and those of
     # the inputs before it, the most of all outputs; empty without an input or nonlinearity
@@ -202,14 +203,13 @@ def _alone(
 
 
 def _moment(stretches: Sequence[_Stretch], gradual: float) -> float:
-    """Samples until a sudden change of one stretch; NaN where it is gradual, or of several."""
+    """Samples until a sudden change of one stretch, 0 where it is gradual; NaN of several."""
     if len(stretches) > 1:
         return math.nan
     of_moments = _alone(stretches, _steps)
     output, place = np.unravel_index(np.argmax(of_moments), of_moments.shape)
-    if not of_moments[output, place] >= gradual:
-        return math.nan
-    return float((place + 1) / (MOMENTS + 1) * len(stretches[0].inputs))
+    sudden = bool(of_moments[output, place] >= gradual)
+    return sudden * float((place + 1) / (MOMENTS + 1) * len(stretches[0].inputs))
 
 
 def _powers(stretches: Sequence[_Stretch]) -> tuple[float, ...]:

@@ -38,8 +38,8 @@ LEFT_TO_DO = {
 # Distortion makes these fail, whatever the linear model.
 BY_DISTORTION = (WHITE, INDEPENDENT_OF_INPUT, LINEAR)
 AT_FLOOR = (
-    "It costs little: nine tenths of the simulation error or more are what no linear model of these"
-    " inputs removes, such as noise, nonlinearity and change."
+    "No linear model does much better: nine tenths of the simulation error or more are what none of"
+    " these inputs removes, such as noise, nonlinearity and change."
 )
 NOT_THE_MODEL = (
     "This model is not to blame: no other order or structure removes the distortion. Record with a"

@@ -204,8 +204,9 @@ def constant_in_time(evidence: Evidence) -> Found:
     tests = evidence.validation.model_class
     moment = tests.changed_at / evidence.model.sampling_rate
     reason = f" One sudden change explains it, about {moment:.3g} s after the beginning."
-    if math.isnan(moment):
-        reason = " No single moment explains it as well: a gradual change, or several."
+    if not moment > 0.0:
+        gradual = " No single moment explains it as well: a gradual change, or several."
+        reason = gradual if moment == 0.0 else ""
     return _of_class(tests.constant, "polynomials in time multiplied by the response", reason)
 
 
