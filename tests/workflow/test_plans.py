@@ -130,5 +130,8 @@ def test_every_key_of_the_schema_is_documented():
             yield from keys(child)
 
     nodes = [schema, *schema["$defs"].values()]
-    missing = {key for node in nodes for key in keys(node) if f"`{key}`" not in text}
-    assert missing == set()
+    # In the text, or in the example of a configuration.
+    known = {
+        key for node in nodes for key in keys(node) if f"`{key}`" in text or f"{key}: " in text
+    }
+    assert {key for node in nodes for key in keys(node)} == known
