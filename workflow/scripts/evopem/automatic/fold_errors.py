@@ -52,12 +52,7 @@ def parametric(candidates: Sequence[Candidate]) -> Sequence[Candidate]:
 def simplest(candidates: Sequence[Candidate]) -> list[Candidate]:
     """A gain, output-error models of first and second order, the likeliest ARX model and the
     likeliest regularised response: what a chosen model must not fall behind."""
-
-    kept = [
-        candidate
-        for candidate in candidates
-        if (candidate.structure, candidate.order) in (("fir", 1), ("oe", 1), ("oe", 2))
-    ]
+    kept = [c for c in candidates if (c.structure, c.order) in (("fir", 1), ("oe", 1), ("oe", 2))]
     # One-step errors of responses of different lengths begin at different samples.
     criteria = {"arx": BIC, **dict.fromkeys(REGULARISED, SIMULATION_BIC)}
     for structure, criterion in criteria.items():
