@@ -18,7 +18,7 @@ from browsing import (
 from evopem.figures import CHARTS, svg_texts
 from evopem.figures.draw import draw as drawn_chart
 from evopem.figures.style import svg_text
-from evopem.report import build_report
+from evopem.report.page import build_report
 
 __all__ = ["browser", "comparison", "hostile", "index", "report", "several", "summary", "thousand"]
 

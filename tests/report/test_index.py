@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from test_pages import HOSTILE, TEMPLATES, Page
 
-from evopem.report import build_index
+from evopem.report.index_page import build_index
 from evopem.report.numbers import to_its_error
 from evopem.results.followed_modes import group_of
 from evopem.results.identity import IncompleteDataset

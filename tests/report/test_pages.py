@@ -17,8 +17,8 @@ from identified import with_outcome, with_output_name, without_covariance
 
 from evopem.config.channels import RecordedSource
 from evopem.config.structures import phases_of
-from evopem.report import read_wall_clock
 from evopem.report.numbers import number, with_error
+from evopem.report.page import read_wall_clock
 from evopem.report.templates import environment
 from evopem.results.layout import FIGURES
 from evopem.signals.recording_info import FileOrigin

@@ -5,8 +5,7 @@ import pytest
 from scipy.special import ndtri
 
 from evopem.models.modes import Mode
-from evopem.report import build_index
-from evopem.report.index_page import followed_charts, movements
+from evopem.report.index_page import build_index, followed_charts, movements
 from evopem.report.templates import template_folder
 from evopem.results.followed_modes import follow_modes, followed_table, group_of
 

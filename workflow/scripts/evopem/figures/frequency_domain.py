@@ -31,7 +31,6 @@ from evopem.results.dataset import DatasetResults
 from evopem.signals.spectra import multitaper_spectrum
 from evopem.signals.spectrum_summary import SpectralPeak
 
-PLANT, NOISE_FILTER = "model G", "noise filter H"
 # Colours of what moves the gain that the data give.
 LEVELS: dict[str, Role] = {"noise": "truth", "distortion": "error"}
 # Bins of the gain on the first screen; twice as many points show all its extremes.
@@ -45,11 +44,6 @@ UNBOUNDED = 1e6
 # Points of a Nyquist diagram; neighbours of the estimate from the data are almost the same.
 NYQUIST_POINTS, FEWEST_NYQUIST = 1200, 150
 MOST_NYQUIST = 12
-
-
-def model_source(results: DatasetResults) -> tuple[str, str]:
-    """The rows of the model in a table of frequency responses, and how it is labelled."""
-    return ("model", PLANT) if results.model.has_input else ("noise filter", NOISE_FILTER)
 
 
 def true_modes(results: DatasetResults) -> tuple[Mark, ...]:
@@ -93,7 +87,7 @@ def _over_data(results: DatasetResults, pair: Pair, model: Curve) -> list[Curve]
 
 def gain_panels(results: DatasetResults, height: int, marks: tuple[Mark, ...] = ()) -> list[Panel]:
     """The gain of every pair over the data."""
-    kind, label = model_source(results)
+    kind, label = results.model_source
     table = results.responses[results.responses["source"] == kind]
     band = Curve(f"{label} with 95 % band", "gain", "model", band=("gain_lower", "gain_upper"))
     return [
@@ -110,7 +104,7 @@ def gain_panels(results: DatasetResults, height: int, marks: tuple[Mark, ...] = 
 
 def phase_panels(results: DatasetResults, height: int) -> list[Panel]:
     """The phase of every pair over the data."""
-    phase = Curve(model_source(results)[1], "phase_deg", "model", "points")
+    phase = Curve(results.model_source[1], "phase_deg", "model", "points")
     return [
         _panel(
             *(results, (results.pair_title(*pair), "Phase (°)")),
@@ -125,7 +119,7 @@ def phase_panels(results: DatasetResults, height: int) -> list[Panel]:
 def thinned(results: DatasetResults) -> pd.DataFrame:
     """The responses of model and data above 0 Hz, in fewer rows with all extremes of the gain."""
     table = results.responses
-    table = table[table["source"].isin([model_source(results)[0], "measured"])]
+    table = table[table["source"].isin([results.model_source[0], "measured"])]
     table = table[table["frequency_hz"] > 0].dropna(axis="columns", how="all")
     keys = [column for column in ("source", "output", "input") if column in table]
     parts = [
@@ -211,7 +205,7 @@ def nyquist(results: DatasetResults) -> Chart:
     )
     panels = []
     for pair in results.pairs:
-        data, model = _over_data(results, pair, Curve(PLANT, "imag", "model"))
+        data, model = _over_data(results, pair, Curve(results.model_source[1], "imag", "model"))
         reach = _reach(rows_of(together, model.where)[["real", "imag"]].to_numpy())
         unit = gain_unit(*pair)
         panels.append(

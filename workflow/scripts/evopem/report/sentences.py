@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from evopem.figures.chart import of_pair, rows_of
-from evopem.figures.frequency_domain import model_source
 from evopem.models.mode_matching import persistent_frequencies
 from evopem.models.modes import Mode
 from evopem.results.dataset import DatasetResults
@@ -60,7 +59,7 @@ def counted_roots(results: DatasetResults) -> dict[str, Any]:
 
 def gains_in_words(results: DatasetResults) -> Iterator[dict[str, Any]]:
     """Where the gain of each pair is largest, and its medians at both ends of the band."""
-    kind, label = model_source(results)
+    kind, label = results.model_source
     table = results.responses
     table = table[(table["source"] == kind) & (table["frequency_hz"] > 0)]
     for pair in results.pairs:

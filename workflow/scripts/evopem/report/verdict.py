@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from evopem.estimation.model_record import ModelRecord
-from evopem.figures.frequency_domain import model_source
 from evopem.models.modes import Mode
 from evopem.report.numbers import (
     THIN,
@@ -246,7 +245,7 @@ def _frequency_response(results: DatasetResults) -> Use:
         text = f"it {computed} no better than the mean, off by {percent(error)}"
         return _use(key, name, ("no", text), checked)
     table = results.responses
-    table = table[table["source"] == model_source(results)[0]]
+    table = table[table["source"] == results.model_source[0]]
     inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
     width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
     half = 100 * float(np.median(width)) if len(inside) else math.nan

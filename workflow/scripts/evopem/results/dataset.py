@@ -133,6 +133,12 @@ class DatasetResults:
         return output.name if source is None else f"{output.name} ← {source.name}"
 
     @property
+    def model_source(self) -> tuple[str, str]:
+        """The rows of the model in a table of frequency responses, and how it is labelled."""
+        has_input = self.model.has_input
+        return ("model", "model G") if has_input else ("noise filter", "noise filter H")
+
+    @property
     def modes(self) -> list[Mode]:
         """The modes that the validation has judged."""
         return [mode.mode for mode in self.validation.modes.modes]
