@@ -119,3 +119,23 @@ def test_fast_samples_are_estimated_directly_and_others_converted():
     found = in_continuous_time(slow, data, "zero-order", settings)
     assert found.method == "estimate"
     assert np.isclose(found.model.quantities()[1].value, 1.0, rtol=1e-3)
+
+
+def test_what_is_not_estimated_directly_is_converted_or_refused():
+    data, settings = Recording(steps(50, 1), steps(50, 2), RATE), SearchSettings(mu=4)
+    integrator = PolynomialModel([1.0, -1.0], [0.1], nk=1, sampling_rate=RATE)
+    found = in_continuous_time(integrator, data, "zero-order", settings)
+    assert found.method == "conversion"
+    assert np.isinf(found.model.static_gain()[0])
+    assert np.allclose(found.model.poles(), 0.0)
+    growing = PolynomialModel(np.poly([1.01, -0.2]), [0.1], nk=1, sampling_rate=RATE)
+    found = in_continuous_time(growing, data, "zero-order", settings)
+    assert found.model is None
+    assert "z = -0.2" in found.reason
+
+
+def test_a_delay_at_its_limit_is_none():
+    u = steps(300, 4)
+    data = Recording(u, response([2.0], [3.0, 1.0], u), RATE)
+    model = estimate_continuous(data, [Path(1, 0.4, True)], np.array([-0.4]))
+    assert model.delays[0] == 0.0

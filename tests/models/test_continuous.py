@@ -214,7 +214,7 @@ def test_relative_degree_is_tested_and_enforced():
         (PolynomialModel([1.0, 0.5], [1.0], nk=1), "a real pole at z = -0.5"),
         (PolynomialModel([1.0, -0.5], [1.0, 0.2, 0.3], nk=1), "a pole at z = 0"),
         (PolynomialModel([1.0, -0.5], [1.0, 0.9], nk=1), "its delay is no multiple"),
-        (PolynomialModel([1.0], [1.0], nk=1), "a pole at z = 0"),
+        (PolynomialModel([1.0], [1.0, 0.5, 0.2], nk=1), "a response of finite length"),
         (PolynomialModel([1.0, -0.5], ()), "no plant"),
     ],
 )

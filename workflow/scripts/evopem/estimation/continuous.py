@@ -33,6 +33,8 @@ from evopem.signals.recording import Recording
 EVALUATIONS, COARSE, FINE = 600, 15, 100
 # What a descent starts away from the limits.
 EDGE = 1e-6
+# Radius in z from which on a pole integrates or grows.
+STABLE = 1.0 - 1e-9
 # Poles times the sampling interval below which the coefficients in z of all models are much alike.
 FAST_SAMPLING = 0.1
 
@@ -238,6 +240,7 @@ class ContinuousProblem:
         lengths = [int(known[rows].sum()) for rows in self._rows]
         values = np.r_[point, fit.coefficients[: sum(path.coefficients for path in self.paths)]]
         A, B, C, D, delays = (part.real.copy() for part in self.matrices(values.astype(complex)))
+        delays[delays * self.data.sampling_rate < EDGE] = 0.0  # at the limit
         jacobian = np.hstack([self.jacobian(point, fit), fit.columns])[known]
         covariance = coloured_covariance(
             *(jacobian, fit.errors[known], len(values), "quadratic", True, lengths)
@@ -280,7 +283,8 @@ def in_continuous_time(
 ) -> ContinuousRecord:
     """A plant converted, or estimated directly where that is ill-conditioned or does not exist.
 
-    Not estimated are plants of several outputs, or whose inputs have denominators of their own.
+    Not estimated are plants of several outputs, whose inputs have denominators of their own, or
+    that are not stable.
     """
     converted, reason, rate = None, "sampling is fast against the dynamics", plant.sampling_rate
     try:
@@ -289,7 +293,8 @@ def in_continuous_time(
         reason = error.problem
     is_fast = converted and np.abs(converted.poles()).max() < FAST_SAMPLING * rate
     is_divided = isinstance(plant, PolynomialModel) and plant.inputs > 1 and any(plant.orders.nf)
-    if is_divided or plant.outputs > 1 or not plant.inputs or (converted and not is_fast):
+    is_fit = plant.inputs > 0 and plant.outputs == 1 and np.all(np.abs(plant.poles()) < STABLE)
+    if is_divided or not is_fit or (converted and not is_fast):
         return ContinuousRecord(converted, "conversion", "" if converted else reason)
     form, z = state_space_of(plant), plant.poles()
     counts = plant.orders.nb if isinstance(plant, PolynomialModel) else (form.order,) * form.inputs

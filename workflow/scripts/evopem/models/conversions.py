@@ -223,6 +223,8 @@ def _check_continuous(model: StateSpaceModel) -> None:
     remedy = "estimate it in continuous time, `continuous_time: zero-order`, or with other orders"
     if not model.inputs:
         problem, remedy = "a model without input has no plant", "take its modes, which are in s"
+    elif np.all(np.abs(poles) < AT_ZERO):
+        problem = "the model has no pole but a response of finite length"
     elif np.any(np.abs(real) < AT_ZERO):
         problem = "the model has a pole at z = 0: its delay is no multiple of the sample"
     elif len(real):
