@@ -131,7 +131,5 @@ def test_every_key_of_the_schema_is_documented():
 
     nodes = [schema, *schema["$defs"].values()]
     # In the text, or in the example of a configuration.
-    known = {
-        key for node in nodes for key in keys(node) if f"`{key}`" in text or f"{key}: " in text
-    }
+    known = {key for node in nodes for key in keys(node) if f"`{key}`" in text or f"{key}:" in text}
     assert {key for node in nodes for key in keys(node)} == known
