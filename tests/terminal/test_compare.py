@@ -58,7 +58,7 @@ def test_set_ups_of_one_structure_are_merged_on_the_page(folders, capsys):
     page = (folders / "pages.html").read_text(encoding="utf-8")
     assert "<h1>2 set-ups of one structure</h1>" in page
     assert re.findall('data-name="([A-Z][^"]*)"', page)[:4] == [
-        *("Merged modes", "Shapes and drives", "Set-ups", "Errors and verdicts"),
+        *("Merged modes", "Set-ups", "Shapes and drives", "Errors and verdicts"),
     ]
 
 
