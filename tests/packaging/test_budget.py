@@ -22,6 +22,8 @@ CAPABILITIES: tuple[str, ...] = (
     "continuous time",
     "several set-ups",
     "frequency responses as data",
+    "MDF and WAV files",
+    "verdict for programs",
 )
 
 BUDGET = {

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from evopem.errors import InputError
     from evopem.estimation.delays import estimate_delays
     from evopem.estimation.estimate import estimate
+    from evopem.estimation.frequency_fit import fit_responses
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.estimate import estimates_of_orders
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from evopem.models.state_space import StateSpaceModel
     from evopem.notebook.identify import identify, read_results
     from evopem.notebook.results import Results
+    from evopem.signals.readers.frequency_responses import FrequencyResponses
     from evopem.signals.recording import Recording
     from evopem.validation.mode_evidence import ModeTable, mode_table
 
@@ -36,6 +38,7 @@ __all__ = [
     "Constraints",
     "ContinuousModel",
     "FixedPole",
+    "FrequencyResponses",
     "InputError",
     "ModeTable",
     "Orders",
@@ -54,6 +57,7 @@ __all__ = [
     "estimates_of_orders",
     "export_c",
     "export_fmu",
+    "fit_responses",
     "identify",
     "load",
     "mode_table",
@@ -64,6 +68,8 @@ _HOMES = {
     "Results": "evopem.notebook.results",
     "Constraints": "evopem.config.constraints",
     "ContinuousModel": "evopem.models.continuous",
+    "FrequencyResponses": "evopem.signals.readers.frequency_responses",
+    "fit_responses": "evopem.estimation.frequency_fit",
     "FixedPole": "evopem.config.constraints",
     "InputError": "evopem.errors",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",

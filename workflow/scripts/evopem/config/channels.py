@@ -87,6 +87,8 @@ class ChannelSettings:
     """the number of lines above the first row of numbers. Of text tables"""
     decimal_mark: Annotated[Literal[".", ","] | None, built_in("found")] = None
     """the decimal mark of the numbers. Of text tables"""
+    frequency: Annotated[Reference | None, built_in("samples in time")] = None
+    """the column of frequencies in Hz. Of [frequency responses](formats.md#frequency-responses)"""
     uneven_time: UnevenTime = "refuse"
     """what is done where the time stamps are not uniform. `interpolate`: signals whose stamps are
     late or missing at times are [brought to even times](formats.md#time-stamps)"""

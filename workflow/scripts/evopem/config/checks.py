@@ -29,6 +29,12 @@ from evopem.errors import InputError
 STATE_SPACE_KEYS = ("form", "weighting", "geometry")
 GROUPS = ("transforms", "split", "spectrum", "delay", "orders", "search", "constraints")
 """Mappings whose keys are laid over those of ``defaults:`` one by one."""
+IN_TIME = (
+    *("time", "time_unit", "uneven_time", "validation_file", "purpose", "resample", "transforms"),
+    *("split", "spectrum", "structure", "form", "weighting", "level", "delay", "focus"),
+    *("constraints", "geometry"),
+)
+"""Keys that a data set of frequency responses does not have."""
 OF_CHAPTER = ("level", "delay.orders", "search.n_initial_discard", "search.prune")
 """Keys that the chapter's recipe alone has."""
 
@@ -42,16 +48,18 @@ class Kind:
     outputs: tuple[Reference, ...]
     by_chapter: bool
     synthesis: str | None
+    of_responses: bool = False  # whether the file holds frequency responses
 
     @classmethod
     def of(cls, keys: Keys) -> Self:
         """That of written or built-in keys."""
-        structure = keys.get("structure")
+        of_responses = "frequency" in keys
+        structure = None if of_responses else keys.get("structure")
         alone = structure == "arma" and "input" not in keys
         inputs = () if alone else listed(keys.get("input", 1))
         outputs = listed(keys.get("output", 1 if alone else 2))
-        by_chapter = keys.get("recipe") == "chapter"
-        return cls(structure, inputs, outputs, by_chapter, keys.get("synthesis"))
+        by_chapter = keys.get("recipe") == "chapter" and not of_responses
+        return cls(structure, inputs, outputs, by_chapter, keys.get("synthesis"), of_responses)
 
     @property
     def are_pair(self) -> bool:
@@ -66,7 +74,7 @@ class Kind:
     @property
     def orders(self) -> tuple[str, ...]:
         """The orders that have ranges."""
-        if self.structure == STATE_SPACE or not are_one(self.outputs):
+        if self.of_responses or self.structure == STATE_SPACE or not are_one(self.outputs):
             return ("nx",)
         if self.by_chapter:
             return tuple(name for name in phases_of(self.structure or "armax") if name != "delay")
@@ -77,6 +85,8 @@ class Kind:
 
     def __str__(self) -> str:
         """What an error calls a data set of this kind."""
+        if self.of_responses:
+            return "a data set of frequency responses"
         if self.is_polynomial:
             return f"structure {self.structure}"
         if not are_one(self.outputs):
@@ -99,6 +109,7 @@ class Kind:
             (not are_one(self.outputs), ("transforms.box_cox",), "there are several outputs"),
             (self.is_polynomial, ("form", "weighting"), f"{self} has no such key"),
             (not self.inputs, ("delay", "input_unit"), "there is no input"),
+            (self.of_responses, IN_TIME, "frequency responses are no samples in time"),
         )
         reason = {path: (why, remove) for applies, paths, why in table if applies for path in paths}
         if not self.by_chapter:

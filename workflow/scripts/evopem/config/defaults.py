@@ -201,7 +201,9 @@ def settings_of(name: str, written: Keys) -> DatasetSettings:
     resample = keys.get("resample", NONE)
     constraints = Constraints(**keys["constraints"]) if "constraints" in keys else None
     # However they were written: results that depend on them are those of their values.
-    plain = to_json({key: keys[key] for key in _ORDER if key in keys})
+    left_out = kind.absent() if kind.of_responses else ()
+    plain = to_json({key: keys[key] for key in _ORDER if key in keys and key not in left_out})
+    plain |= {"recipe": "auto"} if kind.of_responses else {}
     return DatasetSettings(
         name=name,
         keys=plain,

@@ -159,7 +159,10 @@ _Paths = Annotated[_Text | Annotated[tuple[_Path, ...], Field(min_length=1)], Fi
 _Channels = Annotated[Reference | Annotated[tuple[Reference, ...], Field(min_length=1)], Field()]
 _Unit = Annotated[Units, built_in("those in the file")]
 _Condition = Annotated[int | float | str, key("a number, or a date such as 2026-03-01T12:30")]
-COLUMNS = (*("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark"), "uneven_time")
+COLUMNS = (
+    *("sampling_rate", "time", "time_unit", "header_lines", "decimal_mark", "uneven_time"),
+    "frequency",
+)
 """Keys of a recorded file beside its channels."""
 
 

@@ -100,6 +100,10 @@ def check_source(
     roles = {"input": inputs, "time": listed(keys.get("time")), "output": outputs}
     if outputs in ((), (NONE,)):
         at.refuse("output", "there is no output", "name a channel")
+    if "frequency" in keys and len(_paths(keys)) > 1:
+        at.refuse("file", "frequency responses are read from one file", "give one file")
+    if "frequency" in keys and keys.get("recipe") == "chapter":
+        at.refuse("recipe", "the chapter's recipe needs samples in time", "remove the key")
     if "time" in keys and "sampling_rate" in keys:
         at.refuse("", "both sampling_rate and time are given", "give one of the two")
     for role, channels in roles.items():

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 VALIDATION = "validation"
 """What the files of the validation recordings are called, as an error calls them."""
 
-_OWN_KEYS = ("file", "validation_file", "sampling_rate", "synthesis")
+_OWN_KEYS = ("file", "validation_file", "sampling_rate", "synthesis", "frequency")
 
 
 def identify(

@@ -58,6 +58,8 @@ def results_html(name: str, verdict: str, summary: DatasetSummary) -> str:
 
 
 def _model(summary: DatasetSummary) -> str:
+    if summary.of_responses:
+        return f"{summary.model}, from {count(summary.estimation_samples)} frequencies"
     return (
         f"{summary.model}, from {count(summary.estimation_samples)} samples at"
         f" {number(summary.sampling_rate)} Hz"
@@ -65,6 +67,8 @@ def _model(summary: DatasetSummary) -> str:
 
 
 def _errors(summary: DatasetSummary) -> str:
+    if summary.of_responses:
+        return f"{percent(summary.simulation_error_percent)} of the frequency responses"
     errors = [f"one step ahead {percent(summary.prediction_error_percent)}"]
     if is_number(summary.simulation_error_percent):
         errors.append(f"simulation {percent(summary.simulation_error_percent)}")

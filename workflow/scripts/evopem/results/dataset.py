@@ -275,6 +275,10 @@ def read_whole_results(files: DatasetFiles) -> DatasetResults:
 def read_results(files: DatasetFiles) -> DatasetResults:
     """The results of one data set; an `InputError` names a file that is missing or damaged."""
     settings = read_settings(files.config)
+    if settings.channels.frequency is not None:
+        problem = "holds a model of frequency responses, without a recording in time"
+        remedy = "open its report.html, or read model.json with evopem.load"
+        raise InputError(files.folder, problem, remedy)
 
     def tables(*names: str) -> dict[str, pd.DataFrame]:
         return {name: read_table(getattr(files, name)) for name in names}

@@ -65,6 +65,8 @@ class DatasetSummary:
     gain_db: tuple[float, ...]
     distortion: Distortion = NOT_TESTED  # parts of the simulation error
     floors: tuple[Floor, ...] = ()  # the least error of linear models
+    # Whether the samples are frequencies, and the simulation error is that of their responses
+    of_responses: bool = False
 
     @property
     def failed(self) -> list[Check]:
@@ -79,6 +81,15 @@ class DatasetSummary:
     def n_checks(self, passed: bool | None) -> int:
         """Number of checks with an outcome: passed, failed whatever their grade, not judged."""
         return sum(check.passed is passed for check in self.checks)
+
+
+@dataclass(frozen=True)
+class ResponseValidation:
+    """What is known of a model of frequency responses."""
+
+    sentence: str  # the verdict
+    variance_factor: float | None  # by which variances were multiplied; None of absolute ones
+    in_continuous_time: bool
 
 
 Entry = DatasetSummary | IncompleteDataset

@@ -27,6 +27,7 @@ from evopem.version import __version__
 _INTERRUPTED = 130
 _OPTIONS = {
     "uneven_time: interpolate": "--uneven-time interpolate",
+    "frequency: abscissa": "--frequency abscissa",
     'decimal_mark: ","': "--decimal-mark ,",
     'decimal_mark: "."': "--decimal-mark .",
     "sampling_rate": "--rate",
@@ -44,6 +45,7 @@ examples:
   evopem bench.mat --input iq_adx --output omega_max --rate 2500
   evopem log.csv --input 2 --output 3 --time 1
   evopem beam.uff --input force --output 'acc_*'      several channels: mode shapes as well
+  evopem frf.uff --input '*' --output '*' --frequency abscissa      frequency responses
   evopem blow_*.csv --input force --output 'acc_*'      several recordings: one model of all
   evopem init measurements      write measurements/config.yaml for many recordings
   evopem compare results/a results/b      lay results side by side on one page
@@ -121,6 +123,8 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         "--rate", type=float, metavar="HZ", help="sampling rate, where the file states none"
     )
     rate.add_argument("--time", help="the channel of times", **channel)
+    about = "the column of frequencies of a file of frequency responses; of UFF: abscissa"
+    add("--frequency", help=about, **channel)
     about = "bring signals whose times are not even to an even grid"
     add("--uneven-time", choices=["interpolate"], help=about)
     add("--time-unit", metavar="UNIT", help="of times: s, ms, us, ns, min, h or d")
@@ -146,6 +150,8 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
             )
     if left:
         parser.error(f"unrecognized arguments: {' '.join(left)}")
+    if arguments.json and arguments.frequency is not None:
+        parser.error("--json: a model of frequency responses has no verdict for programs")
     if not arguments.input:
         parser.error(
             "--input is missing: name the input, or write --input none where only outputs were"

@@ -9,7 +9,7 @@ from evopem.report.numbers import number, plural
 from evopem.report.results_text import results_text
 from evopem.report.verdict import verdict
 from evopem.results.dataset import read_results
-from evopem.results.fleet import DatasetSummary, Entry
+from evopem.results.fleet import DatasetSummary, Entry, ResponseValidation
 from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
 
@@ -53,7 +53,8 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
 def dataset_text(files: DatasetFiles, page: str) -> str:
     """The lines about one data set of any number of channels; `page` is the file to open next."""
     summary = load(DatasetSummary, files.summary)
-    return results_text(files.name, verdict(read_results(files)).sentence, summary, page)
+    of = summary.of_responses and load(ResponseValidation, files.validation)
+    return results_text(files.name, (of or verdict(read_results(files))).sentence, summary, page)
 
 
 def _line(name: str, entry: Entry) -> str:

@@ -148,10 +148,12 @@ class Provider:
         """
         if self.config.batches:
             return self.batch_checksums
-        last = [FILES.summary]
+        last = {name: [FILES.summary] for name in self.config.datasets}
         if self.config.run.one_job_per == "stage":
-            last.append(FILES.report if self.with_report else FILES.spectrum)
-        return [path.format(dataset=name) for path in last for name in self.config.datasets]
+            for name, settings in self.config.datasets.items():
+                last_result = FILES.modes if settings.channels.frequency else FILES.spectrum
+                last[name].append(FILES.report if self.with_report else last_result)
+        return [path.format(dataset=name) for name, paths in last.items() for path in paths]
 
     def one_of(self, names: Iterable[str]) -> str:
         """A wildcard constraint that matches these names and no other data set's.

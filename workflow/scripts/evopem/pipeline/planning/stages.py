@@ -31,6 +31,8 @@ _SCORED = (*_PREPARED, *_DECIDED)
 _CHOSEN = _automatic("decision:comparison", "decision:remedies")
 _SEARCHED = ("phase:{phases}", *_automatic("search:{structures}", "decision:search"))
 _OTHER = "validation_recording if source.validation_files"
+_OF_RESPONSES = "channels.frequency"
+_OF_PAGE = "model", "validation", "candidates", "frequency_response", "summary"
 _OTHER_INFO = "validation_recording_info if source.validation_files"
 
 _decided = partial(Stage, applies="automatic", demand="estimation")
@@ -178,6 +180,25 @@ STAGES = (
         outputs=("figures", "report"),
         is_page=True,
     ),
+    Stage(
+        "identify_responses",
+        "frequency_responses:identify_responses",
+        "fitting the frequency responses",
+        applies=_OF_RESPONSES,
+        outputs=("recording_info", "modes", "config", *_OF_PAGE),
+        settings={"settings": ""},
+        recorded=("files",),
+        demand="estimation",
+    ),
+    Stage(
+        "report_responses",
+        "report:report_responses",
+        "figures and report",
+        applies=_OF_RESPONSES,
+        inputs=_OF_PAGE,
+        outputs=("report",),
+        is_page=True,
+    ),
 )
 """Every stage, and :data:`WHOLE`, which runs all of them in one job."""
 
@@ -196,7 +217,9 @@ def stages_of(settings: DatasetSettings, with_report: bool = True) -> list[Stage
     return [
         stage
         for stage in STAGES
-        if of.holds(stage.applies, settings) and (with_report or not stage.is_page)
+        if (stage.applies == _OF_RESPONSES) == of.holds(_OF_RESPONSES, settings)
+        and of.holds(stage.applies, settings)
+        and (with_report or not stage.is_page)
     ]
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from evopem.arrays import Array, Complex
 from evopem.errors import InputError
 from evopem.signals.readers.open_file import Channel, Contents, library, refuse_unreadable
 from evopem.signals.timestamps import timing
@@ -15,6 +16,8 @@ _NAME_FIELDS = ("id1", "id2", "id3", "id4", "id5", "rsp_ent_name", "ordinate_axi
 _DIRECTIONS = {1: "X+", -1: "X-", 2: "Y+", -2: "Y-", 3: "Z+", -3: "Z-"}
 _TIME_FUNCTIONS = (0, 1)  # general, or not stated; time response
 _FREQUENCY_AXIS = 18
+_FREQUENCY_RESPONSE, _COHERENCE = 4, 6
+_REMEDY = "choose a time response, or state frequency: abscissa for frequency responses"
 
 
 @contextmanager
@@ -48,6 +51,41 @@ def opened(path: Path) -> Iterator[Contents]:
     yield Contents(path, "dataset", names, load)
 
 
+def frequency_functions(path: Path) -> dict[tuple[str, str, bool], tuple[Array, Complex, str]]:
+    """The frequency responses and coherences among the datasets of type 58.
+
+    Frequencies (Hz), values and unit, by the degrees of freedom of response and reference, such as
+    ``12:Z+``, and by whether they are coherences.
+    """
+    pyuff = library("pyuff", path)
+    _refuse_broken_off(path)
+    try:
+        file = pyuff.UFF(str(path))
+        sets = [n for n, kind in enumerate(file.get_set_types()) if kind == 58]
+        read = [file.read_sets(n) for n in sets]
+    except Exception:
+        refuse_unreadable(path, "universal file")
+    functions = {}
+    for dataset in read:
+        if dataset.get("func_type") in (_FREQUENCY_RESPONSE, _COHERENCE):
+            directions = [
+                _DIRECTIONS.get(dataset.get(f"{end}_dir", 0), "") for end in ("rsp", "ref")
+            ]
+            ends = [f"{dataset.get('rsp_node', 0)}:{directions[0]}"]
+            ends += [f"{dataset.get('ref_node', 0)}:{directions[1]}"]
+            unit = str(dataset.get("ordinate_axis_units_lab", "")).strip().replace("NONE", "")
+            values = (
+                np.asarray(dataset["x"], dtype=float),
+                np.asarray(dataset["data"], complex),
+                unit,
+            )
+            functions[ends[0], ends[1], dataset["func_type"] == _COHERENCE] = values
+    if all(is_coherence for *_, is_coherence in functions):
+        problem = "holds no frequency response (dataset 58, function type 4)"
+        raise InputError(str(path), problem, "export the responses, or leave out frequency")
+    return functions
+
+
 def _refuse_broken_off(path: Path) -> None:
     """Refuse a file that does not end with the line -1; pyuff leaves out a dataset without it."""
     with path.open("rb") as file:
@@ -75,7 +113,7 @@ def _channel(path: Path, dataset: Mapping[str, Any], number: int, name: str) -> 
     values = np.asarray(dataset["data"])
     in_time = dataset.get("abscissa_spec_data_type") != _FREQUENCY_AXIS
     if dataset.get("func_type") not in _TIME_FUNCTIONS or not in_time or np.iscomplexobj(values):
-        raise InputError(str(path), "it is no real time record", "choose a time response", place)
+        raise InputError(str(path), "it is no real time record", _REMEDY, place)
     stated = dataset.get("num_pts")
     if stated != values.size:
         problem = f"its header announces {stated} values and {values.size} are there"

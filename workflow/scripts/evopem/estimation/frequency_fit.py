@@ -1,0 +1,290 @@
+"""Output-error models of measured frequency responses: orders, entries, and their covariance.
+
+The model is ``G(p) = C (pI - A)^-1 B + D`` with a section of two poles for each mode; p is s, or in
+discrete time ``(z - 1)/(z + 1)``, which leaves degrees as they are. After the search for the poles
+all entries descend together, with residues of rank one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from evopem.arrays import Array, Complex
+from evopem.blas_threads import one_blas_thread
+from evopem.errors import InputError
+from evopem.estimation.search.frequency_problem import (
+    Equations,
+    FrequencyProblem,
+    descended_squares,
+    lowest_poles,
+    response_axis,
+    sections_dynamics,
+    stacked,
+)
+from evopem.estimation.search.problem import SearchResult
+from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
+from evopem.models.state_space import StateSpaceModel
+from evopem.signals.readers.frequency_responses import FrequencyResponses
+
+# Modes that are tried, and orders without a lower criterion that end the search.
+MOST_MODES, PATIENCE = 15, 3
+# Rate of the equivalent of a continuous-time model in discrete time, in highest frequencies.
+HELD_RATE = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseFit:
+    """The model of frequency responses, and how it was found."""
+
+    responses: FrequencyResponses
+    point: Array  # (2 modes,) log ω and log ζ of the sections, where p is in units of ``scale``
+    B: Array  # (n, m)
+    C: Array  # (l, n)
+    D: Array  # (l, m)
+    scale: float  # rad/s
+    weights: Array  # (F, l, m) reciprocal standard deviations of real and imaginary part
+    variance_factor: float  # of the stated variances; 1 where they are absolute
+    criteria: dict[int, float]  # BIC of each number of modes
+    diagram: dict[int, Array]  # natural frequency (Hz) and damping ratio of each, (modes, 2)
+    search: SearchResult  # of the poles
+
+    @property
+    def modes(self) -> int:
+        """Number of sections."""
+        return len(self.point) // 2
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters that the data can determine."""
+        outputs, inputs = self.D.shape
+        return len(self.point) * (outputs + inputs) + outputs * inputs
+
+    @property
+    def flat(self) -> Array:
+        """Point, B, C and D one after the other."""
+        return np.concatenate([self.point, self.B.ravel(), self.C.ravel(), self.D.ravel()])
+
+    def split(self, parameters: Any) -> dict[str, Any]:
+        """Parameters as of :attr:`flat` by their names."""
+        parts = {"point": self.point, "B": self.B, "C": self.C, "D": self.D}
+        ends = np.cumsum([part.size for part in parts.values()])[:-1]
+        split = zip(parts.items(), np.split(parameters, ends), strict=True)
+        return {name: values.reshape(part.shape) for (name, part), values in split}
+
+    def _resolvent(self, frequencies: Array) -> Complex:
+        p = response_axis(frequencies, self.responses.sampling_rate, self.scale)
+        A = sections_dynamics(self.point)
+        return np.asarray(np.linalg.inv(p[:, None, None] * np.eye(len(A)) - A), dtype=complex)
+
+    def response(self, frequencies: Array) -> Complex:
+        """G at frequencies in Hz, (F, l, m)."""
+        return np.asarray(self.C @ self._resolvent(frequencies) @ self.B + self.D)
+
+    @cached_property
+    def misfit(self) -> Complex:
+        """Measured less modelled responses, (F, l, m)."""
+        return np.asarray(self.responses.values - self.response(self.responses.frequencies))
+
+    @property
+    def errors(self) -> Complex:
+        """The misfit in standard deviations of its real or imaginary part, (F, l, m)."""
+        return np.asarray(self.misfit * self.weights / np.sqrt(self.variance_factor))
+
+    @property
+    def error_percent(self) -> float:
+        """Misfit in percent of the measured responses."""
+        return 100.0 * float(np.linalg.norm(self.misfit) / np.linalg.norm(self.responses.values))
+
+    def equations(self) -> Equations:
+        """Of all parameters, row by row of the outputs."""
+        responses, (outputs, inputs), n = self.responses, self.D.shape, len(self.B)
+        resolvent, A = self._resolvent(responses.frequencies), sections_dynamics(self.point)
+        right, left = resolvent @ self.B, self.C @ resolvent  # (F, n, m), (F, l, n)
+        total, first = 0.0, n + self.B.size
+        gradient = np.zeros(first + self.C.size + self.D.size)
+        matrix = np.zeros((len(gradient),) * 2)
+        up, down = np.arange(0, n, 2), np.arange(1, n, 2)
+        ones = np.broadcast_to(np.eye(inputs), (len(left), inputs, inputs))
+        for row in range(outputs):
+            x, y = left[:, row, :, None], right  # dG = x_i dA_ij y_j
+            of_damping = x[:, down] * A[down, down][:, None] * y[:, down]
+            turning = A[up, down][:, None] * (x[:, up] * y[:, down] - x[:, down] * y[:, up])
+            of_B = (x[:, :, :, None] * np.eye(inputs)).reshape(len(left), -1, inputs)
+            slopes = np.concatenate([turning + of_damping, of_damping, of_B, right, ones], axis=1)
+            last = first + self.C.size + row * inputs
+            rows = np.r_[:first, first + row * n : first + (row + 1) * n, last : last + inputs]
+            columns = stacked(slopes * self.weights[:, row, None, :]).transpose(0, 2, 1)
+            columns = columns.reshape(-1, len(rows))
+            misfit = responses.values[:, row] - (left[:, row] @ self.B + self.D[row])
+            errors = stacked(misfit * self.weights[:, row]).ravel()
+            total += float(errors @ errors)
+            gradient[rows] -= columns.T @ errors
+            matrix[np.ix_(rows, rows)] += columns.T @ columns
+        return total, gradient, matrix
+
+    def polished(self, repair: Callable[[Array], Array]) -> "ResponseFit":
+        """The fit after a descent of all entries together; ``repair`` keeps the poles inside."""
+
+        def equations(parameters: Array) -> Equations:
+            return replace(self, **self.split(parameters)).equations()
+
+        def inside(parameters: Array) -> Array:
+            poles = self.point.size
+            return np.concatenate([repair(parameters[:poles]), parameters[poles:]])
+
+        return replace(self, **self.split(descended_squares(equations, self.flat, inside)[0]))
+
+    @cached_property
+    def model(self) -> StateSpaceModel:
+        """In discrete time with covariance: the model, or its equivalent with inputs held."""
+        responses, outputs, matrix = self.responses, len(self.C), self.equations()[2]
+        rate = responses.sampling_rate or HELD_RATE * float(responses.frequencies[-1])
+        held = None if responses.sampling_rate else self.scale / rate
+        sizes = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        values, vectors = np.linalg.eigh(matrix / np.outer(sizes, sizes))
+        free = slice(len(values) - self.parameters, None)  # the others change the states alone
+        shown = values[free] > 1e-14 * values[-1]
+        directions = vectors[:, free] / sizes[:, None]
+
+        def entries(parameters: Any) -> list[Any]:
+            return _discrete(**self.split(parameters), held=held)
+
+        A, B, C, D = entries(self.flat)
+        silent = np.zeros((outputs * len(A) + outputs, self.flat.size))  # K and level
+        slopes = np.vstack([jacobian_of(entries, self.flat), silent])
+        factor = slopes @ directions[:, shown] / np.sqrt(values[free][shown] / self.variance_factor)
+        noise = np.mean(
+            np.abs(responses.values - self.response(responses.frequencies)) ** 2, axis=0
+        )
+        return StateSpaceModel(
+            *(A, B, C, D, np.zeros((len(A), outputs)), rate, np.zeros(outputs)),
+            np.diag(noise.sum(axis=1)),
+            covariance=ParameterCovariance(factor, slopes @ directions[:, ~shown]),
+            structure="ss_oe",
+            input_names=responses.input_names,
+            output_names=responses.output_names,
+        )
+
+
+def _discrete(point: Any, B: Any, C: Any, D: Any, held: float | None) -> list[Any]:
+    """``[A, B, C, D]`` in z, of bilinear p, or of s with inputs held for so many radians."""
+    from scipy.linalg import expm
+
+    A = sections_dynamics(point)
+    n = len(A)
+    if held is None:
+        inverse, root = np.linalg.inv(np.eye(n) - A), np.sqrt(2.0)
+        A = inverse @ (np.eye(n) + A)
+        return [A, root * inverse @ B, root * C @ inverse, D + C @ inverse @ B]
+    joined = np.zeros((n + B.shape[1],) * 2, dtype=A.dtype)
+    joined[:n, :n], joined[:n, n:] = A, B
+    moved = expm(held * joined)
+    return [moved[:n, :n], moved[:n, n:], C, D]
+
+
+def _factored(point: Array, coefficients: Array) -> tuple[Array, Array]:
+    """B (n, m) and C (l, n) with residues of rank one nearest to those of (l, m, n) numerators."""
+    drives, shapes = [], []
+    for k in range(len(point) // 2):
+        A = sections_dynamics(point[[k, k + len(point) // 2]])
+        poles, vectors = np.linalg.eig(A)
+        numerators = A[0, 1] * coefficients[:, :, 2 * k] + np.multiply.outer(
+            poles, coefficients[:, :, 2 * k + 1]
+        )
+        u, s, v = np.linalg.svd(numerators / (poles - poles[::-1])[:, None, None])
+        turns = np.sqrt(s[:, 0])[:, None]
+        shape, drive = turns * u[:, :, 0], turns * v[:, 0]
+        if poles[0].imag:  # the second of a pair is the conjugate of the first
+            shape[1], drive[1] = shape[0].conj(), drive[0].conj()
+        shapes.append((shape.T @ np.linalg.inv(vectors)).real)
+        drives.append((vectors @ drive).real)
+    return np.vstack(drives), np.hstack(shapes)
+
+
+def fit_responses(
+    responses: FrequencyResponses,
+    modes: tuple[int, int] = (1, MOST_MODES),
+    seed: int = 1,
+    log: Callable[[str], None] | None = None,
+) -> ResponseFit:
+    """The output-error model of measured frequency responses with the smallest BIC.
+
+    Of discrete time where they have a sampling rate, else of continuous time. Errors are weighed by
+    their variances; a factor of them is estimated where coherences alone are known, and where
+    nothing is, a variance of each response. ``modes``: fewest and most. InputError where there are
+    too few frequencies.
+    """
+    most = min(modes[1], (len(responses.frequencies) - 1) // 3)
+    if most < modes[0]:
+        problem = f"{len(responses.frequencies)} frequencies are too few for {modes[0]} modes"
+        raise InputError(responses.source, problem, f"give {3 * modes[0] + 1} or more")
+    modes = modes[0], most
+    with one_blas_thread():
+        if responses.variances is not None:
+            return _searched(responses, np.sqrt(2.0 / responses.variances), modes, seed, log)
+        sizes = _deviations(responses.values)
+        sizes[sizes == 0.0] = 1.0
+        ones = np.ones(responses.values.shape)
+        first = _searched(responses, ones / sizes, modes, seed, None)
+        left = np.maximum(_deviations(first.misfit), 1e-12 * sizes)
+        return _searched(responses, ones / left, modes, seed, log)
+
+
+def _deviations(values: Complex) -> Array:
+    """Of real and imaginary parts over the frequencies, (l, m)."""
+    return np.asarray(np.sqrt(0.5 * np.mean(np.abs(values) ** 2, axis=0)))
+
+
+def _searched(
+    responses: FrequencyResponses,
+    weights: Array,
+    modes: tuple[int, int],
+    seed: int,
+    log: Callable[[str], None] | None,
+) -> ResponseFit:
+    """The fit of the smallest BIC, each number of modes searched from that before as well."""
+    scale, shape = 2.0 * np.pi * float(responses.frequencies[-1]), responses.values.shape
+    p = response_axis(responses.frequencies, responses.sampling_rate, scale)
+    flat = responses.values.reshape(len(p), -1), weights.reshape(len(p), -1)
+    best: ResponseFit | None = None
+    criteria: dict[int, float] = {}
+    diagram: dict[int, Array] = {}
+    point, reals = None, 2 * weights.size
+    for number in range(modes[0], modes[1] + 1):
+        generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
+        problem = FrequencyProblem(p, *flat, number)
+        search = lowest_poles(problem, point, generator)
+        point = search.point
+        coefficients = problem.solved(point)[1].reshape(*shape[1:], -1)
+        matrices = *_factored(point, coefficients), coefficients[:, :, -1]
+        rest: Any = scale, weights, 1.0, criteria, diagram, search
+        fit = ResponseFit(responses, point, *matrices, *rest).polished(problem.repair)
+        squares = max(float(np.sum(np.abs(fit.errors) ** 2)), 1e-24 * problem.power)
+        freedom = reals - fit.parameters
+        if not responses.are_absolute:
+            fit = replace(fit, variance_factor=squares / max(freedom, 1))
+        misfit = squares if responses.are_absolute else reals * np.log(squares / reals)
+        criteria[number] = misfit + fit.parameters * np.log(reals)
+        diagram[number] = natural(fit)
+        if log:
+            log(f"{number} modes: error {fit.error_percent:.3g} %, BIC {criteria[number]:.6g}")
+        if best is None or criteria[number] < criteria[best.modes]:
+            best = fit
+        if number - best.modes >= PATIENCE or freedom < reals // 10:
+            break
+    assert best is not None
+    return best
+
+
+def natural(fit: ResponseFit) -> Array:
+    """Natural frequency (Hz) and damping ratio of the sections, (modes, 2)."""
+    omega, zeta = np.exp(fit.point.reshape(2, -1))
+    rate = fit.responses.sampling_rate
+    if rate is None:
+        return np.column_stack([omega * fit.scale / (2.0 * np.pi), zeta])
+    p = omega * (-zeta + np.sqrt(zeta.astype(complex) ** 2 - 1.0))
+    s = np.log((1.0 + p) / (1.0 - p)) * rate
+    return np.column_stack([np.abs(s) / (2.0 * np.pi), -s.real / np.abs(s)])
