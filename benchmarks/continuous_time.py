@@ -107,22 +107,22 @@ METHODS = {
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--records", type=int, default=200)
-    parser.add_argument("--converted", type=int, default=20)
+    parser.add_argument("--converted", type=int, default=5, help="of ten records")
     parser.add_argument("--write", action="store_true")
     arguments = parser.parse_args()
     found = {name: [] for name in METHODS}
     for number in range(arguments.records):
         u, y = record(number)
         for name, method in METHODS.items():
-            if method is not converted or number < arguments.converted:
+            if method is not converted or number % 10 < arguments.converted:
                 found[name].append(method(u, y))
         if (number + 1) % 10 == 0:
             print(number + 1, *table(found), sep="\n", flush=True)
             if arguments.write:
-                write(found)
+                write(found, number + 1)
 
 
-def write(found) -> None:
+def write(found, records: int) -> None:
     """Write the results so far into the evidence."""
     text = (
         "The system of Rao and Garnier, 3069 samples a record, 10 dB of white noise: root mean"
@@ -130,7 +130,7 @@ def write(found) -> None:
         " that cover it, and records without an estimate."
     )
     columns = ("method", "records", "b₁", "b₀", "a₃", "a₂", "a₁", "a₀", "covered", "failed")
-    command = "benchmarks/continuous_time.py --write"
+    command = f"benchmarks/continuous_time.py --records {records} --write"
     write_section("structures", "Continuous time", text, command, columns, table(found))
 
 
