@@ -23,6 +23,7 @@ from evopem.validation.checks import Check
 from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import ErrorParts, Part
 from evopem.validation.held_out_tests import NO_TEST
+from evopem.validation.linear_floor import Floor
 from evopem.validation.mode_evidence import doubts
 
 
@@ -259,6 +260,8 @@ def test_prevailing_distortion_is_no_defect_but_takes_the_standard_errors(result
     found = answers(verdict(with_outcome(results, distortion=distorted)))
     assert found["standard errors"] == "no"
     assert found["the frequency response"] == "care"
+    floor = Floor("y", 10.0, Part(9.8, 9.5, 10.0), Part(2.0, 0.0, 3.0))
+    assert answers(verdict(with_outcome(results, floors=(floor,))))["standard errors"] == "no"
 
 
 def test_a_model_without_a_trusted_mode_says_so(results):

@@ -539,6 +539,7 @@ def test_a_model_at_the_floor_names_what_no_linear_model_removes(good):
     assert "No linear model" not in failed.check("Linear").statement
     at_floor = failed.with_("validation", floors=(floor,))
     assert "No linear model does much better" in at_floor.check("Linear").statement
+    assert at_floor.check("Linear").grade == "caution"
 
 
 @pytest.mark.parametrize(("p_value", "shown"), [(1e-6, True), (0.3, False)])

@@ -23,7 +23,7 @@ from evopem.report.numbers import (
 from evopem.results.channel_labels import Channel
 from evopem.results.dataset import DatasetResults
 from evopem.validation.checks.inputs import RESTING, input_rests
-from evopem.validation.checks.residuals import white
+from evopem.validation.checks.residuals import LINEAR, white
 from evopem.validation.mode_evidence import ModeEvidence
 
 UseKey = Literal[
@@ -312,8 +312,9 @@ def standard_errors(record: ModelRecord) -> np.ndarray:
 def _intervals(results: DatasetResults) -> Use:
     checked, errors = _by_checks("intervals", results), standard_errors(results.model)
     findings: list[Finding] = []
-    if results.validation.distortion.prevails:
-        findings.append(("no", "they leave out the nonlinear distortion that the residuals hold"))
+    nonlinear = any(check.name == LINEAR and check.passed is False for check in results.checks)
+    if results.validation.distortion.prevails or (nonlinear and results.validation.at_floor):
+        findings.append(("no", "they leave out the nonlinear part that the residuals hold"))
     unknown = int((~np.isfinite(errors)).sum())
     if unknown == len(errors):
         findings.append(("no", "no coefficient has one"))

@@ -65,7 +65,7 @@ def _with_reason(check: Check, distortion: Distortion, at_floor: bool) -> Check:
     if not distortion.shown:
         if not at_floor or check.name == WHITE:
             return check
-        return replace(check, statement=f"{check.statement} {AT_FLOOR}")
+        return replace(check, statement=f"{check.statement} {AT_FLOOR}", grade="caution")
     worst = max(output.distortion.percent for output in distortion.outputs)
     least = "" if distortion.separated else "at least "
     statement = (
