@@ -49,7 +49,7 @@ def test_a_fleet_in_shards_of_batches_with_a_bad_recording_is_listed_and_later_c
     assert html.index(">r2<") < min(html.index(f">r{n}<") for n in (1, 3))
     assert re.search(r"<h1>3 data sets", html)
     kept = sorted(path for path in (folder.results / "r1").rglob("*") if path.is_file())
-    assert len(kept) == 8
+    assert len(kept) == 9
     before = {path: path.stat().st_mtime_ns for path in kept}
 
     recordings.write_text(rows.replace("data/2.csv", "data/1.csv"))

@@ -88,8 +88,8 @@ def test_the_kept_configuration_is_the_same_run(copy):
 def test_changed_code_repeats_what_uses_it(copy, tmp_path):
     """Which scripts a module belongs to is tested in tests/config/test_rule_digest.py."""
     clone = checkout_at(tmp_path / "clone")
-    scores = clone / "workflow" / "scripts" / "evopem" / "validation" / "scores.py"
-    scores.write_text(scores.read_text() + "\n# changed\n")
+    tables = clone / "workflow" / "scripts" / "evopem" / "validation" / "tables.py"
+    tables.write_text(tables.read_text() + "\n# changed\n")
     template = clone / "workflow" / "templates" / "report.html.j2"
     template.write_text(template.read_text() + "<!-- changed -->\n")
     planned = set(Folder(copy.path, clone / "Snakefile").planned())

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.signal import lfilter
 
 from evopem.arrays import Array
 from evopem.estimation.pem.least_squares import autoregression
@@ -92,6 +91,8 @@ def _is_longer(stretch: HeldOut, lags: int) -> bool:
 
 def _floor(name: str, errors: Sequence[Array], rows: Sequence[Array]) -> Floor:
     """The part of an error that inputs at some lags explain, beside a constant, and the floor."""
+    from scipy.signal import lfilter
+
     error, columns = np.concatenate(errors), np.insert(np.concatenate(rows), 0, 1.0, axis=1)
     whitening = autoregression(left_by(columns, error), MOST_WHITENING)
     white = [
