@@ -193,7 +193,8 @@ class Case:
         for v, size in zip(self.system.disturb(e)[WARM_UP:].T, spread, strict=True):
             v = v / v.std() * size
             products = [v[: len(v) - k] @ v[k:] / len(v) for k in range(NOISE_LAGS + 1)]
-            a = solve_toeplitz(products[:-1], products[1:])
+            # Noise of narrow peaks has an autocovariance that is singular to rounding.
+            a = solve_toeplitz([products[0] * (1.0 + 1e-10), *products[1:-1]], products[1:])
             w = np.concatenate([[1.0], -a])
             found.append(w / lfilter(w, [1.0], v)[NOISE_LAGS:].std())
         return found
