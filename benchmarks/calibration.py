@@ -288,12 +288,13 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
     unfaulted = [line for line in driven if line["delays"]]
     trusted = [line["modes"] for line in inside]
     unrelated = [line for line in outside if line["outside"] == "unrelated"]
+    groups = (("all", inside), ("response “good”", said), ("standard errors “good”", good))
     return [
         ("recordings refused", rate("refused" in line and "checks" not in line for line in lines)),
         ("recordings that ended in a fault", rate("fault" in line for line in lines)),
         *(
             (f"{what} covers, {where}", measure(group, key))
-            for where, group in (("all", inside), ("standard errors “good”", good))
+            for where, group in groups
             for what, key, measure in (
                 ("interval of the gain", "gain", shares),
                 ("interval of the phase", "phase", shares),
