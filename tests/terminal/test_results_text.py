@@ -5,11 +5,10 @@ from dataclasses import replace
 import pytest
 
 from evopem.report.numbers import with_error
-from evopem.report.results_text import results_html, results_text
+from evopem.report.results_text import results_html, results_text, run_text
 from evopem.report.verdict import verdict
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
-from evopem.terminal.results_text import run_text
 from evopem.validation.checks import Check
 
 

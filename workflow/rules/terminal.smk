@@ -39,7 +39,7 @@ def print_results():
     if not names:
         return
     from evopem.results.fleet import read_entry
-    from evopem.terminal.results_text import run_text, show
+    from evopem.report.results_text import run_text, show
 
     left = left_of(workflow.dag.needrun_jobs())
     entries = {

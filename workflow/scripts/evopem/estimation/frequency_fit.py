@@ -25,6 +25,7 @@ from evopem.estimation.search.frequency_problem import (
     stacked,
 )
 from evopem.estimation.search.problem import SearchResult
+from evopem.models.continuous import phi_functions
 from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.readers.frequency_responses import FrequencyResponses
@@ -171,18 +172,14 @@ class ResponseFit:
 
 def _discrete(point: Any, B: Any, C: Any, D: Any, held: float | None) -> list[Any]:
     """``[A, B, C, D]`` in z, of bilinear p, or of s with inputs held for so many radians."""
-    from scipy.linalg import expm
-
     A = sections_dynamics(point)
     n = len(A)
     if held is None:
         inverse, root = np.linalg.inv(np.eye(n) - A), np.sqrt(2.0)
         A = inverse @ (np.eye(n) + A)
         return [A, root * inverse @ B, root * C @ inverse, D + C @ inverse @ B]
-    joined = np.zeros((n + B.shape[1],) * 2, dtype=A.dtype)
-    joined[:n, :n], joined[:n, n:] = A, B
-    moved = expm(held * joined)
-    return [moved[:n, :n], moved[:n, n:], C, D]
+    power, phi_1, _ = phi_functions(held * A)
+    return [power, held * phi_1 @ B, C, D]
 
 
 def _factored(point: Array, coefficients: Array) -> tuple[Array, Array]:

@@ -51,9 +51,12 @@ class OrderModel:
     modes: tuple[Mode, ...]
 
     @classmethod
-    def of(cls, order: int, bic: float, model: Model) -> Self:
-        """The entry of a model with its covariance."""
-        return cls(order, bic, replace(model, covariance=None), tuple(model.modes()))
+    def of(
+        cls, order: int, bic: float, model: Model, modes: tuple[Mode, ...] | None = None
+    ) -> Self:
+        """The entry of a model with its covariance; ``modes`` where they are known."""
+        known = tuple(model.modes()) if modes is None else modes
+        return cls(order, bic, replace(model, covariance=None), known)
 
 
 @dataclass(frozen=True, eq=False)

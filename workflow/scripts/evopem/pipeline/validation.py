@@ -1,6 +1,5 @@
 """Validation: residual tests, errors, evidence for each mode; tables, decisions and summary."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from evopem.automatic.candidates import StructureSearch
@@ -64,8 +63,7 @@ def complete_results(
         order_models = load(OrderModels, path).models if Path(path).exists() else ()
         models = {model.order: model for model in order_models}
     model = record.model if record.orders is not None else record.plant
-    plain = replace(model, covariance=None)
-    models[order] = OrderModel(order, record.bic, plain, record.modes)
+    models[order] = OrderModel.of(order, record.bic, model, record.modes)
     with one_blas_thread():
         validation, tables = validate(
             record.model,

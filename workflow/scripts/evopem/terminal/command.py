@@ -195,7 +195,7 @@ def _compare(given: Sequence[str]) -> int:
     _prepare("the figures and the page")
     from evopem.pipeline.report import compare_datasets
     from evopem.report.comparison import comparison_text
-    from evopem.terminal.results_text import show
+    from evopem.report.results_text import show
 
     comparison = compare_datasets(arguments.folders, arguments.page, arguments.setups)
     show(f"{comparison_text(comparison)}\n\n  page  {arguments.page}")
@@ -259,7 +259,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     _check_folder(files, settings)
     from evopem.pipeline.identification import exchange, identify_dataset, made_aside
     from evopem.pipeline.planning.stages import results_of
-    from evopem.terminal.results_text import dataset_text, show
+    from evopem.report.results_text import dataset_text, show
 
     progress = ProgressLine(sys.stderr, sys.stderr.isatty())
     affinity = getattr(os, "sched_getaffinity", None)
