@@ -4,6 +4,7 @@ import base64
 import importlib.util
 import io
 import json
+import re
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -119,6 +120,18 @@ def test_the_first_plot_is_on_the_first_screen_of_a_phone(browser, report):
     assert bottom < 780
 
 
+def test_a_reader_who_opens_nothing_reads_little(browser, report):
+    """Words outside figures; about 1100 while captions stood open."""
+    visit(browser, report)
+    text = browser.execute_script(
+        """document.querySelectorAll('svg, .live').forEach(each => { each.hidden = true; });
+        document.querySelectorAll('svg, .off-page').forEach(each => each.remove());
+        return document.body.innerText"""
+    )
+    assert "Good for" in text
+    assert 100 < len(re.findall(r"[A-Za-z][A-Za-z’'-]+", text)) <= 600
+
+
 def first_paint(browser, page):
     """Milliseconds from the request of a page to its first words; other work can delay one load."""
     visit(browser, page)
@@ -216,9 +229,8 @@ def test_text_and_figures_stand_out_in_both_themes(browser, report, scheme):
             paper: of('body', 'backgroundColor'),
             text: of('body', 'color'),
             caption: of('figcaption', 'color'),
-            link: of('figcaption a', 'color'),
+            link: of('summary', 'color'),
             verdict: of('.checks .verdict', 'color'),
-            passed: of('.verdict.passed', 'color'),
             good: of('.use.good h3', 'color'),
             contents: of('.contents a', 'color'),
             figure: of('figure svg text', 'fill'),

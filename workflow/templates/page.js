@@ -172,7 +172,7 @@
     });
     const tools = document.createElement("p");
     tools.className = "tools";
-    tools.append(button("Copy table", (own) => copy(asText(table, head), own, caption)));
+    tools.append(button("Copy", (own) => copy(asText(table, head), own, caption)));
     tools.firstChild.setAttribute("aria-label", `Copy table: ${caption}`);
     table.closest(".scroll").after(tools);
   }
