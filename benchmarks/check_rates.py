@@ -35,13 +35,13 @@ from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording, Segment  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 from evopem.synthesis.flexible_arm import flexible_arm  # noqa: E402
-from evopem.validation.excitation import split_spectra  # noqa: E402
 from evopem.validation.mode_evidence import table_of_models  # noqa: E402
 from evopem.validation.residual_tests import (  # noqa: E402
     ljung_box_lags,
     whiteness_test,
 )
 from evopem.validation.responses import divided  # noqa: E402
+from evopem.validation.spectra import split_spectra  # noqa: E402
 from evopem.validation.validate import input_significance  # noqa: E402
 
 Array = NDArray[np.float64]

@@ -282,7 +282,7 @@ def own_results(table):  # type: ignore[no-untyped-def]
 
 def planes_of(table, truth):  # type: ignore[no-untyped-def]
     """Assurance, with the true plane, of each plane that a table states for a doubted shape."""
-    from evopem.models.mode_shapes import plane_assurance
+    from evopem.models.modes import plane_assurance
 
     found = {}
     for row, each in enumerate(table.modes):

@@ -77,7 +77,7 @@ def merged(setups):  # type: ignore[no-untyped-def]
 
 def own(kind: str, number: int) -> dict[str, object]:
     """Which intervals cover the truth, agreement of shapes, and the set-ups that are named."""
-    from evopem.models.mode_shapes import assurance
+    from evopem.models.modes import assurance
 
     structure, setups = records(kind, number)
     begun = time.process_time()

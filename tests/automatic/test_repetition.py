@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.automatic.cross_validation.folds import decide_repetition
-from evopem.signals.correlation import repetition_lag
 from evopem.signals.recording import Segment
+from evopem.signals.spectra import repetition_lag
 
 A, B = [1.0, -1.5, 0.8], [0.0, 1.0, 0.5]
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import rosen, rosen_der
 
-from evopem.estimation.pem.batch_bfgs import descend
+from evopem.estimation.pem.kernels.bfgs import descend
 
 
 def rosenbrock(points, rows):

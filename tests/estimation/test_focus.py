@@ -5,7 +5,7 @@ import pytest
 
 from evopem import SearchSettings, estimate
 from evopem.config.settings import ScoringWindow
-from evopem.estimation.pem.k_step_errors import KStepErrors
+from evopem.estimation.pem.derived_errors import KStepErrors
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.orders import STRUCTURES
 from evopem.models.polynomial import PolynomialModel

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from evopem.config.settings import ScoringWindow
-from evopem.estimation.pem.batch_bfgs import descend, descend_by
+from evopem.estimation.pem.kernels.bfgs import descend, descend_by
 from evopem.estimation.pem.kernels.polynomials import filter_rows, stability_barriers
 from evopem.estimation.pem.kernels.record import CHUNK
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors

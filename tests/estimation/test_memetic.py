@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evopem.config.settings import SearchSettings
-from evopem.estimation.pem.batch_bfgs import descend
+from evopem.estimation.pem.kernels.bfgs import descend
 from evopem.estimation.search.memetic import (
     FIRST_BATCH,
     HOPELESS_PROBABILITY,

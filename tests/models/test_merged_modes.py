@@ -7,7 +7,7 @@ import pytest
 
 from evopem.errors import InputError
 from evopem.models.merged_modes import merge_setups
-from evopem.models.mode_shapes import assurance
+from evopem.models.modes import assurance
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.setups import Setup
 from evopem.models.state_space import StateSpaceModel

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import dlsim
 
 from evopem.files.json_form import from_json, to_json
-from evopem.models.mode_shapes import assurance, mean_phase, phase_collinearity, plane_assurance
+from evopem.models.modes import assurance, mean_phase, phase_collinearity, plane_assurance
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
 

@@ -15,8 +15,7 @@ from scipy.signal import lfilter
 import evopem
 from evopem.config.defaults import complete
 from evopem.files.json_form import load
-from evopem.pipeline.identification import identify_dataset
-from evopem.pipeline.progress import ProgressLine, progress
+from evopem.pipeline.identification import ProgressLine, identify_dataset, progress
 from evopem.report.numbers import THIN
 from evopem.report.verdict import verdict
 from evopem.results.dataset import read_results

@@ -13,7 +13,7 @@ import pytest
 from evopem.config.defaults import complete
 from evopem.errors import InputError
 from evopem.files.unfinished import UnfinishedJob
-from evopem.pipeline import batch
+from evopem.pipeline import identification
 from evopem.pipeline.identification import identify_dataset
 from evopem.results.identity import forget_incomplete_batches, is_finished
 from evopem.results.layout import DatasetFiles
@@ -61,7 +61,7 @@ def run(failing=""):
     """The lines of a batch, which fails where a recording does."""
     lines = []
     with pytest.raises(InputError, match=f"1 of the 3 .*{failing}") if failing else nullcontext():
-        batch.identify_batch("results", recordings(), "code", lines.append)
+        identification.identify_batch("results", recordings(), "code", lines.append)
     return lines
 
 
@@ -132,7 +132,7 @@ def test_an_interrupted_batch_goes_on_and_a_killed_recording_is_tried_last(copie
     shutil.rmtree("results/r3")
     Path("2.csv").write_text(Path("1.csv").read_text())
     UnfinishedJob("identification", ()).save(DatasetFiles("results/r2").logs)
-    real, begun = batch.identify_dataset, []
+    real, begun = identification.identify_dataset, []
 
     def interrupted(files, *arguments, **keys):
         begun.append(files.name)
@@ -140,11 +140,11 @@ def test_an_interrupted_batch_goes_on_and_a_killed_recording_is_tried_last(copie
             raise KeyboardInterrupt
         real(files, *arguments, **keys)
 
-    monkeypatch.setattr(batch, "identify_dataset", interrupted)
+    monkeypatch.setattr(identification, "identify_dataset", interrupted)
     with pytest.raises(KeyboardInterrupt):
         run()
     assert begun == ["r3", "r2"]
-    monkeypatch.setattr(batch, "identify_dataset", real)
+    monkeypatch.setattr(identification, "identify_dataset", real)
     assert states(run()) == {"r1": "finished", "r3": "finished", "r2": "complete"}
     alone = Path("alone/r3/model.json").read_bytes()
     assert Path("results/r3/model.json").read_bytes() == alone

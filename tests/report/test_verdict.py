@@ -23,8 +23,8 @@ from evopem.validation.checks import Check
 from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import ErrorParts, Part
 from evopem.validation.held_out_tests import NO_TEST
-from evopem.validation.linear_floor import Floor
 from evopem.validation.mode_evidence import doubts
+from evopem.validation.model_class import Floor
 
 
 def with_checks(monkeypatch, results, grade="defect", **outcomes):

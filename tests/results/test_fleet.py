@@ -14,7 +14,7 @@ from evopem.errors import InputError
 from evopem.files.atomic import write_parquet, write_table
 from evopem.files.job import job
 from evopem.files.json_form import load, save
-from evopem.pipeline.fleet import collect_fleet, collect_unfinished
+from evopem.pipeline.report import collect_fleet, collect_unfinished
 from evopem.results.fleet import (
     DatasetSummary,
     fleet_table,
@@ -217,7 +217,7 @@ def test_what_cannot_be_read_at_all_is_a_problem_of_one_data_set(files):
 
 def test_no_outdated_list_remains_where_a_new_one_cannot_be_written(files, capsys, monkeypatch):
     unfinished(files)
-    monkeypatch.setattr("evopem.pipeline.fleet.build_index", lambda *_: 1 / 0)
+    monkeypatch.setattr("evopem.pipeline.report.build_index", lambda *_: 1 / 0)
     fail(files.log("model"), files.model)
     assert unfinished(files)["a"]["problem"] == SENTENCE
     assert not Path(OVERVIEW[0]).exists()

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from evopem.errors import InputError
-from evopem.signals.correlation import autocorrelation, cross_correlation
+from evopem.signals.spectra import autocorrelation, cross_correlation
 
 
 def direct(x: np.ndarray, y: np.ndarray, lag: int) -> float:

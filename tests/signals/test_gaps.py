@@ -7,10 +7,10 @@ import evopem
 from evopem.config.channels import ChannelSettings
 from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.errors import InputError
-from evopem.signals.output_level import output_levels
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import measured_outputs
 from evopem.signals.reading import read_measured
+from evopem.signals.transforms import output_levels
 
 N, RATE = 4000, 50.0
 LOST = [0, 700, 701, 1480, 2810, 2830]

@@ -6,8 +6,8 @@ from scipy.signal import lfilter
 
 from evopem.automatic.preparation.wrong_samples import decide_outliers
 from evopem.config.settings import PreparationSettings, SplitSettings
-from evopem.signals import outliers
-from evopem.signals.outliers import without_outliers
+from evopem.signals import faulty_samples
+from evopem.signals.faulty_samples import without_outliers
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording, Segment
 
@@ -63,7 +63,7 @@ def test_gaps_and_channels_are_independent():
 
 @pytest.mark.parametrize("beside", [-17, -16, -9, -1, 0, 1, 15, 16])
 def test_ends_of_the_pieces_of_a_long_record_are_no_ends(beside, monkeypatch):
-    monkeypatch.setattr(outliers, "LONGEST_PIECE", 1000)
+    monkeypatch.setattr(faulty_samples, "LONGEST_PIECE", 1000)
     g = np.random.default_rng(9)
     u, e = g.standard_normal((2, 2700))
     y = response(u, 0.1 * e)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.signals.output_level import output_levels
 from evopem.signals.recording import Recording
+from evopem.signals.transforms import output_levels
 
 # A resonance that rings for some fifty samples, and a gain at frequency zero.
 A, B = np.real(np.poly(0.95 * np.exp([0.6j, -0.6j]))), [0.0, 1.0, 0.5]

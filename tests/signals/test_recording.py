@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evopem.errors import InputError
-from evopem.files.archive import load_arrays
+from evopem.files.atomic import load_arrays
 from evopem.signals.recording import Recording, Segment, load_recording, save_recording
 from evopem.signals.recording_checks import check_recording, saturated_share
 

@@ -22,10 +22,9 @@ from evopem.validation.checks.roots import cancelling_pairs
 from evopem.validation.checks.search import ranges_of_phases, repeatability
 from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import ErrorParts, Part
-from evopem.validation.linear_floor import Floor
-from evopem.validation.model_class import ResidualTest
-from evopem.validation.peak_evidence import PeakEvidence
+from evopem.validation.model_class import Floor, ResidualTest
 from evopem.validation.residual_tests import correlation_with_input
+from evopem.validation.spectra import PeakEvidence
 from evopem.validation.validation import Validation
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,7 @@ from vibrating_structure import VibratingStructure
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.files.json_form import from_json, to_json
 from evopem.models.mode_matching import OrderModel
-from evopem.models.mode_shapes import assurance
+from evopem.models.modes import assurance
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, recording_of
 from evopem.validation.modal_parts import held_out_mode_tests

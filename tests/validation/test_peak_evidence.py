@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from evopem.config.settings import SpectrumSettings
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
-from evopem.validation.peak_evidence import peak_evidence
+from evopem.validation.spectra import peak_evidence
 
 RATE, SAMPLES = 100.0, 4000
 SPECTRUM = SpectrumSettings(4.0, 4096)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.validation.excitation import excitation_order
 from evopem.validation.residual_tests import (
     autocorrelation_of,
     correlation_with_input,
@@ -12,6 +11,7 @@ from evopem.validation.residual_tests import (
     share_inside,
     whiteness_test,
 )
+from evopem.validation.spectra import excitation_order
 from evopem.validation.tables import error_percent
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter
 
-from evopem.validation.excitation import split_spectra
+from evopem.validation.spectra import split_spectra
 
 RATE = 100.0
 

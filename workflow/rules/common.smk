@@ -247,13 +247,13 @@ def left_of(jobs):
 
 def collect_unfinished():
     """List all data sets while results are missing; the next run makes the lists again."""
-    from evopem.pipeline import fleet
+    from evopem.pipeline.report import collect_unfinished as list_unfinished
 
     if workflow.touch or not provider.lists:
         return
     left = left_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
-    fleet.collect_unfinished(
+    list_unfinished(
         required, TEMPLATE_FOLDER, provider.page, left, provider.config.order
     )
     # Older than all results and without Snakemake's record of their inputs, they are made again

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from evopem.config.settings import DatasetSettings
 from evopem.files.job import job
 from evopem.files.json_form import from_json
-from evopem.pipeline.batch import identify_batch
+from evopem.pipeline.identification import identify_batch
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:

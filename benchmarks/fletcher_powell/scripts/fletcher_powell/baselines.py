@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.kernels.bfgs import Descent
 from fletcher_powell.objective import Objective
 from fletcher_powell.packages import import_package
 from fletcher_powell.problem import COARSE, STEP, descend_in_turn, least_squares_in_turn

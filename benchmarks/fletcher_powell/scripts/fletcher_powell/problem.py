@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from evopem.estimation.pem.batch_bfgs import Descent, descend
+from evopem.estimation.pem.kernels.bfgs import Descent, descend
 from evopem.estimation.search.memetic import discrete_recombination
 from fletcher_powell import levenberg_marquardt
 from fletcher_powell.function import wrap

@@ -31,7 +31,6 @@ from evopem.validation.checks.roots import (
     INSIDE_BOUND,
     cancelling_pairs,
 )
-from evopem.validation.excitation import excitation_order, needed_excitation
 from evopem.validation.residual_tests import (
     autocorrelation_of,
     correlation_with_input,
@@ -39,6 +38,7 @@ from evopem.validation.residual_tests import (
     ljung_box_lags,
     whiteness_test,
 )
+from evopem.validation.spectra import excitation_order, needed_excitation
 
 # A coefficient of so few standard errors may be 0: the BIC of a model without it then decides.
 SMALL = 3.0

@@ -19,8 +19,8 @@ from scipy.optimize import least_squares
 from evopem.arrays import Array
 from evopem.config.settings import Hold, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.pem.batch_bfgs import Descent
 from evopem.estimation.pem.covariance import coloured_covariance
+from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.search.memetic import discrete_recombination, memetic_search
 from evopem.models.continuous import ContinuousModel, ContinuousRecord, phi_functions
 from evopem.models.conversions import AT_ZERO

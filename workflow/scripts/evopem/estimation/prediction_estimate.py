@@ -13,7 +13,6 @@ from evopem.config.settings import SearchSettings
 from evopem.errors import InputError
 from evopem.estimation.pem.constrained_model import constrained_parameters, equalities
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
-from evopem.estimation.pem.coordinate_errors import CoordinateErrors, Priors, priors_of
 from evopem.estimation.pem.covariance import (
     Fitted,
     loss_deviation,
@@ -21,7 +20,7 @@ from evopem.estimation.pem.covariance import (
     tangent_covariance,
     whitened_covariance,
 )
-from evopem.estimation.pem.k_step_errors import KStepErrors
+from evopem.estimation.pem.derived_errors import CoordinateErrors, KStepErrors, Priors, priors_of
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe

@@ -13,13 +13,13 @@ from evopem.errors import InputError
 from evopem.estimation.pem.constrained_model import equalities, plant_polynomial
 from evopem.estimation.pem.constrained_parameters import ConstrainedParameters
 from evopem.estimation.pem.constrained_polynomials import Linear
-from evopem.estimation.pem.coordinate_errors import CoordinateErrors
 from evopem.estimation.pem.covariance import (
     Fitted,
     loss_deviation,
     of_coefficients,
     two_stage_covariance,
 )
+from evopem.estimation.pem.derived_errors import CoordinateErrors
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe

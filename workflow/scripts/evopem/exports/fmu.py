@@ -13,8 +13,7 @@ import numpy as np
 from evopem.arrays import Flags
 from evopem.errors import InputError, checked_path
 from evopem.exports.c_code import Exported, c_texts, printed, rendered
-from evopem.files.archive import member_of, pack
-from evopem.files.atomic import files_below, write_text
+from evopem.files.atomic import files_below, member_of, pack, write_text
 from evopem.files.checksums import check_own
 from evopem.models.polynomial import Model, PolynomialModel
 
@@ -43,7 +42,7 @@ def export_fmu(model: str | Path | Model, file: str | Path) -> str:
     --------
     >>> from tempfile import TemporaryDirectory
     >>> import evopem
-    >>> from evopem.files.archive import member_of
+    >>> from evopem.files.atomic import member_of
     >>> with TemporaryDirectory() as folder:
     ...     file = f"{folder}/model.fmu"
     ...     missing = evopem.export_fmu(evopem.PolynomialModel([1.0, -0.5], [2.0], nk=1), file)

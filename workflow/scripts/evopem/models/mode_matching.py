@@ -14,8 +14,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from evopem.models.mode_shapes import assurance
-from evopem.models.modes import Mode
+from evopem.models.modes import Mode, assurance
 from evopem.models.polynomial import Model
 
 # Modes whose natural frequencies differ by more than this share are not the same mode.

@@ -9,8 +9,7 @@ import numpy as np
 from evopem.arrays import Complex
 from evopem.errors import InputError
 from evopem.models.mode_matching import cluster_modes
-from evopem.models.mode_shapes import assurance
-from evopem.models.modes import Mode, eigenvectors, mode_derivatives, pole_slopes
+from evopem.models.modes import Mode, assurance, eigenvectors, mode_derivatives, pole_slopes
 from evopem.models.state_space import StateSpaceModel
 
 # Two set-ups have the same mode where frequencies and shapes at common outputs differ by less: wide

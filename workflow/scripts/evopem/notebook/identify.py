@@ -109,8 +109,7 @@ def identify(
     settings = _settings(name, recorded, held_out, keys)
     from evopem.blas_threads import one_blas_thread
     from evopem.notebook.results import Results
-    from evopem.pipeline.identification import identify_dataset
-    from evopem.pipeline.progress import progress
+    from evopem.pipeline.identification import identify_dataset, progress
     from evopem.results.dataset import read_results
 
     folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.errors import InputError
-from evopem.files.archive import save_arrays
+from evopem.files.atomic import save_arrays
 from evopem.signals.timestamps import RATE_TOLERANCE, timing
 
 DATA = "data"

@@ -1,20 +1,93 @@
-"""Identification: every stage of one data set in one process, without Snakemake."""
+"""Identification: every stage of a data set in one process, without Snakemake, and batches.
+
+Snakemake sees a batch as one job.  In it each recording is a job of its own: it has its log, its
+checksums and the record of an unfinished job, fails alone, and is passed over where it is finished.
+"""
 
 import shutil
-from collections.abc import Iterator
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TextIO
 
 from evopem.config.defaults import read_settings
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
-from evopem.files.atomic import TEMPORARY, files_below
+from evopem.files.atomic import TEMPORARY, files_below, pack
 from evopem.files.checksums import delete_results
+from evopem.files.job import job as recorded_job
+from evopem.files.json_form import save
+from evopem.files.unfinished import unfinished_record
 from evopem.pipeline.call import Log
 from evopem.pipeline.planning.stage import StageJob
 from evopem.pipeline.planning.stages import stages_of
-from evopem.pipeline.progress import Announce
+from evopem.results.identity import MADE_FROM, is_finished, made_from
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
+
+Announce = Callable[[str, int, int], None]
+
+# Seconds between two lines about one stage where there is no terminal.
+PAUSE = 30.0
+
+
+@dataclass
+class ProgressLine:
+    """One line that each stage overwrites, or a line for each stage."""
+
+    stream: TextIO  # standard error, so that the results alone can be piped on
+    overwrites: bool  # as a terminal does
+    _started: float = field(default_factory=time.monotonic)
+    _shown: float = 0.0
+    _stage: tuple[str, str] = ("", "")
+    _width: int = 0
+
+    def announce(self, words: str, number: int, count: int) -> None:
+        """Say that a stage begins: what it does, its number from 1, and how many there are."""
+        self._stage = f"[{number}/{count}]", words
+        self._show("")
+
+    def tell(self, words: str) -> None:
+        """Say how far the stage has come; not each time where lines are kept."""
+        if self.overwrites or time.monotonic() - self._shown >= PAUSE:
+            self._show(f": {words}")
+
+    def _show(self, words: str) -> None:
+        self._shown = time.monotonic()
+        number, title = self._stage
+        text = f"{number} {self._shown - self._started:5.1f} s  {title}{words}"
+        if not self.overwrites:
+            self.stream.write(f"{text}\n")
+        else:
+            # A line that is wrapped could not be overwritten.
+            text = text[: shutil.get_terminal_size().columns - 1]
+            self.stream.write(f"\r{text:<{self._width}}")
+            self._width = len(text)
+        self.stream.flush()
+
+    def close(self) -> None:
+        """Remove the line from the terminal."""
+        if self.overwrites and self._width:
+            self.stream.write(f"\r{'':<{self._width}}\r")
+            self.stream.flush()
+
+
+@contextmanager
+def progress(shown: bool) -> Iterator[Announce | None]:
+    """A function that receives each stage before it begins; None where nothing is shown."""
+    if not shown:
+        yield None
+        return
+    # A notebook overwrites a line as a terminal does; a file of messages keeps all lines.
+    ipython = sys.modules.get("IPython")
+    in_notebook = ipython is not None and hasattr(ipython.get_ipython(), "kernel")
+    line = ProgressLine(sys.stderr, sys.stderr.isatty() or in_notebook)
+    try:
+        yield line.announce
+    finally:
+        line.close()
 
 
 def jobs(
@@ -96,3 +169,72 @@ def run_stage(name: str, folder: str | Path, log: Log | None = print) -> None:
     for job in parts + wanted:
         job.run(log)
     remove_parts(parts)
+
+
+_SHOWN = 5
+
+
+def identify_batch(
+    folder: str | Path,
+    recordings: Mapping[str, DatasetSettings],
+    code: str,
+    log: Log,
+    cores: int = 1,
+) -> None:
+    """Identify recordings one after the other, each whatever becomes of the others.
+
+    Each keeps :attr:`.DatasetFiles.batch_results`, with all that is not among them in an archive.
+    One whose process was killed before is tried after all others, because it may be again. At the
+    end an `InputError` names those that failed; their messages are on standard error and in logs.
+    """
+    failed = []
+    for name in _killed_last(folder, recordings):
+        files, settings = DatasetFiles(f"{folder}/{name}"), recordings[name]
+        if is_finished(files, settings, code):
+            log(f"{name}: finished before")
+            continue
+        began = time.monotonic()
+        try:
+            _identify(files, settings, code, cores)
+        # Exit is how the job of a recording ends at an error that it has explained.
+        except (Exception, SystemExit):
+            record = unfinished_record(IDENTIFICATION, files.logs)
+            log(f"{name}: failed. {record.sentence if record else ''}")
+            failed.append(name)
+        else:
+            log(f"{name}: complete after {time.monotonic() - began:.1f} s")
+    if failed:
+        shown = ", ".join([*failed[:_SHOWN], *(["…"] if len(failed) > _SHOWN else [])])
+        problem = f"{len(failed)} of the {len(recordings)} recordings of this job failed ({shown})"
+        raise InputError(str(folder), problem, "see the message of each one")
+
+
+def _identify(files: DatasetFiles, settings: DatasetSettings, code: str, cores: int) -> None:
+    """Take one recording through all stages, and pack what is not looked at every day."""
+    with recorded_job(
+        files.log(IDENTIFICATION), (), files.batch_results, ends_with_parent=False
+    ) as logger:
+        delete_results(files.folder)  # nothing of an earlier run is left if this one fails
+        with made_aside(files) as aside:
+            save(made_from(settings, code), f"{aside.folder}/{MADE_FROM}")
+            identify_dataset(aside, settings, with_report=False, log=logger.info, cores=cores)
+            _keep(aside, files)
+
+
+def _keep(made: DatasetFiles, files: DatasetFiles) -> None:
+    """Move the results of a batch to their places, all others into the archive among them."""
+    moved = dict(zip(map(Path, made.batch_results), files.batch_results, strict=True))
+    others = [file for file in files_below(made.folder, "") if file not in moved]
+    pack(made.details, others, made.folder)
+    for file, place in moved.items():
+        file.replace(place)
+
+
+def _killed_last(folder: str | Path, names: Mapping[str, object]) -> list[str]:
+    """Names in their order, last those whose last job left a record without a message."""
+
+    def was_killed(name: str) -> bool:
+        record = unfinished_record(IDENTIFICATION, DatasetFiles(f"{folder}/{name}").logs)
+        return record is not None and record.message is None
+
+    return sorted(names, key=was_killed)

@@ -1,30 +1,43 @@
-"""The pages: figures and report of a data set, and several data sets side by side."""
+"""The pages of a data set, of several side by side, and the lists of all data sets."""
 
 import os
 import subprocess
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 from urllib.parse import quote
 
 import pandas as pd
 
+from evopem.config.configuration import Positions
 from evopem.estimation.model_record import ModelRecord
 from evopem.figures import svg_texts
 from evopem.figures.chart import FREQUENCY, Chart, Curve, Panel
 from evopem.figures.comparison import Comparison
-from evopem.files.atomic import write_table, write_text
+from evopem.files.atomic import write_parquet, write_table, write_text
 from evopem.files.checksums import write_page
 from evopem.files.json_form import load
 from evopem.models.response_tables import shaped_modes_table
 from evopem.report.comparison import build_comparison
 from evopem.report.figures import drawn_figure
+from evopem.report.index_page import build_index
 from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import environment, template_folder
 from evopem.results.dataset import DatasetResults, read_results, read_whole_results
-from evopem.results.fleet import DatasetSummary, ResponseValidation
-from evopem.results.layout import DatasetFiles
+from evopem.results.fleet import (
+    DatasetSummary,
+    Entry,
+    ResponseValidation,
+    fleet_table,
+    read_entry,
+    without_formulas,
+)
+from evopem.results.followed_modes import FollowedMode, follow_modes, followed_table
+from evopem.results.layout import OVERVIEW, DatasetFiles
 
 
 def commit_of(workflow: Path) -> str:
@@ -137,3 +150,70 @@ def report_responses(files: DatasetFiles) -> None:
     validation = load(ResponseValidation, files.validation)
     shown = {"record": record, "summary": summary, "validation": validation, "figures": figures}
     write_text(files.report, page.render(name=files.name, **shown))
+
+
+def collect_fleet(
+    files: DatasetFiles, names: tuple[str, ...], page: str, order: Positions | None
+) -> None:
+    """List data sets, and follow the modes of those whose results are whole."""
+    entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
+    given = entries, template_folder(), page, order
+    followed = cache(partial(_followed, entries, order))
+    for path in OVERVIEW:
+        _write_list(f"{files.folder}/{Path(path).name}", *given, followed)
+
+
+def collect_unfinished(
+    required: Mapping[str, Collection[str]],
+    templates: Path,
+    page: str,
+    pending: Collection[str] = (),
+    order: Positions | None = None,
+) -> None:
+    """List all data sets after a run that failed, each with its summary or what went wrong.
+
+    Raises no error: it runs when Snakemake has already failed. A list that cannot be written is
+    deleted, so that no outdated list remains, and a sentence on standard error says why.
+    """
+    entries = {
+        name: read_entry(DatasetFiles.of_dataset(name), files, name in pending)
+        for name, files in required.items()
+    }
+    followed = cache(partial(_followed, entries, order))
+    for path in OVERVIEW:
+        try:
+            _write_list(path, entries, templates, page, order, followed)
+        except Exception as error:
+            sys.stderr.write(f"{path}: the list was not written ({error}).\n")
+            with suppress(OSError):
+                Path(path).unlink(missing_ok=True)
+
+
+def _write_list(
+    path: str,
+    entries: Mapping[str, Entry],
+    templates: Path,
+    page: str,
+    order: Positions | None,
+    followed: Callable[[], list[FollowedMode]],
+) -> None:
+    """Write one of the lists, which its name tells."""
+    match Path(path).name:
+        case "index.html":
+            name = order.name if order else ""
+            write_text(path, build_index(entries, templates, page, followed(), name))
+        case "fleet.csv":
+            write_table(path, without_formulas(fleet_table(entries)))
+        case "fleet.parquet":
+            write_parquet(path, fleet_table(entries))
+        case _:
+            write_table(path, without_formulas(followed_table(followed())))
+
+
+def _followed(entries: Mapping[str, Entry], order: Positions | None) -> list[FollowedMode]:
+    recordings = {
+        name: [m for m, kept in zip(entry.modes, entry.trusted, strict=True) if kept]
+        for name, entry in entries.items()
+        if isinstance(entry, DatasetSummary)
+    }
+    return follow_modes(recordings, order.places if order else None)

@@ -16,7 +16,7 @@ from evopem.figures.comparison import (
     compared_simulations,
     spread_percent,
 )
-from evopem.figures.shapes import ShapeDrawing
+from evopem.figures.draw import ShapeDrawing
 from evopem.models.merged_modes import MergedModes
 from evopem.models.modes import Mode
 from evopem.models.setups import INPUT

@@ -20,7 +20,7 @@ from evopem.config.constraints import Constraints
 from evopem.config.settings import DatasetSettings
 from evopem.estimation.model_record import FitRecord
 from evopem.estimation.order_candidate import PhaseSelection
-from evopem.figures.shapes import ShapeDrawing
+from evopem.figures.draw import ShapeDrawing
 from evopem.models.mode_matching import deviations, matched_modes
 from evopem.models.modes import Mode
 from evopem.models.orders import armax_orders

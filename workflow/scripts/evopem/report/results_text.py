@@ -16,7 +16,7 @@ from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
 from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import ErrorParts
-from evopem.validation.linear_floor import Floor
+from evopem.validation.model_class import Floor
 from evopem.validation.validation import Validation
 
 _WIDTH = 96

@@ -1,21 +1,87 @@
-"""The Jinja environment of the pages: filters for numbers, and the scripts."""
+"""The Jinja environment of the pages: filters for numbers, what sentences tell, and the scripts."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from base64 import b64encode
+from collections.abc import Iterator, Sequence
 from inspect import getmembers, isfunction
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from evopem.config.schema import shipped
-from evopem.models.mode_matching import PERSISTENT_ORDERS
-from evopem.report import numbers, sentences
+from evopem.figures.chart import of_pair, rows_of
+from evopem.models.mode_matching import PERSISTENT_ORDERS, persistent_frequencies
+from evopem.models.modes import Mode
+from evopem.report import numbers
 from evopem.report.equations import symbol
+from evopem.results.dataset import DatasetResults
+from evopem.signals.peaks import line_spacing
+from evopem.signals.prepared_data import Transforms
 from evopem.validation.checks import p_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+
+# The search counts as near its final objective from this ratio on.
+NEAR = 1.001
+
+
+def difference_gain(transforms: Transforms, frequency: float) -> float:
+    """Factor |2 sin(πf/fs)|^d on the gain, d the output's differences beyond the input's."""
+    surplus = transforms.difference - transforms.difference_input
+    return float(abs(2 * math.sin(math.pi * frequency / transforms.sampling_rate)) ** surplus)
+
+
+def time_constants(results: DatasetResults, mode: Mode) -> float:
+    """Length of the estimation samples in time constants of a mode."""
+    duration = results.model.transforms.estimation_samples / results.model.sampling_rate
+    return 2 * math.pi * mode.frequency_hz * mode.damping_ratio * duration
+
+
+def evaluations_to_near(history: Sequence[tuple[int, float]]) -> int:
+    """Evaluations after which a search was within 0.1 % of its final objective."""
+    return next(spent for spent, value in history if value <= NEAR * history[-1][1])
+
+
+def counted_roots(results: DatasetResults) -> dict[str, Any]:
+    """Numbers of poles and zeros, and how far out the outermost ones are."""
+    record, kinds = results.model, results.roots["kind"]
+    slowest = float(np.abs(record.poles).max(initial=0.0))
+    zeros = np.concatenate([*record.zeros, np.empty(0)])
+    stable = 0 < slowest < 1
+    return {
+        "poles": record.poles.size,
+        "real": int(np.sum(record.poles.imag == 0)),
+        "slowest": slowest,
+        "decay_s": -1 / (results.model.sampling_rate * math.log(slowest)) if stable else math.nan,
+        "zeros": zeros.size,
+        "outside": int(np.sum(np.abs(zeros) > 1)),
+        "unknown": int(results.roots["variance_real"].isna().sum() - (kinds == "true pole").sum()),
+        "noise_zero": float(np.abs(record.noise_zeros).max()) if record.noise_zeros.size else None,
+    }
+
+
+def gains_in_words(results: DatasetResults) -> Iterator[dict[str, Any]]:
+    """Where the gain of each pair is largest, and its medians at both ends of the band."""
+    kind, label = results.model_source
+    table = results.responses
+    table = table[(table["source"] == kind) & (table["frequency_hz"] > 0)]
+    for pair in results.pairs:
+        rows = rows_of(table, of_pair(*pair))
+        gain, top = rows["gain"].to_numpy(), int(np.nanargmax(rows["gain"]))
+        tenth = max(len(gain) // 10, 1)
+        low, high = float(np.median(gain[:tenth])), float(np.median(gain[-tenth:]))
+        yield {
+            "name": results.pair_title(*pair) or label,
+            "at": float(rows["frequency_hz"].iloc[top]),
+            "largest": float(gain[top]),
+            "ratio": high / low if low > 0 and high > 0 else None,
+        }
 
 
 def template_folder() -> Path:
@@ -39,7 +105,14 @@ def environment(folder: Path) -> Environment:
     environment.filters.update(words)
     environment.tests["finite"] = numbers.is_number
     environment.globals.update(
-        words | dict(getmembers(sentences, isfunction)),
+        words,
+        counted_roots=counted_roots,
+        difference_gain=difference_gain,
+        evaluations_to_near=evaluations_to_near,
+        gains_in_words=gains_in_words,
+        line_spacing=line_spacing,
+        persistent_frequencies=persistent_frequencies,
+        time_constants=time_constants,
         persistent_orders=PERSISTENT_ORDERS,
         symbol=symbol,
         p_value=p_text,

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.models.mode_shapes import assurance
-from evopem.models.modes import Mode
+from evopem.models.modes import Mode, assurance
 from evopem.results.fleet import MODE_COLUMNS, mode_values
 from evopem.validation.level_changes import (
     FEWEST,

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
-from evopem.files.archive import member_of
+from evopem.files.atomic import member_of
 from evopem.files.checksums import again, checksummed, sha256_of_file, sources
 from evopem.files.json_form import from_json, to_json
 from evopem.files.unfinished import unfinished_jobs

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from evopem.arrays import Array, Complex, Flags
-from evopem.signals.correlation import repetition_lag
+from evopem.signals.spectra import repetition_lag
 
 # Periods of an input are alike up to this share of their standard deviation.
 UNLIKE = 0.1

@@ -10,12 +10,12 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.errors import InputError
+from evopem.signals.faulty_samples import MOST_MISSING
 from evopem.signals.measured_files import channel_names, read_channels
-from evopem.signals.missing_samples import MOST_MISSING
-from evopem.signals.output_level import regression_triangle
 from evopem.signals.readers.open_file import Channel, Reference
 from evopem.signals.time_units import names_time
 from evopem.signals.timestamps import has_even_steps, timing
+from evopem.signals.transforms import regression_triangle
 
 MOST_INCREASE = 0.95
 """Larger share of the steps of a time that do not decrease."""

@@ -10,8 +10,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.config.settings import PreparationSettings, SplitSettings
 from evopem.errors import InputError
-from evopem.signals.missing_samples import LONG_STRETCH
-from evopem.signals.output_level import output_levels
+from evopem.signals.faulty_samples import LONG_STRETCH
 from evopem.signals.prepared_data import PreparedData, Source, StretchOrigin, Transforms
 from evopem.signals.recording import MINIMUM_SAMPLES, Recording, Segment
 from evopem.signals.recording_checks import check_recording, check_validation
@@ -19,6 +18,7 @@ from evopem.signals.transforms import (
     box_cox,
     difference,
     likeliest_box_cox,
+    output_levels,
     positive_shift,
     resample_recording,
 )

@@ -12,9 +12,9 @@ from evopem.arrays import Array
 from evopem.config.channels import ChannelSettings, Units, is_pattern, of_each
 from evopem.errors import InputError
 from evopem.files.checksums import sha256_of_file
+from evopem.signals.faulty_samples import without_missing
 from evopem.signals.inspection import time_from_file
 from evopem.signals.measured_files import channel_names, format_of, local_path, read_channels
-from evopem.signals.missing_samples import without_missing
 from evopem.signals.readers.open_file import Channel, Reference, listing
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import check_recording

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array
-from evopem.files.archive import load_arrays, save_arrays
+from evopem.files.atomic import load_arrays, save_arrays
 
 MINIMUM_SAMPLES = 8
 """A shorter recording is refused, whatever the model."""

@@ -20,7 +20,7 @@ from evopem.config.strict_yaml import check_yaml_files
 from evopem.errors import FOR_REPORT, InputError, check_packages
 from evopem.files.checksums import COMMAND, sha256_of_file
 from evopem.files.job import job
-from evopem.pipeline.progress import ProgressLine
+from evopem.pipeline.identification import ProgressLine
 from evopem.results.layout import DatasetFiles, check_folders
 from evopem.version import __version__
 

@@ -10,7 +10,6 @@ import numpy as np
 from evopem.arrays import Array, Complex
 from evopem.models.modes import Mode
 from evopem.models.states import delayed
-from evopem.validation.excitation import EXCITED
 from evopem.validation.held_out_tests import (
     NO_TEST,
     HeldOutContribution,
@@ -19,6 +18,7 @@ from evopem.validation.held_out_tests import (
     joint_contribution_test,
 )
 from evopem.validation.responses import HeldOut
+from evopem.validation.spectra import EXCITED
 
 # Least distance from a mode's frequency that is near it, relative; and that of four lines, in rad.
 NEAR, LOBE = 0.2, 8.0 * math.pi

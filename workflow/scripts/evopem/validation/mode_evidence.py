@@ -22,14 +22,13 @@ from evopem.models.mode_matching import (
     cluster_modes,
     stabilization,
 )
-from evopem.models.mode_shapes import assurance
-from evopem.models.modes import Mode
+from evopem.models.modes import Mode, assurance
 from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
-from evopem.validation.excitation import EXCITED
 from evopem.validation.held_out_tests import NO_TEST, HeldOutTest
 from evopem.validation.modal_parts import ModeTests, held_out_mode_tests
 from evopem.validation.responses import HeldOut, Model, divided
+from evopem.validation.spectra import EXCITED
 
 if TYPE_CHECKING:
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate

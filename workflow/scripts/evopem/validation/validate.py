@@ -18,7 +18,6 @@ from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
 from evopem.validation.distortion import distortion_of
-from evopem.validation.excitation import excitation_order, needed_excitation, split_spectra
 from evopem.validation.held_out_tests import (
     NO_TEST,
     HeldOutContribution,
@@ -26,11 +25,9 @@ from evopem.validation.held_out_tests import (
     joint_contribution_test,
     left_by,
 )
-from evopem.validation.linear_floor import floors_of
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
-from evopem.validation.model_class import REJECTED, model_class
-from evopem.validation.peak_evidence import peak_evidence
+from evopem.validation.model_class import REJECTED, floors_of, model_class
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
     EstimationResiduals,
@@ -48,6 +45,12 @@ from evopem.validation.responses import (
     responses_of,
     stretches_of,
     unscored_samples,
+)
+from evopem.validation.spectra import (
+    excitation_order,
+    needed_excitation,
+    peak_evidence,
+    split_spectra,
 )
 from evopem.validation.tables import (
     correlation_table,

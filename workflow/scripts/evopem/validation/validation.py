@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evopem.validation.distortion import NOT_TESTED, Distortion
-from evopem.validation.excitation import SplitSpectra
 from evopem.validation.held_out_tests import HeldOutTest
-from evopem.validation.linear_floor import Floor
 from evopem.validation.mode_evidence import ModeTable
-from evopem.validation.model_class import ModelClass
-from evopem.validation.peak_evidence import PeakEvidence
+from evopem.validation.model_class import Floor, ModelClass
 from evopem.validation.residual_tests import WhitenessTest
+from evopem.validation.spectra import PeakEvidence, SplitSpectra
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,8 +15,8 @@ from evopem.automatic.cross_validation.stretches import REASON, Fold, folds_of, 
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
 from evopem.errors import NoModelError
-from evopem.signals.correlation import LONGEST_LAG, repetition_lag
 from evopem.signals.recording import Segment, total_samples
+from evopem.signals.spectra import LONGEST_LAG, repetition_lag
 
 # Orders of the ARX models whose residuals are judged, with SAMPLES_PER_ORDER samples for each.
 ARX_ORDERS, SAMPLES_PER_ORDER = (2, 4, 8, 12, 16), 25

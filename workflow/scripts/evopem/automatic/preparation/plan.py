@@ -34,7 +34,7 @@ from evopem.config.settings import GivenPreparation, Objective
 from evopem.errors import InputError
 from evopem.estimation.criteria import power_of_two_scale
 from evopem.models.polynomial import Model
-from evopem.signals.missing_samples import runs_of
+from evopem.signals.faulty_samples import runs_of
 from evopem.signals.prepared_data import PreparedData, Rows, StretchOrigin
 from evopem.signals.recording import Recording, Segment
 from evopem.signals.transforms import difference, invert_difference

@@ -7,7 +7,7 @@ import numpy as np
 
 from evopem.arrays import Array, Flags
 from evopem.automatic.decision import Alternative, Decision
-from evopem.signals.outliers import LEAST_DEVIATION, without_outliers
+from evopem.signals.faulty_samples import LEAST_DEVIATION, without_outliers
 from evopem.signals.prepared_data import StretchOrigin, Transforms
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import MAX_DESIGNED_LEVELS

@@ -16,7 +16,7 @@ from evopem.estimation.pem.constrained_polynomials import (
     Linear,
     RegionSections,
 )
-from evopem.estimation.pem.coordinate_errors import Mapped
+from evopem.estimation.pem.derived_errors import Mapped
 from evopem.estimation.pem.pole_region import AT_EDGE
 
 # Shares of a start: away from the edges, where the slope by the coordinate vanishes.

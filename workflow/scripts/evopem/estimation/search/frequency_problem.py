@@ -11,7 +11,7 @@ import numpy as np
 
 from evopem.arrays import Array, Complex
 from evopem.estimation.damped_descent import Damping
-from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.search.global_search import basin_hopping
 from evopem.estimation.search.problem import (
     SearchProgress,

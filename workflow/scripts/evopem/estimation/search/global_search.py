@@ -12,7 +12,7 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.config.settings import SearchSettings
-from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.search.certificate import (
     AFTER_BATCHES,
     AFTER_RESTART,

@@ -9,7 +9,7 @@ from functools import cached_property, reduce
 import numpy as np
 
 from evopem.arrays import Array
-from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.linear_estimates import (
     common_denominators,

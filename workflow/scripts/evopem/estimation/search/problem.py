@@ -11,7 +11,7 @@ from evopem.arrays import Array
 from evopem.errors import InputError
 
 if TYPE_CHECKING:
-    from evopem.estimation.pem.batch_bfgs import Descent
+    from evopem.estimation.pem.kernels.bfgs import Descent
 
 # Relative difference of objective values below which two end points count as the same optimum.
 SAME_OPTIMUM = 1e-6

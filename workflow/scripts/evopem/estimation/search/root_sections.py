@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Complex, Integers
-from evopem.estimation.pem.batch_bfgs import Descent
-from evopem.estimation.pem.coordinate_errors import CoordinateErrors, Mapped
+from evopem.estimation.pem.derived_errors import CoordinateErrors, Mapped
+from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.pem.kernels.polynomials import products_of_sections
 from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors

@@ -8,9 +8,8 @@ import numpy as np
 
 from evopem.arrays import Array, Flags, Indices
 from evopem.errors import InputError
-from evopem.estimation.pem.batch_bfgs import Descent, descend, descend_by
-from evopem.estimation.pem.coordinate_errors import CoordinateErrors
-from evopem.estimation.pem.k_step_errors import KStepErrors
+from evopem.estimation.pem.derived_errors import CoordinateErrors, KStepErrors
+from evopem.estimation.pem.kernels.bfgs import Descent, descend, descend_by
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.problem import (
     SearchDiagnostics,

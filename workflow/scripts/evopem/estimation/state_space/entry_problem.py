@@ -19,7 +19,6 @@ from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
 from evopem.estimation.damped_descent import Optimum, Places, descend
 from evopem.estimation.state_space.errors import StateSpaceErrors
-from evopem.estimation.state_space.kernels import driven_states
 from evopem.estimation.state_space.point_model import (
     Matrices,
     ScaledModel,
@@ -37,6 +36,7 @@ from evopem.estimation.state_space.problem import (
 )
 from evopem.estimation.state_space.sections import (
     Layout,
+    driven_states,
     input_matrix,
     normalised,
     scale_of,

@@ -20,11 +20,11 @@ from evopem.arrays import Array, Flags, Indices, Integers
 from evopem.config.settings import OutputWeighting
 from evopem.errors import NoModelError
 from evopem.estimation.damped_descent import Weighing
-from evopem.estimation.state_space.kernels import driven_states
 from evopem.estimation.state_space.sections import (
     Layout,
     SectionArrays,
     SectionSignals,
+    driven_states,
     input_matrix,
     inside,
     largest_radius,

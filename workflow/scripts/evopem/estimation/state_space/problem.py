@@ -9,7 +9,7 @@ from evopem.arrays import Array
 from evopem.config.settings import Objective
 from evopem.estimation import damped_descent
 from evopem.estimation.damped_descent import Optimum, Places, descend
-from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.point_model import PointModel, ScaledModel, parameter_covariance
 from evopem.estimation.state_space.sections import inside, largest_radius, normalised, rescaled

@@ -13,7 +13,7 @@ from evopem.config.settings import SearchSettings
 from evopem.estimation import damped_descent
 from evopem.estimation.criteria import limited
 from evopem.estimation.damped_descent import Optimum, descend
-from evopem.estimation.pem.batch_bfgs import Descent
+from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult

@@ -35,7 +35,7 @@ _RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
 DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
 """The form of a data set's name. A folder with a reserved name belongs to no data set."""
 
-LIST = "fleet:collect_fleet"
+LIST = "report:collect_fleet"
 """The function that lists all data sets."""
 
 FILES = DatasetFiles.of_dataset("{dataset}")

@@ -16,7 +16,7 @@ from evopem.validation.checks.check import (
     listed,
     p_text,
 )
-from evopem.validation.excitation import FEWEST_SAMPLES
+from evopem.validation.spectra import FEWEST_SAMPLES
 
 if TYPE_CHECKING:
     from evopem.validation.held_out_tests import HeldOutTest

@@ -23,7 +23,7 @@ from evopem.validation.checks.check import (
 if TYPE_CHECKING:
     from evopem.models.modes import Mode
     from evopem.validation.model_class import ResidualTest
-    from evopem.validation.peak_evidence import PeakEvidence
+    from evopem.validation.spectra import PeakEvidence
     from evopem.validation.validation import Validation
 
 # With a coloured input, cross-correlations at neighbouring lags are dependent, so the share inside
