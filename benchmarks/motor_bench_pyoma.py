@@ -1,7 +1,7 @@
 """What pyOMA2 finds in the motor bench's recordings: `python benchmarks/motor_bench_pyoma.py`.
 
 It needs `pip install pyOMA-2==1.4.3 matplotlib`. The numbers and the picture stand in
-docs/side_by_side.md.
+docs/evidence/side_by_side.md.
 """
 
 import sys

@@ -94,6 +94,21 @@ def _built_in(about: dict, name: str, kinds: tuple[type, ...]) -> str:
     return about.get("built_in") or next(iter(shown), "")
 
 
+SHORT = {
+    r"^the ": "",
+    r"an? (whole )?number of at least (\S+?)(?=[ ,.]|$)": r"\1number ≥ \2",
+    r"an? (whole )?number from (\d\S*) to (\S+?)(?=[ ,.]|$)": r"\1number \2–\3",
+    r"a list of them or a mapping from names to them": "list, or mapping by name",
+}
+
+
+def _short(text: str) -> str:
+    """A meaning as a table has it: what sentences need besides is left out."""
+    for pattern, words in SHORT.items():
+        text = re.sub(pattern, words, text)
+    return text
+
+
 def table(keys: dict, kinds: tuple[type, ...]) -> str:
     """The rows of some keys, those of a mapping below it."""
     schema = adapter(mapping("Table", keys)).json_schema()
@@ -102,7 +117,9 @@ def table(keys: dict, kinds: tuple[type, ...]) -> str:
     def add(name: str, about: dict, level: str) -> None:
         reference = about.get("$ref", "").rpartition("/")[2]
         below = schema["$defs"][reference]["properties"] if name in GROUPS and not level else {}
-        text = ". ".join(filter(None, described(about)))
+        text = _short(". ".join(filter(None, described(about))))
+        if below:
+            text = text.partition(", a mapping of ")[0]
         built_in = _built_in(about, name, kinds)
         rows.append(f"| {level}`{name}` | {text} | {built_in} |")
         for key, inner in below.items():

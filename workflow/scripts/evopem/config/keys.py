@@ -169,9 +169,7 @@ COLUMNS = (
 class _Recorded:
     file: Annotated[_Paths, built_in("required")]
     """the path of a recording, relative to the working directory, or a list or pattern of several.
-    Text (`.csv`, `.tsv`, `.txt`, `.dat`, `.asc`), MATLAB `.mat` (v5 and v7.3), `.npz`, `.npy`,
-    `.parquet`, `.h5`, `.hdf5`, `.tdms`, `.uff`, `.unv`, `.mf4`, `.mdf`,
-    `.wav`; the extension decides"""
+    The extension tells its [format](formats.md)"""
     input: Annotated[_Channels, built_in("[decided from the file](#the-file-alone), else 1")]
     """a column number from 1, or a column, variable or channel name, or a list of them, or none. A
     name with a `*` stands for all channels that match"""
