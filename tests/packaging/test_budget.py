@@ -35,12 +35,12 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 39_305,
+    "lines": 44_687,
     "files": 233,
     "files above 400 lines": 0,
     "folders above 20 files": 0,
-    "words of guides": 19_300,
-    "words beside evidence": 2_363,
+    "words of guides": 19_095,
+    "words beside evidence": 3_337,
 }
 
 
