@@ -218,8 +218,9 @@ def _despite_simulations(
 
     ``lowest``: simulation error of all models.
 
-    Maximum likelihood is unbiased under feedback.  Simulation errors contain the noise as a whole;
-    where it is heavy-tailed, they differ by chance by far more than the models do.
+    Maximum likelihood is unbiased under feedback, and efficient where the residuals are white.
+    Simulation errors contain the noise as a whole; where it is heavy-tailed, they differ by chance
+    by far more than the models do.
     """
     likeliest = min(candidates, key=BIC)
     ratio = score(likeliest) / lowest
@@ -228,6 +229,7 @@ def _despite_simulations(
         and _passes_through_plant(likeliest)
         and heaviness(likeliest.model, scorer.stretches) >= HEAVY
         and ratio < MOST_UNDER_HEAVY_TAILS
+        and scorer.checks(likeliest).whiteness >= BY_CHANCE
     ):
         passing = [candidate for candidate in candidates if _passes_through_plant(candidate)]
         return _smallest(scorer, passing, BIC), (
