@@ -24,6 +24,7 @@ CAPABILITIES: tuple[str, ...] = (
     "frequency responses as data",
     "MDF and WAV files",
     "verdict for programs",
+    "functional-series models",
 )
 
 BUDGET = {

@@ -26,6 +26,8 @@ LOST, FIRST_SAMPLES, ROUNDING = 0.05, 8192, 1e-10
 
 # Errors beyond this many standard deviations, from the median of the absolute ones, stand out.
 LIMIT, DEVIATIONS = 3.0, 1.4826
+# Steps of Fisher's scoring towards the logarithm of a variance.
+VARIANCE_STEPS = 30
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,30 @@ def criteria_of(residuals: Array, output: Array, objective: str, parameters: int
         rss=rss,
         bic=float(np.log(square_sum / count) + parameters * np.log(count) / count),
     )
+
+
+def log_variance_of(errors: Array, functions: Array) -> tuple[Array, float, int]:
+    """Weights of the logarithm of a variance, -2 ln likelihood, and how many were needed.
+
+    Constant unless BIC prefers that it moves, by Fisher's scoring (Aitkin 1987).
+    """
+    count, terms = functions.shape
+    constant = np.zeros(terms)
+    constant[0] = np.log(max(float(np.mean(errors**2)), 1e-300))
+    best = constant, count * (constant[0] + 1.0), 1
+    if terms == 1:
+        return best
+    weights, squares = constant.copy(), errors**2
+    for _ in range(VARIANCE_STEPS):
+        ratio = squares * np.exp(-functions @ weights)
+        step = np.linalg.lstsq(functions, ratio - 1.0, 1e-12)[0]
+        weights = weights + np.clip(step, -1.0, 1.0)
+        if np.max(np.abs(step)) < 1e-8:
+            break
+    logarithm = functions @ weights
+    likelihood = float(np.sum(logarithm + squares * np.exp(-logarithm)))
+    gain = best[1] - likelihood - (terms - 1) * np.log(count)
+    return (weights, likelihood, terms) if gain > 0.0 else best
 
 
 def power_of_two_scale(signal: Array) -> float:

@@ -1,0 +1,254 @@
+"""Models whose coefficients move: known systems, exact derivatives, and their choice."""
+
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import legvander
+from scipy.optimize import approx_fprime
+
+from evopem import InputError, Orders, Recording, SearchSettings, estimate
+from evopem.estimation.varying import Scheduled, VaryingProblem, estimate_varying
+from evopem.estimation.varying_choice import choose_varying
+from evopem.files.json_form import from_json, to_json
+from evopem.models.varying import Basis, VaryingModel, all_free, delayed_inputs, filtered
+from evopem.signals.recording import Segment
+
+RATE = 100.0
+ZETA = 0.03
+
+
+def frequency(times):
+    """Natural frequency (Hz) that rises along a parabola."""
+    return 10.0 + 4.0 * (times / times[-1]) ** 2
+
+
+def denominators(frequencies):
+    """Of a mode of damping ZETA, (N, 2)."""
+    omega = 2.0 * np.pi * np.asarray(frequencies) / RATE
+    radius = np.exp(-ZETA * omega)
+    turned = omega * np.sqrt(1.0 - ZETA**2)
+    return np.column_stack([-2.0 * radius * np.cos(turned), radius**2])
+
+
+def moving(structure, samples=2000, seed=0, a=None, colour=0.6):
+    """A recording of a mode that moves, of a structure with C = 1 + colour q^-1."""
+    generator, times = np.random.default_rng(seed), np.arange(samples) / RATE
+    u, e = generator.normal(size=(samples, 1)), 0.3 * generator.normal(size=samples)
+    a = denominators(frequency(times)) if a is None else a
+    bounds = np.array([0, samples])
+    forced = delayed_inputs(Orders(na=2, nb=2, nk=1), u, bounds) @ [1.0, 0.5]
+    coloured = e + colour * np.r_[0.0, e[:-1]]
+    drives = {
+        "ar": (e, 0.0),
+        "arx": (forced + e, 0.0),
+        "armax": (forced + coloured, 0.0),
+        "oe": (forced, e + 0.7),
+    }
+    drive, added = drives[structure]
+    y = filtered(drive[:, None], a, bounds)[:, 0] + added
+    return Recording(u if structure != "ar" else None or u[:, :0], y, RATE)
+
+
+ORDERS = {
+    "ar": Orders(na=2),
+    "arx": Orders(na=2, nb=2, nk=1),
+    "armax": Orders(na=2, nb=2, nc=1, nk=1),
+    "oe": Orders("oe", nb=2, nf=2, nk=1),
+}
+
+
+def in_segments(data):
+    """The same samples but for a gap."""
+    first, second = data.segments[0].between(0, 700), data.segments[0].between(750, data.samples)
+    return data.with_segments([first, second])
+
+
+@pytest.mark.parametrize("kind", ["legendre", "cosine", "spline"])
+def test_a_basis_begins_with_a_constant_and_knows_its_range(kind):
+    basis = Basis(kind, 6, -2.0, 3.0)
+    s = np.linspace(-2.0, 3.0, 200)
+    functions = basis.at(s)
+    assert np.linalg.matrix_rank(functions) == 6
+    np.testing.assert_allclose(functions[:, 0], 1.0)
+    with pytest.raises(InputError, match="stay within -2 and 3"):
+        basis.at([3.1])
+
+
+def test_splines_make_every_cubic():
+    s = np.linspace(0.0, 7.0, 50)
+    functions, cubic = Basis("spline", 7, 0.0, 7.0).at(s), s**3 - 4.0 * s
+    weights = np.linalg.lstsq(functions, cubic, None)[0]
+    np.testing.assert_allclose(functions @ weights, cubic, atol=1e-9)
+
+
+def test_an_autoregression_is_least_squares():
+    data = moving("arx")
+    fit = estimate_varying(Scheduled.of(data), ORDERS["arx"], Basis("legendre", 3, 0.0, 19.99))
+    y, u, functions = data.output, data.input, legvander(np.linspace(-1.0, 1.0, 2000), 2)
+    past = [-y[1:-1], -y[:-2], u[1:-1], u[:-2], np.ones(1998)]
+    columns = np.hstack([signal[:, None] * functions[2:] for signal in past])
+    expected = np.linalg.lstsq(columns, y[2:], None)[0]
+    np.testing.assert_allclose(fit.model.weights.ravel(), expected, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(fit.errors[2:], y[2:] - columns @ expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("structure", ["armax", "oe"])
+def test_gradients_are_those_of_finite_differences(structure):
+    scheduled = Scheduled.of(in_segments(moving(structure, 1500)))
+    basis = scheduled.basis("cosine", 3)
+    problem = VaryingProblem(
+        scheduled, ORDERS[structure], basis, all_free(ORDERS[structure], basis)
+    )
+    point = 0.8 * problem.random(1, np.random.default_rng(3))[0]
+    fit = problem.projection(point)
+    gradient = 2.0 * problem.jacobian(point, fit).T @ fit.errors
+    numeric = approx_fprime(point, lambda x: np.sum(problem.projection(x).errors ** 2), 1e-7)
+    np.testing.assert_allclose(gradient, numeric, rtol=1e-4, atol=1e-5 * np.abs(numeric).max())
+
+
+def test_without_motion_output_error_is_that_of_the_constant_search():
+    a = np.tile(denominators([12.0]), (800, 1))
+    data = moving("oe", 800, a=a)
+    settings = SearchSettings(objective="quadratic", evaluations=2000)
+    constant = estimate(data, orders=ORDERS["oe"], structure="oe", level=True, settings=settings)
+    scheduled = Scheduled.of(data)
+    model = estimate_varying(scheduled, ORDERS["oe"], scheduled.basis("legendre", 1)).model
+    (mode,), (expected,) = model.frozen(1.0).modes(), constant.model.modes()
+    # The first samples, whose past inputs are not measured, count in one of them only.
+    assert mode.frequency_hz == pytest.approx(expected.frequency_hz, abs=0.1 * mode.frequency_se_hz)
+    assert mode.damping_ratio == pytest.approx(expected.damping_ratio, abs=0.1 * mode.damping_se)
+    assert mode.frequency_se_hz == pytest.approx(expected.frequency_se_hz, rel=0.05)
+
+
+@pytest.mark.parametrize("structure", ["ar", "arx", "armax", "oe"])
+def test_frozen_modes_are_those_of_the_system(structure):
+    data = moving(structure)
+    scheduled = Scheduled.of(data)
+    fit = estimate_varying(scheduled, ORDERS[structure], scheduled.basis("legendre", 5))
+    moments = np.linspace(0.0, data.times[-1], 9)
+    (path,) = fit.model.modes(moments)
+    truth = np.interp(moments, data.times, frequency(data.times))
+    deviations = [
+        (m.frequency_hz - f) / m.frequency_se_hz for m, f in zip(path, truth, strict=True)
+    ]
+    dampings = [(m.damping_ratio - ZETA) / m.damping_se for m in path]
+    assert np.abs([deviations, dampings]).max() < 3.5
+    assert max(m.frequency_se_hz for m in path) < 0.3
+    assert fit.model.radii().max() < 1.0
+
+
+@pytest.mark.parametrize("structure", ["arx", "armax", "oe"])
+def test_predictions_are_those_of_the_recursion(structure):
+    data = moving(structure, 400)
+    scheduled = Scheduled.of(data)
+    model = estimate_varying(scheduled, ORDERS[structure], scheduled.basis("legendre", 2)).model
+    theta, rows = model.coefficients(data.times), model.rows
+    a, b, level = theta[:, rows["a"]], theta[:, rows["b"]], theta[:, -1]
+    c = a if structure == "oe" else theta[:, rows["c"]]
+    y, u = data.output - (level if structure == "oe" else 0.0), data.input
+    base = 0.0 if structure == "oe" else level
+    e = np.zeros(400)
+    for t in range(2, 400):
+        known = (
+            a[t] @ y[[t - 1, t - 2]] - b[t] @ u[[t - 1, t - 2]] - (base[t] if np.ndim(base) else 0)
+        )
+        e[t] = y[t] + known - c[t] @ e[t - 1 - np.arange(c.shape[1])]
+    now, known = y.copy(), e.copy()
+    known[301:] = 0.0
+    for t in range(301, 304):
+        b_u = b[t] @ u[[t - 1, t - 2]] + (base[t] if np.ndim(base) else 0)
+        now[t] = -a[t] @ now[[t - 1, t - 2]] + b_u + c[t] @ known[t - 1 - np.arange(c.shape[1])]
+    ahead = now[303] + (level[303] if structure == "oe" else 0.0)
+    predicted = model.predict(data.inputs, data.output, data.times, 3)
+    assert predicted[303] == pytest.approx(ahead, rel=1e-9)
+    assert np.isnan(predicted[:4]).all()
+    assert np.isfinite(predicted[4:]).all()
+
+
+def test_a_simulation_of_the_true_model_has_no_error():
+    times = np.arange(300) / RATE
+    weights = np.array([[-1.4, 0.2], [0.9, 0.0], [1.0, 0.0], [0.5, 0.3], [0.1, 0.0]])
+    basis = Basis("legendre", 2, 0.0, times[-1])
+    model = VaryingModel(ORDERS["arx"], basis, weights, np.array([0.0, 0.0]), RATE)
+    u, y = np.random.default_rng(1).normal(size=300), np.zeros(300)
+    for t in range(300):
+        past = [
+            [y[t - k] if t >= k else 0.0 for k in (1, 2)],
+            [u[t - k] if t >= k else 0.0 for k in (1, 2)],
+        ]
+        theta = weights @ [1.0, 2.0 * t / 299 - 1.0]
+        y[t] = -theta[:2] @ past[0] + theta[2:4] @ past[1] + theta[4]
+    np.testing.assert_allclose(model.simulate(u, times), y, atol=1e-9)
+
+
+def test_variance_that_moves_is_estimated():
+    generator, times = np.random.default_rng(5), np.arange(4000) / RATE
+    deviation = np.exp(times / times[-1])
+    y = filtered(
+        (deviation * generator.normal(size=4000))[:, None],
+        np.full((4000, 1), -0.8),
+        np.array([0, 4000]),
+    )
+    scheduled = Scheduled.of(Recording(np.zeros((4000, 0)), y, RATE))
+    model = estimate_varying(scheduled, Orders(na=1), scheduled.basis("legendre", 3)).model
+    ratio = model.noise_variance(times[::400]) / deviation[::400] ** 2
+    assert np.abs(np.log(ratio)).max() < 0.25
+
+
+def test_a_model_comes_back_from_its_json_form():
+    scheduled = Scheduled.of(moving("armax", 500))
+    model = estimate_varying(scheduled, ORDERS["armax"], scheduled.basis("spline", 5)).model
+    again = from_json(VaryingModel, to_json(model))
+    assert to_json(again) == to_json(model)
+    (mode,), (expected,) = again.frozen(2.0).modes(), model.frozen(2.0).modes()
+    assert (mode.frequency_hz, mode.damping_se) == (expected.frequency_hz, expected.damping_se)
+
+
+def test_a_condition_schedules_recordings():
+    """Three recordings at constant conditions; the mode follows them."""
+    conditions, segments = [20.0, 30.0, 50.0], []
+    for number, value in enumerate(conditions):
+        a = np.tile(denominators([10.0 + 0.1 * value]), (1000, 1))
+        part = moving("arx", 1000, seed=number, a=a)
+        segments.append(Segment(part.inputs, part.outputs, number))
+    data = moving("arx", 1000).with_segments(segments)
+    scheduled = Scheduled.of(data, np.repeat(conditions, 1000))
+    model = estimate_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", 2)).model
+    for value in (20.0, 40.0, 50.0):
+        (mode,) = model.frozen(value).modes()
+        assert abs(mode.frequency_hz - 10.0 - 0.1 * value) < 4.0 * mode.frequency_se_hz + 0.02
+    with pytest.raises(InputError, match="stay within 20 and 50"):
+        model.frozen(51.0)
+
+
+@pytest.mark.parametrize("structure", ["ar", "arx", "armax", "oe"])
+def test_the_structure_is_chosen(structure):
+    chosen = choose_varying(
+        Scheduled.of(moving(structure, 1200)), 3, () if structure == "ar" else (1,)
+    )
+    assert chosen.model.orders.structure == ("arx" if structure == "ar" else structure)
+    assert denominator_size(chosen.model) == 2
+    assert np.any(chosen.free[:2, 1:])
+
+
+def denominator_size(model):
+    return model.rows["a"].stop
+
+
+def test_what_stays_has_no_moving_terms():
+    a = np.tile(denominators([12.0]), (2000, 1))
+    chosen = choose_varying(Scheduled.of(moving("arx", a=a)), 3, (1,))
+    assert not np.any(chosen.free[:, 1:])
+
+
+def test_held_out_samples_are_not_fitted():
+    scheduled = Scheduled.of(moving("armax", 800))
+    weights = np.ones(800)
+    weights[300:400] = 0.0
+    changed = scheduled.data.output.copy()
+    held = Scheduled(scheduled.data, scheduled.schedule, weights)
+    model = estimate_varying(held, ORDERS["arx"], held.basis("legendre", 2)).model
+    changed[305:395] += 5.0
+    other_data = Recording(scheduled.data.inputs, changed, RATE)
+    other = Scheduled(other_data, scheduled.schedule, np.where(np.arange(800) < 400, weights, 1.0))
+    again = estimate_varying(other, ORDERS["arx"], held.basis("legendre", 2)).model
+    np.testing.assert_allclose(again.weights, model.weights, rtol=1e-9, atol=1e-12)

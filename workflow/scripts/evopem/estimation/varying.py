@@ -1,0 +1,399 @@
+"""Estimates of models whose coefficients move, by the memetic search.
+
+Autoregressive weights are solved for by least squares; those of C, or of the denominator of output
+error, are searched, the others solved for at each point (variable projection: Golub & Pereyra
+1973).  The variance of the noise may move too; a second pass weighs the errors by it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from evopem.arrays import Array, Flags, Indices
+from evopem.config.settings import SearchSettings
+from evopem.estimation.continuous import Fit
+from evopem.estimation.criteria import log_variance_of
+from evopem.estimation.pem.covariance import coloured_covariance, pseudo_inverse_factor
+from evopem.estimation.pem.kernels.bfgs import Descent
+from evopem.estimation.search.memetic import discrete_recombination, memetic_search
+from evopem.estimation.search.problem import SearchDiagnostics
+from evopem.models.orders import Orders
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.varying import (
+    Basis,
+    BasisKind,
+    VaryingModel,
+    all_free,
+    delayed_inputs,
+    denominator_order,
+    filtered,
+    first_residual,
+    lagged,
+    root_radii,
+    rows_of,
+)
+from evopem.signals.recording import Recording
+
+# Population, offspring and refined ones of the search; its evaluations, those of its descents and
+# of the last one.
+POPULATION, OFFSPRING, REFINED = 4, 6, 2
+EVALUATIONS, COARSE, FINE = 200, 10, 60
+# Largest modulus of frozen roots of F; those of C forget the start in a share of the samples, as
+# slow ones that nearly cancel slow poles would fit the record by what was before it.
+RADIUS, FORGOTTEN = 0.9999, 20.0
+# Size of the errors, of those of the output, of a filter that grows without bound.
+HOPELESS = 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class Scheduled:
+    """A recording of one output, the schedule of its coefficients, (N,), and weights of errors.
+
+    Of held-out samples the weight is 0: errors of others are fitted.
+    """
+
+    data: Recording
+    schedule: Array
+    weights: Array
+
+    @classmethod
+    def of(cls, data: Recording, schedule: Array | None = None) -> Self:
+        """All samples alike; the schedule is the time where none is given."""
+        s = data.times if schedule is None else np.asarray(schedule, dtype=float)
+        return cls(data, s, np.ones(data.samples))
+
+    @property
+    def bounds(self) -> Indices:
+        """Where the segments begin, and the end."""
+        return np.array((*self.data.segment_starts, self.data.samples), dtype=np.intp)
+
+    def basis(self, kind: BasisKind, dimension: int) -> Basis:
+        """A basis over the range of the schedule."""
+        low, high = float(self.schedule.min()), float(self.schedule.max())
+        return Basis(kind, dimension, low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class VaryingEstimate:
+    """A model with what its choice needs."""
+
+    model: VaryingModel
+    bic: float  # of all samples together
+    errors: Array  # (N,) one step ahead, NaN where the past is not known
+    free: Flags  # (n, dimension), the weights that were estimated
+    point: Array
+    search: SearchDiagnostics
+
+
+@dataclass(frozen=True, eq=False)
+class VaryingProblem:
+    """Mean square of the weighted errors; a point holds the free weights of C, or of F."""
+
+    scheduled: Scheduled
+    orders: Orders
+    basis: Basis
+    free: Flags
+    recombine = staticmethod(discrete_recombination)
+
+    @cached_property
+    def is_output_error(self) -> bool:
+        """Whether the errors are those of simulation."""
+        return any(self.orders.nf)
+
+    @cached_property
+    def kept(self) -> Indices:
+        """Samples whose past in their segment is measured."""
+        numbers = [np.arange(s.samples) for s in self.scheduled.data.segments]
+        return np.flatnonzero(np.concatenate(numbers) >= first_residual(self.orders))
+
+    @cached_property
+    def bounds(self) -> Indices:
+        """Where the kept samples of each segment begin, and the end."""
+        return np.searchsorted(self.kept, self.scheduled.bounds)
+
+    @cached_property
+    def functions(self) -> Array:
+        """The basis at the kept samples, (K, dimension)."""
+        return self.basis.at(self.scheduled.schedule[self.kept])
+
+    @cached_property
+    def searched(self) -> slice:
+        """Rows of the weights that are searched."""
+        return rows_of(self.orders)["a" if self.is_output_error else "c"]
+
+    @cached_property
+    def _is_linear(self) -> Flags:
+        """Which of the free weights are solved for."""
+        linear = self.free.copy()
+        linear[self.searched] = False
+        return linear
+
+    @cached_property
+    def _level(self) -> slice:
+        """Columns of the level; those of what was before the segments of output error follow."""
+        count = int(self._is_linear.sum())
+        return slice(count - int(self.free[-1].sum()), count)
+
+    @cached_property
+    def _output(self) -> Array:
+        return self.scheduled.data.output[self.kept]
+
+    @cached_property
+    def _weight(self) -> Array:
+        return self.scheduled.weights[self.kept]
+
+    @cached_property
+    def _regressors(self) -> Array:
+        """What the weights that are solved for multiply, (K, q), those of the level last."""
+        data, n = self.scheduled.data, denominator_order(self.orders)
+        bounds = self.scheduled.bounds
+        past = -lagged(data.output, range(1, n + 1), bounds)
+        signals = [past, delayed_inputs(self.orders, data.inputs, bounds)]
+        if not self.is_output_error:
+            signals.append(np.zeros((data.samples, self.orders.nc)))
+        every = np.hstack([*signals, np.ones((data.samples, 1))])[self.kept]
+        return self._moving(every, self._is_linear)
+
+    def _moving(self, signals: Array, free: Flags) -> Array:
+        """Products of signals, (K, n), with the functions of their free weights."""
+        rows, terms = np.nonzero(free)
+        return np.asarray(signals[:, rows] * self.functions[:, terms])
+
+    def coefficients(self, point: Array) -> Array:
+        """Searched coefficients at each kept sample, (K, m)."""
+        return np.asarray(self.functions @ self._weights_of(point).T)
+
+    def _weights_of(self, point: Array) -> Array:
+        weights = np.zeros(self.free[self.searched].shape)
+        weights[self.free[self.searched]] = point
+        return weights
+
+    def projection(self, point: Array) -> Fit:
+        """Errors of a point, weighted, whose other weights fit best."""
+        moving, y, columns = self.coefficients(point), self._output, self._regressors
+        if self._radius(point) > self.limit * (1.0 + 1e-9):
+            return self._hopeless
+        with np.errstate(all="ignore"):
+            if self.is_output_error:
+                level = columns[:, self._level]
+                driven = np.hstack([columns[:, : self._level.start], self._impulses])
+                columns = filtered(driven, moving, self.bounds)
+                columns = np.insert(columns, [self._level.start] * level.shape[1], level, axis=1)
+            elif moving.shape[1]:
+                both = filtered(np.column_stack([y, columns]), moving, self.bounds)
+                y, columns = both[:, 0], both[:, 1:]
+            size = float(np.linalg.norm(columns)) + float(np.linalg.norm(y))
+        if not size < HOPELESS**2 * (1.0 + np.linalg.norm(self._output)):
+            return self._hopeless
+        rows = columns * self._weight[:, None]
+        scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+        basis, triangle = np.linalg.qr(rows / scale)
+        along = basis.T @ (y * self._weight)
+        coefficients = np.linalg.lstsq(triangle, along, 1e-12)[0] / scale
+        return Fit(columns, basis, coefficients, y - columns @ coefficients)
+
+    @cached_property
+    def _hopeless(self) -> Fit:
+        errors = HOPELESS * self._output
+        columns = 0.0 * self._regressors
+        return Fit(columns, np.zeros((len(errors), 0)), columns[0], errors)
+
+    @cached_property
+    def limit(self) -> float:
+        """Largest modulus of the frozen roots that are searched."""
+        return RADIUS if self.is_output_error else min(RADIUS, 1.0 - FORGOTTEN / len(self.kept))
+
+    def _radius(self, point: Array) -> float:
+        return float(root_radii(self._at_moments @ self._weights_of(point).T).max())
+
+    @cached_property
+    def _at_moments(self) -> Array:
+        return self.basis.at(self.basis.moments)
+
+    @cached_property
+    def _impulses(self) -> Array:
+        """Impulses at the first samples of each segment: what was before it, (K, n segments)."""
+        n = denominator_order(self.orders)
+        rows = [
+            k for first in self.bounds[:-1] for k in range(first, min(first + n, len(self.kept)))
+        ]
+        impulses = np.zeros((len(self.kept), len(rows)))
+        impulses[rows, np.arange(len(rows))] = 1.0
+        return impulses
+
+    def jacobian(self, point: Array, fit: Fit) -> Array:
+        """Derivatives of the errors by a point, the other weights held, (K, k)."""
+        lags = range(1, self.searched.stop - self.searched.start + 1)
+        source = -fit.errors
+        if self.is_output_error:
+            level = fit.columns[:, self._level] @ fit.coefficients[self._level]
+            source = self._output - fit.errors - level
+        driven = self._moving(lagged(source, lags, self.bounds), self.free[self.searched])
+        return filtered(driven, self.coefficients(point), self.bounds)
+
+    def start(self) -> Array:
+        """By two stages: the errors of a long autoregression are regressors of another one."""
+        n, orders = denominator_order(self.orders), self.orders
+        long = n if self.is_output_error else 2 * n + orders.nc
+        arx = Orders(na=long, nb=tuple(nb + long - n for nb in orders.nb), nk=orders.nk or 0)
+        free = all_free(arx, self.basis)
+        problem = VaryingProblem(self.scheduled, arx, self.basis, free)
+        fit = problem.projection(np.empty(0))
+        if self.is_output_error:
+            weights = fit.coefficients.reshape(free.shape)[:n]
+            return weights[self.free[self.searched]]
+        errors = np.zeros(self.scheduled.data.samples)
+        errors[problem.kept] = fit.errors
+        past = lagged(errors, range(1, orders.nc + 1), self.scheduled.bounds)[self.kept]
+        columns = np.hstack([self._moving(past, self.free[self.searched]), self._regressors])
+        rows = columns * self._weight[:, None]
+        solved = np.linalg.lstsq(rows, self._output * self._weight, 1e-10)[0]
+        return np.asarray(solved[: int(self.free[self.searched].sum())])
+
+    def random(self, count: int, generator: np.random.Generator) -> Array:
+        """Random roots, and slopes of a tenth of what they give, (count, k)."""
+        m, points = self.searched.stop - self.searched.start, []
+        for _ in range(count):
+            z = np.sqrt(generator.random(m // 2)) * np.exp(1j * np.pi * generator.random(m // 2))
+            roots = np.r_[z, z.conj(), generator.uniform(-1.0, 1.0, m % 2)]
+            constant = np.poly(roots).real[1:, None]
+            shape = (m, self.basis.dimension - 1)
+            weights = np.hstack([constant, 0.1 * constant * generator.normal(size=shape)])
+            points.append(weights[self.free[self.searched]])
+        return self.repair(np.array(points))
+
+    def draw(self, count: int, generator: np.random.Generator) -> tuple[Array, int]:
+        """A population with the start in it."""
+        return np.vstack([self.repair(self.start()[None]), self.random(count - 1, generator)]), 1
+
+    def repair(self, points: Array) -> Array:
+        """Points whose frozen roots lie within the circle: all roots drawn in alike."""
+        repaired = []
+        for point in points:
+            weights = self._weights_of(point)
+            drawn_in = min(self.limit / max(self._radius(point), 1e-300), 1.0)
+            powers = drawn_in ** np.arange(1, len(weights) + 1)
+            repaired.append((weights * powers[:, None])[self.free[self.searched]])
+        return np.array(repaired)
+
+    def triangle(self) -> tuple[int, Array]:
+        """How many errors of an autoregression count, and R of its regressors and the output."""
+        rows = np.column_stack([self._regressors, self._output]) * self._weight[:, None]
+        return int(np.count_nonzero(self._weight)), np.asarray(np.linalg.qr(rows, mode="r"))
+
+    def values(self, points: Array) -> Array:
+        """Mean squares of the weighted errors, (M,)."""
+        count = max(int(np.count_nonzero(self._weight)), 1)
+        errors = [self._weighed(self.projection(point).errors) for point in points]
+        return np.array([e @ e for e in errors]) / count
+
+    def _weighed(self, values: Array) -> Array:
+        return np.asarray((values.T * self._weight).T)
+
+    def descend(self, points: Array, steps: int = COARSE, tolerance: float = 1e-4) -> Descent:
+        """Descents that a generation refines, by Kaufman's (1975) derivatives."""
+
+        def slopes(point: Array) -> Array:
+            fit = self.projection(point)
+            along = self._weighed(self.jacobian(point, fit))
+            return np.asarray(along - fit.basis @ (fit.basis.T @ along))
+
+        def errors(point: Array) -> Array:
+            return self._weighed(self.projection(point).errors)
+
+        stops = {"ftol": tolerance, "xtol": tolerance, "gtol": None, "max_nfev": steps}
+        starts = self.repair(points)
+        ends = [least_squares(errors, start, slopes, x_scale="jac", **stops) for start in starts]
+        reached = np.array([end.x for end in ends])
+        converged = np.array([end.status > 0 for end in ends])
+        used = sum(end.nfev + end.njev for end in ends)
+        return Descent(reached, self.values(reached), converged, used)
+
+    def polish(self, points: Array) -> Descent:
+        """Descents to the last digits."""
+        return self.descend(points, FINE, 1e-12)
+
+    def estimate(self, point: Array, search: SearchDiagnostics) -> VaryingEstimate:
+        """The model of a point, with its covariance and the variance of its noise."""
+        fit, data = self.projection(point), self.scheduled.data
+        counted, weights = self._weight > 0.0, np.zeros(self.free.shape)
+        weights[self.searched] = self._weights_of(point)
+        weights[self._is_linear] = fit.coefficients[: int(self._is_linear.sum())]
+        known = fit.errors[counted], self.functions[counted]
+        log_variance, likelihood, terms = log_variance_of(*known)
+        errors = np.full(data.samples, np.nan)
+        errors[self.kept] = fit.errors
+        model = VaryingModel(
+            *(self.orders, self.basis, weights, log_variance, data.sampling_rate),
+            *(self._covariance(point, fit, counted, log_variance), "time"),
+            *(data.input_names, data.output_names),
+        )
+        bic = likelihood + (int(self.free.sum()) + terms) * float(np.log(len(known[0])))
+        return VaryingEstimate(model, bic, errors, self.free, point, search)
+
+    def _covariance(
+        self, point: Array, fit: Fit, counted: Flags, log_variance: Array
+    ) -> ParameterCovariance | None:
+        """Of all weights row by row, 0 of those that are not free."""
+        deviations = np.exp(0.5 * self.functions[counted] @ log_variance)
+        slopes = np.hstack([self.jacobian(point, fit), -fit.columns])[counted]
+        slopes, errors = slopes / deviations[:, None], fit.errors[counted] / deviations
+        place = np.arange(self.free.size).reshape(self.free.shape)
+        at = np.r_[place[self.searched][self.free[self.searched]], place[self._is_linear]]
+        if self.is_output_error:
+            within = np.diff(np.searchsorted(np.flatnonzero(counted), self.bounds))
+            covariance = coloured_covariance(
+                *(slopes, errors, len(at), "quadratic", True, within.tolist())
+            )
+        else:
+            triangle = np.asarray(np.linalg.qr(slopes, mode="r"))
+            freedom = len(errors) / max(len(errors) - slopes.shape[1], 1)
+            inverse, null_space = pseudo_inverse_factor(triangle)
+            covariance = ParameterCovariance(np.sqrt(freedom) * inverse, null_space)
+        if covariance is None:
+            return None
+        spread = np.zeros((self.free.size, len(at)))
+        spread[at, np.arange(len(at))] = 1.0
+        return covariance.through(spread)
+
+
+def estimate_varying(
+    scheduled: Scheduled,
+    orders: Orders,
+    basis: Basis,
+    free: Flags | None = None,
+    settings: SearchSettings | None = None,
+    starts: Sequence[Array] = (),
+) -> VaryingEstimate:
+    """Estimate AR, ARX, ARMA, ARMAX or output error with moving coefficients.
+
+    ``free`` (n, dimension): the weights that are not 0.  ``starts``: descents in place of a search.
+    """
+    free = all_free(orders, basis) if free is None else free
+    problem = VaryingProblem(scheduled, orders, basis, free)
+    point, search = np.empty(0), SearchDiagnostics.none()
+    if np.any(free[problem.searched]):
+        settings = settings or SearchSettings(evaluations=EVALUATIONS)
+        if starts:
+            ended = problem.polish(np.array(starts))
+            best = int(np.argmin(ended.values))
+            point, value = ended.points[best], float(ended.values[best])
+            search = SearchDiagnostics.of_descents(value, ended.evaluations, len(starts))
+        else:
+            few = replace(settings, mu=POPULATION, lambda_=OFFSPRING, nu=REFINED)
+            lowest = memetic_search(problem, few, np.random.default_rng(settings.seed))
+            point, search = lowest.point, lowest.diagnostics
+    first = problem.estimate(point, search)
+    if not np.any(first.model.log_variance[1:]):
+        return first
+    # The second pass: errors in units of their deviation.
+    deviations = np.sqrt(first.model.noise_variance(scheduled.schedule))
+    weights = scheduled.weights / deviations * np.sqrt(np.mean(deviations**2))
+    weighed = replace(problem, scheduled=replace(scheduled, weights=weights))
+    if len(point):
+        point = weighed.polish(point[None]).points[0]
+    return weighed.estimate(point, search)

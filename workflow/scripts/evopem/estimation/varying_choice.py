@@ -1,0 +1,197 @@
+"""Choice of basis, dimension, orders and terms of a moving model by BIC."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from evopem.arrays import Array, Flags
+from evopem.estimation.varying import (
+    Scheduled,
+    VaryingEstimate,
+    VaryingProblem,
+    estimate_varying,
+)
+from evopem.models.orders import Orders
+from evopem.models.varying import KINDS, Basis, BasisKind, all_free, denominator_order
+
+DIMENSIONS = (2, 3, 4, 5, 6, 8, 10)
+# Samples for each weight below which there is no such model.
+FEWEST_PER_WEIGHT = 8
+# Terms whose t-statistics are below it are dropped together, where BIC agrees.
+INSIGNIFICANT = 1.5
+# Orders in a row above the best one that end the ladder of a structure.
+PATIENCE = 2
+
+
+class Chosen(NamedTuple):
+    """An autoregression of moving coefficients, and its criterion."""
+
+    bic: float
+    orders: Orders
+    basis: Basis
+
+
+def arx_of(order: int, nk: Sequence[int]) -> Orders:
+    """ARX, or AR without an input, whose inputs have as many coefficients as A."""
+    return Orders("arx" if nk else "", na=order, nb=(order,) * len(nk), nk=tuple(nk))
+
+
+def choose_autoregression(
+    scheduled: Scheduled,
+    most: int,
+    nk: Sequence[int],
+    kinds: Sequence[BasisKind] = KINDS,
+    dimensions: Sequence[int] = DIMENSIONS,
+) -> Chosen | None:
+    """The ARX model of smallest BIC over orders 1 to ``most``, bases and their dimensions.
+
+    One triangle of each basis serves all orders, and where functions are nested all dimensions.
+    """
+    nested = [kind for kind in kinds if kind != "spline"]
+    # Splines of fewer functions than a cubic one are polynomials.
+    apart = [n for n in dimensions if n > 4 and "spline" in kinds]
+    tried: list[tuple[BasisKind, int]] = [
+        *product(nested, [max(dimensions)]),
+        *(("spline", n) for n in apart),
+    ]
+    every = [
+        chosen
+        for kind, dimension in tried
+        for chosen in _of_basis(scheduled, most, nk, scheduled.basis(kind, dimension), dimensions)
+    ]
+    return min(every, key=lambda chosen: chosen.bic, default=None)
+
+
+def _of_basis(
+    scheduled: Scheduled, most: int, nk: Sequence[int], basis: Basis, dimensions: Sequence[int]
+) -> Iterator[Chosen]:
+    free = all_free(arx_of(most, nk), basis)
+    problem = VaryingProblem(scheduled, arx_of(most, nk), basis, free)
+    samples, triangle = problem.triangle()
+    rows, terms = np.nonzero(free)
+    smaller = [basis.dimension] if basis.kind == "spline" else dimensions
+    for order, dimension in product(range(1, most + 1), smaller):
+        of_polynomial = rows % most if most else rows
+        kept = np.flatnonzero(((of_polynomial < order) | (rows == rows[-1])) & (terms < dimension))
+        if samples < FEWEST_PER_WEIGHT * len(kept):
+            continue
+        smallest = np.asarray(np.linalg.qr(triangle[:, [*kept, -1]], mode="r"))
+        left = float(smallest[-1, -1] ** 2)
+        likelihood = samples * (np.log(max(left / samples, 1e-300)) + 1.0)
+        bic = likelihood + (len(kept) + 1) * np.log(samples)
+        yield Chosen(float(bic), arx_of(order, nk), replace(basis, dimension=dimension))
+
+
+def choose_varying(
+    scheduled: Scheduled,
+    most: int,
+    nk: Sequence[int],
+    kinds: Sequence[BasisKind] = KINDS,
+    dimensions: Sequence[int] = DIMENSIONS,
+) -> VaryingEstimate | None:
+    """The model of smallest BIC of all structures, terms that BIC does not need dropped."""
+    chosen = choose_autoregression(scheduled, most, nk, kinds, dimensions)
+    if chosen is None:
+        return None
+    best = pruned(scheduled, estimate_varying(scheduled, chosen.orders, chosen.basis))
+    basis, lowest = chosen.basis, None
+    # What changes the poles of a noisy simulation is seen with more functions than its errors.
+    for dimension in [n for n in dimensions if n >= chosen.basis.dimension]:
+        basis = replace(basis, dimension=dimension)
+        climbed = _lowest(_climbed(scheduled, most, nk, basis))
+        if climbed is None or (lowest is not None and lowest.bic <= climbed.bic):
+            break
+        lowest, most = climbed, denominator_order(climbed.model.orders)
+    if lowest is None or lowest.bic >= best.bic:
+        return best
+    model = lowest.model
+    searched = estimate_varying(scheduled, model.orders, model.basis, lowest.free)
+    return _lowest([best, pruned(scheduled, searched), pruned(scheduled, lowest)])
+
+
+def _lowest(estimates: Iterable[VaryingEstimate]) -> VaryingEstimate | None:
+    return min(estimates, key=lambda estimate: estimate.bic, default=None)
+
+
+def _climbed(
+    scheduled: Scheduled, most: int, nk: Sequence[int], basis: Basis
+) -> Iterator[VaryingEstimate]:
+    """ARMA, or ARMAX and output error, of rising orders until BIC rises."""
+    of_armax: dict[int, Array] = {}  # weights of A by order: near those of F
+    for structure in ("armax", "oe") if nk else ("arma",):
+        since, lowest = 0, np.inf
+        starts: list[Array] = []
+        for order in range(1, most + 1):
+            starts = starts[-1:]
+            if structure == "oe" and order in of_armax:
+                starts = [of_armax[order], *starts]
+            estimate = _descended(scheduled, _orders_of(structure, order, nk), basis, starts)
+            if estimate is None:
+                break
+            yield estimate
+            weights, rows = estimate.model.weights, estimate.model.rows
+            starts = [weights[rows["a" if structure == "oe" else "c"]]]
+            of_armax.setdefault(order, weights[rows["a"]])
+            since = since + 1 if estimate.bic >= lowest else 0
+            lowest = min(lowest, estimate.bic)
+            if since >= PATIENCE:
+                break
+
+
+def _orders_of(structure: str, order: int, nk: Sequence[int]) -> Orders:
+    plant = {"nb": (order,) * len(nk), "nk": tuple(nk)} if nk else {}
+    poles = {"nf": order} if structure == "oe" else {"na": order, "nc": order}
+    return Orders(structure, **plant, **poles)  # type: ignore[arg-type]
+
+
+def _descended(
+    scheduled: Scheduled, orders: Orders, basis: Basis, given: Sequence[Array]
+) -> VaryingEstimate | None:
+    """Descents from two stages and from given weights; C moves only where BIC prefers it."""
+    moving = all_free(orders, basis)
+    if scheduled.data.samples < FEWEST_PER_WEIGHT * moving.sum():
+        return None
+    steady, estimates = moving.copy(), []
+    if orders.nc:
+        steady[-1 - orders.nc : -1, 1:] = False
+    for free in [steady, moving] if orders.nc else [moving]:
+        problem = VaryingProblem(scheduled, orders, basis, free)
+        starts, shape = [problem.start()], free[problem.searched].shape
+        for weights in given:
+            padded = np.zeros(shape)
+            padded[: len(weights)] = weights
+            starts.append(padded[free[problem.searched]])
+        estimates.append(estimate_varying(scheduled, orders, basis, free, starts=starts))
+    return min(estimates, key=lambda estimate: estimate.bic)
+
+
+def pruned(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
+    """The model without terms that BIC does not need: all insignificant ones, else the least."""
+    model = estimate.model
+    while model.covariance is not None:
+        errors = model.covariance.standard_errors(np.eye(estimate.free.size))
+        droppable = estimate.free.copy()
+        droppable[:, 0] = False
+        errors = errors.reshape(droppable.shape)
+        sizes = np.where(droppable, np.abs(model.weights) / np.maximum(errors, 1e-300), np.inf)
+        least = np.arange(sizes.size).reshape(sizes.shape) == np.argmin(sizes)
+        steps = [sizes < INSIGNIFICANT, least]
+        for dropped in (step for step in steps if np.any(step & droppable)):
+            smaller = _without(scheduled, estimate, dropped)
+            if smaller.bic < estimate.bic:
+                estimate, model = smaller, smaller.model
+                break
+        else:
+            return estimate
+    return estimate
+
+
+def _without(scheduled: Scheduled, estimate: VaryingEstimate, dropped: Flags) -> VaryingEstimate:
+    """The model of fewer terms, from where the larger one ended."""
+    model, free = estimate.model, estimate.free & ~dropped
+    rows = VaryingProblem(scheduled, model.orders, model.basis, free).searched
+    start: Array = model.weights[rows][free[rows]]
+    return estimate_varying(scheduled, model.orders, model.basis, free, starts=[start])

@@ -1,0 +1,263 @@
+"""Models whose coefficients move: functional series ``sum_k w_k G_k(s)`` of a schedule s.
+
+(Poulimenos & Fassois 2006; of a measured condition Sakellariou & Fassois 2016.)  The schedule is
+the time, or what is measured beside the signals; at every moment its value freezes a polynomial
+model with its covariance, and all that follows from one.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from numpy.typing import ArrayLike
+from scipy.interpolate import BSpline
+from scipy.linalg.lapack import dtbtrs
+from scipy.optimize import linear_sum_assignment
+
+from evopem.arrays import Array, Flags, Indices
+from evopem.errors import InputError
+from evopem.models.modes import Mode
+from evopem.models.orders import Orders
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel, model_of
+
+BasisKind = Literal["legendre", "cosine", "spline"]
+KINDS: tuple[BasisKind, ...] = ("legendre", "cosine", "spline")
+# Values of the schedule, evenly spaced, at which a model is frozen to judge its stability.
+MOMENTS = 101
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Functions of a schedule within its range; the first one is 1."""
+
+    kind: BasisKind
+    dimension: int
+    low: float
+    high: float
+
+    def at(self, schedule: ArrayLike) -> Array:
+        """The functions, (N, dimension), at values (N,); InputError outside their range."""
+        s, width = np.atleast_1d(np.asarray(schedule, dtype=float)), self.high - self.low
+        if not np.all((s >= self.low - 1e-9 * width) & (s <= self.high + 1e-9 * width)):
+            problem = f"is needed from {np.min(s):.6g} to {np.max(s):.6g}"
+            remedy = f"stay within {self.low:.6g} and {self.high:.6g}, where it was estimated"
+            raise InputError("the moving model", problem, remedy)
+        x = np.clip((s - self.low) / (width or 1.0), 0.0, 1.0)
+        if self.kind == "legendre":
+            return np.asarray(legvander(2.0 * x - 1.0, self.dimension - 1))
+        if self.kind == "cosine":
+            return np.asarray(np.cos(np.pi * x[:, None] * np.arange(self.dimension)))
+        degree = min(3, self.dimension - 1)
+        inner = np.linspace(0.0, 1.0, self.dimension - degree + 1)
+        knots = np.r_[np.zeros(degree), inner, np.ones(degree)]
+        splines = BSpline.design_matrix(x, knots, degree).toarray()
+        return np.column_stack([np.ones(len(x)), splines[:, 1:]])  # they add to 1
+
+    @property
+    def moments(self) -> Array:
+        """Values evenly over the range, (MOMENTS,)."""
+        return np.linspace(self.low, self.high, MOMENTS)
+
+
+def lagged(signal: Array, lags: range, bounds: Indices) -> Array:
+    """A signal at some lags, (N, lags); 0 before its segment."""
+    columns = np.zeros((len(signal), len(lags)))
+    for first, stop in pairwise(bounds):
+        for place, lag in enumerate(lags):
+            columns[first + lag : stop, place] = signal[first : max(stop - lag, first)]
+    return columns
+
+
+def filtered(columns: Array, coefficients: Array, bounds: Indices) -> Array:
+    """Solutions of ``x_t + sum_j c_j(t) x_(t-j) = columns_t``, (N, q), at rest before a segment.
+
+    By substitution in bands, of coefficients (N, m).
+    """
+    samples, m = coefficients.shape
+    bands = np.zeros((m + 1, samples))
+    known = lagged(np.ones(samples), range(1, m + 1), bounds)
+    for lag in range(1, m + 1):
+        bands[lag, : samples - lag] = (coefficients * known)[lag:, lag - 1]
+    return np.asarray(dtbtrs(bands, columns, uplo="L", diag="U")[0])
+
+
+@dataclass(frozen=True, eq=False)
+class VaryingModel:
+    """``A(s) y = sum_i B_i(s) u_i q^-nk_i + C(s) e + level(s)``; of output error C = A.
+
+    Orders are those of AR, ARX, ARMA, ARMAX, or OE, whose inputs share their denominator.
+    """
+
+    orders: Orders
+    basis: Basis
+    weights: Array  # (n, dimension), rows of A or F, B_1 ... B_m, C, level
+    log_variance: Array  # (dimension,) of the innovations, in the same basis
+    sampling_rate: float
+    covariance: ParameterCovariance | None = None  # of the weights, row by row
+    schedule: str = "time"
+    input_names: tuple[str, ...] = ()
+    output_names: tuple[str, ...] = ()
+
+    @cached_property
+    def rows(self) -> dict[str, slice]:
+        """Rows of the weights of ``a`` (F of output error), ``b``, ``c`` and ``level``."""
+        return rows_of(self.orders)
+
+    def coefficients(self, schedule: ArrayLike) -> Array:
+        """All coefficients at values of the schedule, (N, n)."""
+        return np.asarray(self.basis.at(schedule) @ self.weights.T)
+
+    def noise_variance(self, schedule: ArrayLike) -> Array:
+        """Variance of the innovations, (N,)."""
+        return np.asarray(np.exp(self.basis.at(schedule) @ self.log_variance))
+
+    @cached_property
+    def frozen_orders(self) -> Orders:
+        """Orders of the frozen model: output error is ARMAX with C = A."""
+        orders, n = self.orders, denominator_order(self.orders)
+        nc = n if orders.nf and any(orders.nf) else orders.nc
+        return Orders(na=n, nb=orders.nb or 0, nc=nc, nk=orders.nk or 0)
+
+    def frozen(self, value: float) -> PolynomialModel:
+        """The model that stays as it is at one value of the schedule, with its covariance."""
+        functions, rows = self.basis.at(value)[0], self.rows
+        values = self.weights @ functions
+        order = np.r_[rows["a"], rows["b"], rows["c"] if self.orders.nc else rows["a"]]
+        order = order[: self.frozen_orders.parameters].astype(int)
+        covariance = self.covariance
+        if covariance is not None:
+            by_weight = np.kron(np.eye(len(values))[order], functions)
+            covariance = covariance.through(by_weight)
+        return model_of(
+            self.frozen_orders,
+            values[order],
+            sampling_rate=self.sampling_rate,
+            level=float(values[-1]),
+            noise_variance=float(np.exp(self.log_variance @ functions)),
+            covariance=covariance,
+            input_names=self.input_names,
+            output_names=self.output_names,
+        )
+
+    def radii(self) -> Array:
+        """Largest modulus of the frozen poles at each moment, (MOMENTS,)."""
+        return root_radii(self.coefficients(self.basis.moments)[:, self.rows["a"]])
+
+    def modes(self, moments: ArrayLike) -> list[list[Mode | None]]:
+        """Frozen modes followed over values of the schedule, one list for each mode.
+
+        Neighbours are those whose poles are nearest; None where a mode does not oscillate.
+        """
+        paths: list[list[Mode | None]] = []
+        last: list[complex] = []
+        for step, value in enumerate(np.atleast_1d(moments)):
+            modes = self.frozen(float(value)).modes()
+            distances = np.abs(np.subtract.outer(np.array(last), [mode.pole for mode in modes]))
+            pairs = zip(*linear_sum_assignment(distances), strict=True) if last and modes else ()
+            taken = {int(k): modes[int(j)] for k, j in pairs}
+            for k, path in enumerate(paths):
+                path.append(taken.get(k))
+            for mode in modes:
+                if mode not in taken.values():
+                    paths.append([None] * step + [mode])
+                    last.append(mode.pole)
+            for k, mode in taken.items():
+                last[k] = mode.pole
+        return sorted(paths, key=lambda path: min(m.frequency_hz for m in path if m))
+
+    def simulate(self, inputs: ArrayLike, schedule: ArrayLike) -> Array:
+        """Noise-free response to (N, m) inputs from rest, (N,), at values (N,) of the schedule."""
+        theta, rows = self.coefficients(schedule), self.rows
+        bounds = np.array([0, len(theta)], dtype=np.intp)
+        u = np.reshape(np.asarray(inputs, dtype=float), (len(theta), -1))
+        level = theta[:, rows["level"]]
+        drive = self._forced(u, theta, bounds)[:, None]
+        if self._is_output_error:
+            return (filtered(drive, theta[:, rows["a"]], bounds) + level)[:, 0]
+        return filtered(drive + level, theta[:, rows["a"]], bounds)[:, 0]
+
+    def predict(
+        self, inputs: ArrayLike, output: ArrayLike, schedule: ArrayLike, horizon: int = 1
+    ) -> Array:
+        """Prediction from inputs and from outputs ``horizon`` samples ago, (N,).
+
+        The innovations of the last samples are taken for 0; NaN where the past is not known.
+        """
+        theta, rows, y = self.coefficients(schedule), self.rows, np.asarray(output, dtype=float)
+        bounds, first = np.array([0, len(y)], dtype=np.intp), first_residual(self.orders)
+        u = np.reshape(np.asarray(inputs, dtype=float), (len(y), -1))
+        a, level = theta[:, rows["a"]], theta[:, rows["level"]][:, 0]
+        c = a if self._is_output_error else theta[:, rows["c"]]
+        y = y - level if self._is_output_error else y
+        drive = self._forced(u, theta, bounds) + (0.0 if self._is_output_error else level)
+        past = lagged(y, range(1, a.shape[1] + 1), bounds)
+        errors = y - drive + np.sum(a * past, axis=1)
+        errors[:first] = 0.0
+        e = filtered(errors[:, None], c, bounds)[:, 0]
+        ahead: list[Array] = []  # predictions 1, 2, ... samples ahead
+        for h in range(1, horizon + 1):
+            value = drive.copy()
+            for lag in range(1, a.shape[1] + 1):
+                source = ahead[h - lag - 1] if lag < h else y
+                value[lag:] -= a[lag:, lag - 1] * source[: len(y) - lag]
+            for lag in range(h, c.shape[1] + 1):
+                value[lag:] += c[lag:, lag - 1] * e[: len(y) - lag]
+            ahead.append(value)
+        predicted = ahead[-1] + (level if self._is_output_error else 0.0)
+        predicted[: first + horizon - 1] = np.nan
+        return predicted
+
+    @property
+    def _is_output_error(self) -> bool:
+        return any(self.orders.nf)
+
+    def _forced(self, u: Array, theta: Array, bounds: Indices) -> Array:
+        return np.asarray(
+            np.sum(delayed_inputs(self.orders, u, bounds) * theta[:, self.rows["b"]], 1)
+        )
+
+
+def denominator_order(orders: Orders) -> int:
+    """Poles of the plant: na, or the order that the inputs of output error share."""
+    return max((orders.na, *orders.nf))
+
+
+def first_residual(orders: Orders) -> int:
+    """First sample of a segment whose past inputs and outputs are measured."""
+    return max(orders.first_residual, denominator_order(orders))
+
+
+def rows_of(orders: Orders) -> dict[str, slice]:
+    """Rows of the weights of each polynomial."""
+    ends = np.cumsum([0, denominator_order(orders), sum(orders.nb), orders.nc, 1]).tolist()
+    return {
+        key: slice(*pair)
+        for key, pair in zip(("a", "b", "c", "level"), pairwise(ends), strict=True)
+    }
+
+
+def all_free(orders: Orders, basis: Basis) -> Flags:
+    """Every weight, (n, dimension)."""
+    return np.ones((rows_of(orders)["level"].stop, basis.dimension), dtype=bool)
+
+
+def delayed_inputs(orders: Orders, inputs: Array, bounds: Indices) -> Array:
+    """The inputs that the coefficients of B_1 ... B_m multiply, (N, sum of nb)."""
+    paths = zip(inputs.T, orders.nb, orders.nk, strict=True)
+    parts = [lagged(u, range(nk, nk + nb), bounds) for u, nb, nk in paths]
+    return np.hstack([np.zeros((len(inputs), 0)), *parts])
+
+
+def root_radii(coefficients: Array) -> Array:
+    """Largest modulus of the roots of monic polynomials, (M,), of (M, n) coefficients."""
+    count, n = coefficients.shape
+    if not n:
+        return np.zeros(count)
+    companions = np.zeros((count, n, n))
+    companions[:, 0] = -coefficients
+    companions[:, np.arange(1, n), np.arange(n - 1)] = 1.0
+    return np.asarray(np.abs(np.linalg.eigvals(companions)).max(axis=1))
