@@ -22,8 +22,7 @@ from evopem.errors import InputError
 from evopem.estimation.pem.covariance import coloured_covariance
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.search.memetic import discrete_recombination, memetic_search
-from evopem.models.continuous import ContinuousModel, ContinuousRecord, phi_functions
-from evopem.models.conversions import AT_ZERO
+from evopem.models.continuous import AT_ZERO, ContinuousModel, ContinuousRecord, phi_functions
 from evopem.models.parameter_covariance import jacobian_of
 from evopem.models.polynomial import Model, PolynomialModel, state_space_of
 from evopem.models.states import states_of
@@ -274,7 +273,9 @@ def estimate_continuous(
     start = np.r_[start, [path.delay for path in paths if path.has_free_delay]]
     problem = ContinuousProblem(data, hold, tuple(paths), start, unit)
     settings = replace(settings or SearchSettings(), evaluations=EVALUATIONS)
-    ended = memetic_search(problem, settings, np.random.default_rng(settings.seed))
+    key = len(start), *(path.coefficients for path in paths)
+    generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
+    ended = memetic_search(problem, settings, generator)
     return problem.model(ended.point)
 
 

@@ -1,6 +1,5 @@
-"""Other forms of models: polynomials in state space, plant beside noise, continuous time."""
+"""Other forms of models: polynomials in state space, and a plant beside noise."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -8,18 +7,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, logm
+from scipy.linalg import block_diag
 
 from evopem.arrays import Array
-from evopem.config.settings import Hold
-from evopem.errors import InputError
-from evopem.models.continuous import ContinuousModel, phi_functions
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
 from evopem.models.state_space import StateSpaceModel
-
-# Poles so close to zero hold an input for a sample.
-AT_ZERO = 1e-6
 
 
 def innovations_form(
@@ -133,30 +126,6 @@ def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceMo
     return replace(model, covariance=ParameterCovariance(factor, null_space))
 
 
-def plant_of(model: StateSpaceModel, states: int) -> StateSpaceModel:
-    """The plant of a model made by :func:`side_by_side`, with its part of the covariance."""
-    if states == model.order:
-        return model
-    plant = _first_states(model, states)
-    if model.covariance is None:
-        return plant
-    numbered = model.with_parameters(np.arange(model.parameters.size, dtype=float))
-    places = _first_states(numbered, states).parameters.astype(int)
-    return replace(plant, covariance=model.covariance.part(places))
-
-
-def _first_states(model: StateSpaceModel, n: int) -> StateSpaceModel:
-    return replace(
-        model,
-        A=model.A[:n, :n],
-        B=model.B[:n],
-        C=model.C[:, :n],
-        K=model.K[:n],
-        structure="ss_oe",
-        covariance=None,
-    )
-
-
 def _stacked(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceModel:
     return replace(
         plant,
@@ -168,80 +137,3 @@ def _stacked(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceModel:
         structure="ss",
         covariance=None,
     )
-
-
-def continuous_of(
-    model: StateSpaceModel, hold: Hold = "zero-order", later: Sequence[int] = ()
-) -> ContinuousModel:
-    """The plant of a model in continuous time, its inputs by some samples later each.
-
-    Each direction of the covariance is carried as the upper right block of ``[[M, dM], [0, M]]``,
-    where a function of matrices has its derivative (Higham 2008, section 3.2).
-
-    Raises
-    ------
-    InputError
-        When no continuous-time model of the same order has these samples.
-    """
-    driven = np.flatnonzero(np.any(model.B != 0.0, axis=1))
-    n = int(driven[-1]) + 1 if len(driven) else model.order
-    if not np.any(model.A[:n, n:]) and not np.any(model.A[n:, :n]):
-        model = plant_of(model, n)  # without states of noise alone
-    _check_continuous(model)
-    step, nu, covariance = 1.0 / model.sampling_rate, model.inputs, model.covariance
-    parts = [model.A, model.B, model.C, model.D]
-    ends = np.cumsum([part.size for part in parts])
-    directions = np.zeros((int(ends[-1]), 1))
-    if covariance is not None:
-        # K and level follow, which the plant does not depend on.
-        carried = np.hstack([covariance.factor, covariance.null_space])[: ends[-1]]
-        directions = np.hstack([directions, carried])
-    sizes = np.maximum(np.abs(directions).max(axis=0), 1e-300)
-    derivatives = []
-    for column in (directions / sizes).T:
-        duals = [
-            np.block([[part, move.reshape(part.shape)], [np.zeros_like(part), part]])
-            for part, move in zip(parts, np.split(column, ends[:-1]), strict=True)
-        ]
-        halves = [
-            np.hsplit(part[: len(part) // 2], 2) for part in _in_continuous_time(duals, step, hold)
-        ]
-        derivatives.append(np.concatenate([*(move.ravel() for _, move in halves), np.zeros(nu)]))
-    if covariance is not None:
-        rank, moved = 1 + covariance.factor.shape[1], np.array(derivatives).T * sizes
-        covariance = ParameterCovariance(moved[:, 1:rank], moved[:, rank:])
-    A, B, C, D = (value for value, _ in halves)
-    delays = np.array(later or (0,) * nu) + np.array(model.input_delays or (0,) * nu)
-    about = hold, model.sampling_rate, covariance, model.input_names, model.output_names
-    return ContinuousModel(A, B, C, D, model.level, step * delays, *about)
-
-
-def _check_continuous(model: StateSpaceModel) -> None:
-    """Refuse what no continuous-time model of the same order has."""
-    poles = model.poles()
-    real = poles[(np.abs(poles.imag) <= 1e-9 * np.abs(poles)) & (poles.real <= 0.0)].real
-    remedy = "estimate it in continuous time, `continuous_time: zero-order`, or with other orders"
-    if not model.inputs:
-        problem, remedy = "a model without input has no plant", "take its modes, which are in s"
-    elif np.all(np.abs(poles) < AT_ZERO):
-        problem = "the model has no pole but a response of finite length"
-    elif np.any(np.abs(real) < AT_ZERO):
-        problem = "the model has a pole at z = 0: its delay is no multiple of the sample"
-    elif len(real):
-        problem = f"the model has a real pole at z = {real[0]:.3g}, which no pole in s has"
-    else:
-        return
-    raise InputError("to_continuous", problem, remedy)
-
-
-def _in_continuous_time(parts: list[Array], step: float, hold: Hold) -> list[Array]:
-    """A, B, C, D in s by the principal logarithm: the inverse of ``exp(Ah)``, ``h phi1(Ah) B``.
-
-    With a first-order hold, of ``h phi1(Ah)^2 B`` and ``D + h C phi2(Ah) B``.
-    """
-    logarithm, (B, C, D) = np.real(logm(parts[0])), parts[1:]
-    _, first, second = phi_functions(logarithm)
-    if hold == "zero-order":
-        return [logarithm / step, np.linalg.solve(first, B) / step, C, D]
-    B = np.linalg.solve(first @ first, B) / step
-    return [logarithm / step, B, C, D - step * C @ second @ B]

@@ -14,13 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.arrays import Array, Complex
 from evopem.config.settings import Hold
 from evopem.files.atomic import atomic_write
-from evopem.models.continuous import ContinuousModel, ContinuousRecord
-from evopem.models.conversions import (
-    block_sizes,
-    continuous_of,
-    has_own_noise,
-    innovations_form,
-)
+from evopem.models.continuous import ContinuousModel, ContinuousRecord, continuous_of
+from evopem.models.conversions import block_sizes, has_own_noise, innovations_form
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
 from evopem.models.polynomial_form import Polynomials, impulse_response

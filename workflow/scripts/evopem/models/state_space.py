@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Complex
+from evopem.models.continuous import ContinuousModel, continuous_of
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.states import delayed, fitted, states_of
 
 if TYPE_CHECKING:
     from evopem.config.settings import Hold
-    from evopem.models.continuous import ContinuousModel
 
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 PlainStructure = Literal["ss", "ss_oe"]
@@ -327,8 +327,6 @@ class StateSpaceModel:
 
     def to_continuous(self, hold: Hold = "zero-order") -> ContinuousModel:
         """The plant in s, its input held between samples, with its covariance; or InputError."""
-        from evopem.models.conversions import continuous_of
-
         return continuous_of(self, hold)
 
     def to_control(self):  # type: ignore[no-untyped-def]

@@ -119,7 +119,7 @@ def _whitened_regression(
         return None
     coefficient = float(unexplained @ remainder) / float(unexplained @ unexplained)
     whitening = autoregression(remainder - coefficient * unexplained, MOST_WHITENING)
-    e, x, *columns = (np.convolve(signal, whitening, mode="valid") for signal in (e, x, *others.T))
+    e, x, *columns = filtered(np.column_stack([e, x, others]), whitening).T
     others = np.column_stack(columns)
     remainder, unexplained = left_by(others, e), left_by(others, x)
     freedom = e.size - others.shape[1] - len(whitening)
@@ -142,6 +142,11 @@ def left_by(regressors: Array, signals: Array) -> Array:
     length = np.linalg.norm(regressors, axis=0)
     basis = regressors[:, length > 0.0] / length[length > 0.0]
     return np.asarray(signals - basis @ np.linalg.lstsq(basis, signals, rcond=1e-12)[0])
+
+
+def filtered(signals: Array, coefficients: Array) -> Array:
+    """Columns (N, k) filtered by so many coefficients, (N - their number + 1, k)."""
+    return np.column_stack([np.convolve(column, coefficients, "valid") for column in signals.T])
 
 
 def _vanishes(remainder: Array, signal: Array) -> bool:

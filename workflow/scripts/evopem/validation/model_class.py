@@ -21,7 +21,7 @@ from evopem.signals.spectra import REPEATS as REPEATED
 from evopem.signals.spectra import cross_correlation, repetition_lag
 from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import Part, bounds_of
-from evopem.validation.held_out_tests import MOST_WHITENING, left_by
+from evopem.validation.held_out_tests import MOST_WHITENING, filtered, left_by
 from evopem.validation.responses import HeldOut, unscored_samples
 
 # Degree of the polynomial in time that a change of the system is sought as.
@@ -159,9 +159,8 @@ def _left(
         return None
     whitening, count = autoregression(e - e.mean(), MOST_WHITENING), tested.shape[1]
     columns = np.column_stack([np.ones(len(e)), stretch.lost, beside, tested, e])
-    *white, e = (np.convolve(column, whitening, mode="valid") for column in columns.T)
-    basis = np.column_stack(white)
-    others = basis[:, :-count]
+    basis, e = np.split(filtered(columns, whitening), [-1], axis=1)
+    others, e = basis[:, :-count], e[:, 0]
     return left_by(others, e), left_by(others, basis[:, -count:]), basis.shape[1]
 
 
@@ -352,15 +351,13 @@ def _is_longer(stretch: HeldOut, lags: int) -> bool:
 
 def _floor(name: str, errors: Sequence[Array], rows: Sequence[Array]) -> Floor:
     """The part of an error that inputs at some lags explain, beside a constant, and the floor."""
-    from scipy.signal import lfilter
-
     error, columns = np.concatenate(errors), np.insert(np.concatenate(rows), 0, 1.0, axis=1)
     whitening = autoregression(left_by(columns, error), MOST_WHITENING)
     white = [
-        lfilter(whitening, [1.0], np.column_stack([np.ones(len(e)), u, e]), axis=0)
+        filtered(np.column_stack([np.ones(len(e)), u, e]), whitening)
         for e, u in zip(errors, rows, strict=True)
     ]
-    basis, e = np.split(np.vstack([x[len(whitening) - 1 :] for x in white]), [-1], axis=1)
+    basis, e = np.split(np.vstack(white), [-1], axis=1)
     inverse = np.linalg.pinv(basis.T @ basis, hermitian=True) @ basis.T
     fitted = inverse @ e[:, 0]
     # Errors whose size depends on the inputs, as distortion does (MacKinnon & White 1985, HC2).
