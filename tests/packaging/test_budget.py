@@ -25,6 +25,7 @@ CAPABILITIES: tuple[str, ...] = (
     "MDF and WAV files",
     "verdict for programs",
     "functional-series models",
+    "merged fleets and interactive figures",
 )
 
 BUDGET = {

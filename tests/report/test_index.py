@@ -116,6 +116,19 @@ def test_groups_are_shown_where_they_divide_the_data_sets(summary):
     assert not grouped("arm", "bench")
 
 
+def test_recordings_of_several_folders_are_grouped_by_them(summary):
+    files = {"a-1": "north/a.csv", "b-1": "north/b.csv", "a-2": "south/a.csv"}
+    entries = {name: replace(summary, file=file) for name, file in files.items()}
+    html = build_index(entries, TEMPLATES)
+    assert sorted(re.findall(r'<tr data-group="(\w*)"', html)) == ["north", "north", "south"]
+
+
+def test_the_pages_of_merged_set_ups_are_linked(summary):
+    page = Page(build_index({"a": summary}, TEMPLATES, setups=("beam", "frame 2")))
+    assert {"setups/beam.html", "setups/frame%202.html"} <= set(page.references)
+    assert "Merged set-ups: beam, frame 2" in page.text
+
+
 def test_a_gain_that_is_zero_or_unknown_is_drawn_or_left_out(summary):
     flat = replace(summary, gain_db=(-math.inf, 3.0, 3.0))
     assert build_index({"a": flat}, TEMPLATES).count("<svg") == 1

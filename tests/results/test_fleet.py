@@ -1,6 +1,7 @@
 """The lists of all data sets: complete, failed and unfinished ones, and files that were changed."""
 
 import csv
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from evopem.results.fleet import (
 )
 from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import OVERVIEW, DatasetFiles
+from evopem.terminal.command import main
 from evopem.validation.checks import Check
 
 TEMPLATES = Path(__file__).parents[2] / "workflow" / "templates"
@@ -217,7 +219,7 @@ def test_what_cannot_be_read_at_all_is_a_problem_of_one_data_set(files):
 
 def test_no_outdated_list_remains_where_a_new_one_cannot_be_written(files, capsys, monkeypatch):
     unfinished(files)
-    monkeypatch.setattr("evopem.pipeline.report.build_index", lambda *_: 1 / 0)
+    monkeypatch.setattr("evopem.pipeline.report.build_index", lambda *_, **__: 1 / 0)
     fail(files.log("model"), files.model)
     assert unfinished(files)["a"]["problem"] == SENTENCE
     assert not Path(OVERVIEW[0]).exists()
@@ -236,3 +238,43 @@ def test_an_entry_is_complete_again_when_the_job_succeeds(files):
 def test_the_form_of_a_summary_is_exact(summary, tmp_path):
     save(summary, tmp_path / "summary.json")
     assert repr(load(DatasetSummary, tmp_path / "summary.json")) == repr(summary)
+
+
+def test_the_data_sets_of_several_folders_are_listed_together(files, tmp_path):
+    for folder in ("monday/results", "tuesday/results"):
+        shutil.copytree(files.folder, tmp_path / folder / "a")
+    shutil.copytree(files.folder, tmp_path / "tuesday" / "results" / "b")
+    (tmp_path / "monday" / "results" / "a" / "modes.csv").write_text("changed")
+    assert main(["merge", "monday/results", "tuesday/results", "tuesday"]) == 0
+    listed = pd.read_parquet("merged/fleet.parquet").groupby("dataset")["status"].first()
+    assert listed.to_dict() == {
+        "a (monday)": "failed",
+        "a (tuesday)": "complete",
+        "b": "complete",
+    }
+    page = Path("merged/index.html").read_text()
+    assert re.findall(r'href="([^"]*report.html)">([^<]*)</a></th>', page) == [
+        ("../tuesday/results/a/report.html", "a (tuesday)"),
+        ("../tuesday/results/b/report.html", "b"),
+    ]
+    assert re.findall(r'<tr data-group="(\w*)"', page) == ["monday", "tuesday", "tuesday"]
+    assert main(["merge", "monday"]) == 0  # its own lists are replaced
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["gone"], "gone: is not a folder; give folders of results, such as results."),
+        (["empty"], "empty: holds no results of data sets; give folders"),
+        (["results", "--to", "results"], "results: holds results; choose another folder"),
+        (["results", "--to", "mine"], "mine: is no folder of such lists; choose another"),
+    ],
+)
+def test_what_cannot_be_merged_is_said_in_a_sentence(files, tmp_path, capsys, arguments, sentence):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "index.html").write_text("my own page")
+    assert main(["merge", *arguments]) == 1
+    assert capsys.readouterr().err.startswith(sentence)
+    assert not Path("merged").exists()
+    assert (tmp_path / "mine" / "index.html").read_text() == "my own page"

@@ -32,6 +32,7 @@ rule list_datasets:
             "names": list(provider.config.datasets),
             "page": provider.page,
             "order": to_json(provider.config.order),
+            "setups": list(provider.setups),
         },
         code=code([module_of(LIST)], TEMPLATES),
     script:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -14,12 +15,13 @@ from urllib.parse import quote
 import pandas as pd
 
 from evopem.config.configuration import Positions
+from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.figures import svg_texts
 from evopem.figures.chart import FREQUENCY, Chart, Curve, Panel
 from evopem.figures.comparison import Comparison
 from evopem.files.atomic import write_parquet, write_table, write_text
-from evopem.files.checksums import write_page
+from evopem.files.checksums import GENERATOR, has_mark, write_page
 from evopem.files.json_form import load
 from evopem.models.response_tables import shaped_modes_table
 from evopem.report.comparison import build_comparison
@@ -37,7 +39,7 @@ from evopem.results.fleet import (
     without_formulas,
 )
 from evopem.results.followed_modes import FollowedMode, follow_modes, followed_table
-from evopem.results.layout import OVERVIEW, DatasetFiles
+from evopem.results.layout import FOLDER, OVERVIEW, DatasetFiles
 
 
 def commit_of(workflow: Path) -> str:
@@ -153,14 +155,76 @@ def report_responses(files: DatasetFiles) -> None:
 
 
 def collect_fleet(
-    files: DatasetFiles, names: tuple[str, ...], page: str, order: Positions | None
+    files: DatasetFiles,
+    names: tuple[str, ...],
+    page: str,
+    order: Positions | None,
+    setups: tuple[str, ...] = (),
 ) -> None:
-    """List data sets, and follow the modes of those whose results are whole."""
+    """List data sets, and follow the modes of those whose results are whole.
+
+    ``setups``: structures whose set-ups have a page of their own.
+    """
     entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
-    given = entries, template_folder(), page, order
+    index = partial(build_index, entries, template_folder(), page, setups=setups)
+    _write_lists(files.folder, entries, order, index)
+
+
+def merge_fleets(folders: Sequence[str], target: str) -> None:
+    """List the data sets of several folders of results, in lists of their own.
+
+    A data set is called by its name and, where several have this name, by its folder as well.
+    """
+    folder_of = {path.resolve(): folder for folder in folders for path in _datasets_below(folder)}
+    _check_target(Path(target), folder_of)
+    tops = {folder: Path(folder).resolve() for folder in folders}
+    shared = len(Path(os.path.commonpath(tops.values())).parts)
+    groups = {
+        folder: "/".join(part for part in top.parts[shared:] if part != FOLDER) or top.name
+        for folder, top in tops.items()
+    }
+    counts = Counter(path.name for path in folder_of)
+    entries, places = {}, {}
+    for path, folder in folder_of.items():
+        name = path.name if counts[path.name] == 1 else f"{path.name} ({groups[folder]})"
+        entries[name] = read_entry(DatasetFiles(str(path)))
+        address = Path(os.path.relpath(path, Path(target).resolve())).as_posix()
+        places[name] = quote(address), groups[folder]
+    Path(target).mkdir(parents=True, exist_ok=True)
+    index = partial(build_index, entries, template_folder(), places=places)
+    _write_lists(target, entries, None, index)
+
+
+def _datasets_below(folder: str) -> list[Path]:
+    """The folders of data sets in a folder of results, which may be one itself."""
+    top = Path(folder)
+    datasets = {path.parent for path in top.rglob("summary.json")}
+    failed = {path.parents[1] for path in top.rglob("logs/*.unfinished.json")}
+    datasets |= {path for path in failed if (path / "config.yaml").is_file()}
+    if not datasets:
+        problem = "holds no results of data sets" if top.is_dir() else "is not a folder"
+        raise InputError(folder, problem, f"give folders of results, such as {FOLDER}")
+    return sorted(datasets)
+
+
+def _check_target(target: Path, datasets: Collection[Path]) -> None:
+    """Refuse to write lists into a folder that holds anything but such lists."""
+    held = any(path.is_relative_to(target.resolve()) for path in datasets)
+    replaced = has_mark(target / "index.html", GENERATOR) or not target.exists()
+    if held or not (replaced or (target.is_dir() and not any(target.iterdir()))):
+        problem = "holds results" if held else "is no folder of such lists"
+        raise InputError(str(target), problem, "choose another folder with --to")
+
+
+def _write_lists(
+    folder: str,
+    entries: Mapping[str, Entry],
+    order: Positions | None,
+    index: Callable[..., str],
+) -> None:
     followed = cache(partial(_followed, entries, order))
     for path in OVERVIEW:
-        _write_list(f"{files.folder}/{Path(path).name}", *given, followed)
+        _write_list(f"{folder}/{Path(path).name}", entries, order, index, followed)
 
 
 def collect_unfinished(
@@ -180,9 +244,10 @@ def collect_unfinished(
         for name, files in required.items()
     }
     followed = cache(partial(_followed, entries, order))
+    index = partial(build_index, entries, templates, page)
     for path in OVERVIEW:
         try:
-            _write_list(path, entries, templates, page, order, followed)
+            _write_list(path, entries, order, index, followed)
         except Exception as error:
             sys.stderr.write(f"{path}: the list was not written ({error}).\n")
             with suppress(OSError):
@@ -192,16 +257,15 @@ def collect_unfinished(
 def _write_list(
     path: str,
     entries: Mapping[str, Entry],
-    templates: Path,
-    page: str,
     order: Positions | None,
+    index: Callable[..., str],
     followed: Callable[[], list[FollowedMode]],
 ) -> None:
     """Write one of the lists, which its name tells."""
     match Path(path).name:
         case "index.html":
             name = order.name if order else ""
-            write_text(path, build_index(entries, templates, page, followed(), name))
+            write_text(path, index(followed=followed(), ordered_by=name))
         case "fleet.csv":
             write_table(path, without_formulas(fleet_table(entries)))
         case "fleet.parquet":

@@ -28,21 +28,45 @@ def build_index(
     page: str = "report.html",
     followed: Sequence[FollowedMode] = (),
     ordered_by: str = "",
+    setups: Sequence[str] = (),
+    places: Mapping[str, tuple[str, str]] | None = None,
 ) -> str:
     """The page that lists all data sets; `page` is the file that a row links to.
 
+    `setups`: structures with a page of their own; `places`: address and group of each data set
+    that is not in the folder of the page.
+
     Data sets without complete results come first, then those with failed checks, then those with
     checks that could not be judged, then by decreasing simulation error."""
-    groups = Counter(map(group_of, entries))
+    places = places or _places(entries)
+    groups = Counter(group for _, group in places.values())
     page_of = environment(template_directory).get_template("index.html.j2")
     return page_of.render(
-        rows=[_row(*item, page) for item in sorted(entries.items(), key=lambda item: _rank(*item))],
+        rows=[
+            _row(*item, page, *places[item[0]])
+            for item in sorted(entries.items(), key=lambda item: _rank(*item))
+        ],
         grouped=len(groups) > 1 and max(groups.values()) > 1,
         charts=followed_charts(followed),
         warnings=[sentence for group in followed for sentence in movements(group)],
         varying=[sentence for group in followed for sentence in variation(group)],
         ordered_by=ordered_by,
+        setups=setups,
     )
+
+
+def _places(entries: Mapping[str, Entry]) -> dict[str, tuple[str, str]]:
+    """The address of each data set, and its group: the folder of its recording.
+
+    Where the recordings lie in one folder, names that begin alike are a group.
+    """
+    files = {name: getattr(entry, "file", None) or "" for name, entry in entries.items()}
+    folders = {name: Path(file).parent.name for name, file in files.items() if file}
+    named = len(set(folders.values())) < 2
+    return {
+        name: (quote(name, safe=""), group_of(name) if named else folders.get(name, ""))
+        for name in entries
+    }
 
 
 def _rank(name: str, entry: Entry) -> tuple[Any, ...]:
@@ -54,9 +78,9 @@ def _rank(name: str, entry: Entry) -> tuple[Any, ...]:
     return (True, -len(entry.failed), -entry.n_checks(passed=None), -severity, name)
 
 
-def _row(name: str, entry: Entry, page: str) -> dict[str, Any]:
-    """A row: names that begin alike are one group; the address is that of the page or a log."""
-    row, folder = {"name": name, "group": group_of(name)}, quote(name, safe="")
+def _row(name: str, entry: Entry, page: str, folder: str, group: str) -> dict[str, Any]:
+    """A row; the address is that of the page or a log."""
+    row = {"name": name, "group": group}
     if isinstance(entry, DatasetSummary):
         return row | {"href": f"{folder}/{page}", "summary": entry, "gain": _gain(entry)}
     href = f"{folder}/{quote(entry.log)}" if entry.log else ""

@@ -49,6 +49,7 @@ examples:
   evopem blow_*.csv --input force --output 'acc_*'      several recordings: one model of all
   evopem init measurements      write measurements/config.yaml for many recordings
   evopem compare results/a results/b      lay results side by side on one page
+  evopem merge monday/results tuesday/results      list the data sets of several folders on one page
   evopem export results/a/model.json --c      write the model as C code
 
 The results lie in results/<name of the first file>/; open report.html first. A file may be text,
@@ -71,6 +72,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _init(given[1:])
         if given[:1] == ["compare"]:
             return _compare(given[1:])
+        if given[:1] == ["merge"]:
+            return _merge(given[1:])
         if given[:1] == ["export"]:
             return _export(given[1:])
         return _identify(_parsed(given))
@@ -101,6 +104,7 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         usage="evopem FILE … --input CHANNEL … --output CHANNEL … [--rate HZ | --time CHANNEL] …\n"
         "       evopem init [FOLDER]\n"
         "       evopem compare FOLDER FOLDER … [--setups] [--page FILE]\n"
+        "       evopem merge FOLDER … [--to FOLDER]\n"
         "       evopem export MODEL [--c [FOLDER]] [--fmu FILE]",
         description=_DESCRIPTION,
         epilog=_EPILOG,
@@ -199,6 +203,25 @@ def _compare(given: Sequence[str]) -> int:
 
     comparison = compare_datasets(arguments.folders, arguments.page, arguments.setups)
     show(f"{comparison_text(comparison)}\n\n  page  {arguments.page}")
+    return 0
+
+
+def _merge(given: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        "evopem merge",
+        description="List the data sets of several folders of results on one page, with one table "
+        "of all modes and checks, and follow the modes of recordings with like names.",
+    )
+    about = "results, or a folder with several such folders"
+    parser.add_argument("folders", nargs="+", metavar="FOLDER", help=about)
+    about = "where index.html and the tables are written; default: %(default)s"
+    parser.add_argument("--to", default="merged", metavar="FOLDER", help=about)
+    arguments = parser.parse_args(given)
+    _prepare("the page")
+    from evopem.pipeline.report import merge_fleets
+
+    merge_fleets(arguments.folders, arguments.to)
+    print(f"Wrote {arguments.to}/index.html.")
     return 0
 
 
