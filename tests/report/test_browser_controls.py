@@ -1,12 +1,14 @@
 """The controls of the pages in a real browser: copying, sorting, searching and saving."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
 from browsing import needs_chromium, visit
 
 from evopem.config.structures import ORDER_NAMES
+from evopem.results.layout import FIGURES
 
 pytest.importorskip("selenium", reason="selenium is not installed")
 pytestmark = needs_chromium
@@ -306,6 +308,80 @@ def test_a_click_tells_the_pole_that_it_is_next_to(browser, report, results):
     poles = results.validation.modes.poles
     known = {f"order {pole.order}, frequency hz {pole.frequency_hz:.6g}" for pole in poles}
     assert {words.partition(", damping")[0] for words in told} == {"", *known}
+
+
+def test_every_figure_can_be_zoomed(browser, report):
+    visit(browser, report)
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
+    figures = browser.execute_script(
+        "return [...document.querySelectorAll('figure[data-name]')].map(f => f.closest('[id]').id)"
+    )
+    assert len(figures) == len(FIGURES)
+    for figure in figures:
+        bring(browser, figure)
+    alive = "return [...document.querySelectorAll('figure.is-live canvas')].map(c => c.width)"
+    assert min(browser.execute_script(alive)) > 100
+    assert len(browser.find_elements("css selector", "figure.is-live")) == len(figures)
+    assert browser.get_log("browser") == []
+
+
+def test_a_click_in_the_complex_plane_tells_the_root(browser, report, results):
+    visit(browser, report)
+    bring(browser, "poles_zeros")
+    pole = max(results.model.modes, key=lambda mode: mode.pole.imag).pole
+    told = browser.execute_script(
+        """const over = document.querySelector('#poles_zeros .u-over');
+        const box = over.getBoundingClientRect();
+        const place = (part, size) => size * (part / 2.6 + 0.5);  // from -1.3 to 1.3
+        for (const kind of ['mousemove', 'mousedown', 'mouseup', 'click']) {
+            over.dispatchEvent(new MouseEvent(kind, {bubbles: true,
+                clientX: box.left + place(arguments[0], box.width),
+                clientY: box.top + box.height - place(arguments[1], box.height)}));
+        }
+        return document.querySelector('#poles_zeros .legend [role="status"]').textContent;""",
+        pole.real,
+        pole.imag,
+    )
+    words = dict(pair.rsplit(" ", 1) for pair in told.split(", "))
+    assert "pole" in words["kind"]
+    assert abs(complex(float(words["real"]), float(words["imag"])) - pole) < 0.05
+
+
+def test_frequencies_are_shown_in_hertz_or_radians_and_in_decades(browser, report):
+    from selenium.webdriver.common.keys import Keys
+
+    visit(browser, report)
+    bring(browser, "frequency_response")
+
+    def read(figure, share):
+        """The abscissa at a share of the width."""
+        bring(browser, figure)
+        return browser.execute_script(
+            """const panel = document.querySelector(`#${arguments[0]} .panel`);
+            const over = panel.querySelector('.u-over');
+            const box = over.getBoundingClientRect();
+            over.dispatchEvent(new MouseEvent('mousemove', {bubbles: true,
+                clientX: box.left + arguments[1] * box.width, clientY: box.top + 20}));
+            return Number(panel.querySelector('.where').textContent.slice(3));""",
+            figure,
+            share,
+        )
+
+    def turn(words):
+        label = f"{words}: frequencies, Frequency response"
+        browser.find_element("css selector", f'[aria-label="{label}"]').send_keys(Keys.ENTER)
+        settle(browser)
+
+    hertz = {figure: read(figure, 0.5) for figure in ("gain", "frequency_response")}
+    turn("rad/s")
+    for figure, value in hertz.items():
+        assert read(figure, 0.5) == pytest.approx(2 * math.pi * value, rel=0.02)
+    turn("log f")
+    for figure in hertz:
+        low, middle, high = (read(figure, share) for share in (0.25, 0.5, 0.75))
+        assert middle == pytest.approx(math.sqrt(low * high), rel=0.1)
+    focused = browser.execute_script("return document.activeElement.textContent")
+    assert focused == "log f"
 
 
 def test_figures_follow_a_change_of_the_theme(browser, report):

@@ -5,6 +5,10 @@
   const COLOURS = ["ink", "muted", "grid", "model", "error", "truth", "fourth", "fifth"];
   const NEAR = "600px"; // a figure is drawn when it is that close to the screen
   const REACH = 24; // pixels from a click to the point that it tells
+  const NORMAL_95 = 1.96;
+  const CHI_SQUARE_95 = [3.841, 5.991]; // of one and two degrees of freedom
+  const PER_HERTZ = 2 * Math.PI;
+  const view = { radians: false, decades: false }; // how all frequencies of the page are shown
   const groups = new Map(); // plots with the same abscissa, by the name of their group
   const parts = new Map(); // what a group shows of its abscissa; null for the whole
   const drawn = new Map(); // plots and observers of each figure
@@ -44,11 +48,17 @@
       if (number === null) return null;
       return panel.scale === "phase" ? wrapped(number) : positive((curve.factor ?? 1) * number);
     });
-    const x = rows.map((at) => toNumber(table[panel.x][at]));
+    const x = rows.map((at) => {
+      const number = toNumber(table[panel.x][at]);
+      return number === null ? null : number * panel.per;
+    });
     const y = take(curve.column);
-    const inside = (at) => !panel.highest || x[at] <= panel.highest;
+    const inside = (at) => (!panel.highest || x[at] <= panel.highest) && (!panel.decades || x[at] > 0);
     const known = (at) => inside(at) && x[at] !== null && !Number.isNaN(x[at]) && table[curve.column][rows[at]] !== "";
-    const order = x.map((_, at) => at).filter(known).sort((a, b) => x[a] - x[b]);
+    const order = x.map((_, at) => at).filter(known);
+    // In a plane the points of a curve keep their order.
+    if (panel.plane) return { 0: order.map((at) => x[at]), 1: order.map((at) => y[at]), table, rows: order.map((at) => rows[at]) };
+    order.sort((a, b) => x[a] - x[b]);
     const sorted = [x, y, ...(curve.band ?? []).map(take)]
       .map((values) => order.map((at) => values[at]));
     return Object.assign(apart(sorted), { table, rows: order.map((at) => rows[at]) });
@@ -111,8 +121,83 @@
     return made;
   };
 
+  // What matplotlib draws at single points, and a page as well: intervals, ellipses, markers, names.
+  const details = (plot, panel, curves, hidden, paint) => {
+    const { ctx } = plot;
+    const at = (x, y) => [plot.valToPos(x, "x", true), plot.valToPos(y, "y", true)];
+    const trace = (points) => {
+      ctx.beginPath();
+      points.forEach(([x, y]) => ctx.lineTo(...at(x, y)));
+    };
+    const size = 4 * devicePixelRatio;
+    curves.forEach(({ curve, table: { 0: xs, 1: ys, table, rows } }, number) => {
+      if (hidden.has(number)) return;
+      const colour = paint[curve.colour];
+      ctx.strokeStyle = colour;
+      ctx.fillStyle = fade(colour, 0.25);
+      const cell = (name, k) => toNumber(table[name][rows[k]]);
+      if (panel.plane && curve.kind !== "points") {
+        trace(xs.map((x, k) => [x, ys[k]]));
+        ctx.stroke();
+        return;
+      }
+      xs.forEach((x, k) => {
+        const y = ys[k];
+        if (y === null) return;
+        if (curve.errors) {
+          const [along, across] = curve.errors.map((name, axis) => NORMAL_95 * (cell(name, k) ?? 0) * (axis ? 1 : panel.per));
+          trace([[x - along, y], [x + along, y]]);
+          ctx.stroke();
+          trace([[x, panel.scale === "logarithmic" ? Math.max(y - across, 0.1 * y) : y - across], [x, y + across]]);
+          ctx.stroke();
+        }
+        const [a, b, c] = (curve.ellipse ?? []).map((name) => cell(name, k));
+        if (typeof a === "number" && typeof b === "number" && typeof c === "number") {
+          const [half, turn] = [Math.hypot((a - b) / 2, c), Math.atan2(2 * c, a - b) / 2];
+          const share = CHI_SQUARE_95[y === 0 ? 0 : 1];
+          const [long, short] = [half, -half].map((part) => Math.sqrt(Math.max(share * ((a + b) / 2 + part), 0)));
+          trace([...Array(49).keys()].map((step) => {
+            const [p, q] = [long * Math.cos((step * Math.PI) / 24), short * Math.sin((step * Math.PI) / 24)];
+            return [x + p * Math.cos(turn) - q * Math.sin(turn), y + p * Math.sin(turn) + q * Math.cos(turn)];
+          }));
+          ctx.fill();
+          ctx.stroke();
+        }
+        const [left, top] = at(x, y);
+        const word = curve.names && table[curve.names][rows[k]];
+        if (word) {
+          ctx.fillStyle = paint.ink;
+          ctx.textAlign = "center";
+          ctx.fillText(word, left, top - 2 * size);
+          ctx.fillStyle = fade(colour, 0.25);
+        }
+        if (!panel.plane) return;
+        ctx.beginPath();
+        if (curve.marker === "x") {
+          [1, -1].forEach((side) => {
+            ctx.moveTo(left - size, top - side * size);
+            ctx.lineTo(left + size, top + side * size);
+          });
+        } else ctx.arc(left, top, curve.marker === "." ? size / 3 : size, 0, 7);
+        ctx.stroke();
+      });
+    });
+    if (panel.plane !== "z") return;
+    ctx.strokeStyle = paint.ink;
+    trace([...Array(181).keys()].map((k) => [Math.cos((k * Math.PI) / 90), Math.sin((k * Math.PI) / 90)]));
+    ctx.stroke();
+    ctx.fillStyle = paint.muted;
+    ctx.textAlign = "center";
+    for (const share of [0.1, 0.2, 0.3, 0.4, 0.5]) {
+      const [across, up] = [Math.cos(PER_HERTZ * share), Math.sin(PER_HERTZ * share)];
+      const label = share * panel.rate * (view.radians ? PER_HERTZ : 1);
+      ctx.fillText(show(label) + (share === 0.1 ? (view.radians ? " rad/s" : " Hz") : ""), ...at(1.14 * across, 1.14 * up + (share === 0.5 ? 0.1 : 0.03)));
+    }
+  };
+
   const draw = (panel, table, place, name) => {
     const paint = colours();
+    const hidden = new Set(); // numbers of curves
     const heading = document.createElement("p");
     heading.className = "panel-title";
     const repeated = panel.title?.toLowerCase().includes(panel.y_label?.toLowerCase());
@@ -123,14 +208,15 @@
     place.append(heading, legend, room);
 
     const tables = panel.curves.map((curve) => series(table, panel, curve));
-    const data = uPlot.join(tables);
+    const [least, most] = panel.limits?.length === 2 ? panel.limits : [-1.3, 1.3];
+    const data = panel.plane ? [[least, most], ...panel.curves.map(() => [null, null])] : uPlot.join(tables);
     const plotted = [{ label: panel.x_label }];
     const bands = [];
     const owners = []; // for each curve the numbers of its series
     panel.curves.forEach((curve) => {
       const colour = paint[curve.colour];
       const dots = curve.kind === "points";
-      const band = curve.band ?? [];
+      const band = panel.plane ? [] : curve.band ?? [];
       const first = plotted.length;
       plotted.push({
         label: curve.label,
@@ -155,7 +241,7 @@
       ctx.setLineDash([2, 4]);
       for (const mark of panel.marks ?? []) {
         ctx.strokeStyle = paint[mark.colour];
-        const x = Math.round(plot.valToPos(mark.value, "x", true));
+        const x = Math.round(plot.valToPos(mark.value * panel.per, "x", true));
         if (x < bbox.left || x > bbox.left + bbox.width) continue;
         ctx.beginPath();
         ctx.moveTo(x, bbox.top);
@@ -170,6 +256,13 @@
         ctx.lineTo(bbox.left + bbox.width, y);
         ctx.stroke();
       }
+      ctx.setLineDash([]);
+      ctx.lineWidth = 1.4 * devicePixelRatio;
+      ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+      ctx.beginPath();
+      ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+      ctx.clip();
+      details(plot, panel, panel.curves.map((curve, number) => ({ curve, table: tables[number] })), hidden, paint);
       ctx.restore();
     };
 
@@ -193,6 +286,11 @@
     const values = [];
     const cursor = (plot) => {
       const at = plot.cursor.idx;
+      const { left, top } = plot.cursor;
+      if (panel.plane) {
+        where.textContent = left < 0 ? "" : `at ${show(plot.posToVal(left, "x"))}, ${show(plot.posToVal(top, "y"))}`;
+        return;
+      }
       where.textContent = at === null || at === undefined ? "" : `at ${show(plot.data[0][at])}`;
       values.forEach(({ out, number }) => {
         out.textContent = at === null || at === undefined ? "" : show(nearest(plot.data[number], at));
@@ -207,25 +305,29 @@
     }
     if (panel.scale === "phase") yAxis.splits = () => [-180, -90, 0, 90, 180];
     const yScale = panel.scale === "logarithmic" ? { distr: 3 } : {};
-    if (fixed) yScale.range = panel.limits;
+    if (fixed || panel.plane) yScale.range = [least, most];
+    const width = Math.max(place.clientWidth, 160);
     const options = {
-      width: Math.max(place.clientWidth, 160),
-      height: panel.height,
+      width: panel.plane ? Math.min(width, 1.3 * panel.height) : width,
+      height: panel.plane ? Math.min(width, 1.3 * panel.height) - 18 : panel.height,
       padding: [8, 18, 0, 0],
       legend: { show: false },
-      cursor: { drag: { x: true, y: false }, sync: panel.linked ? { key: panel.linked, scales: ["x", null] } : undefined },
-      scales: { x: { time: false }, y: yScale, behind: { distr: 3 } },
+      cursor: { drag: { x: true, y: Boolean(panel.plane), setScale: !panel.plane }, bind: { dblclick: () => () => { whole(plot); return null; } }, sync: panel.linked ? { key: panel.linked, scales: ["x", null] } : undefined },
+      scales: { x: panel.decades ? { time: false, distr: 3, range: (_, low, high) => [Math.max(low, 1e-9), high] } : { time: false }, y: yScale, behind: { distr: 3 } },
       axes: [axis(30, panel.x_label), yAxis],
       series: plotted,
       bands,
-      hooks: { draw: [marks], setCursor: [cursor], setScale: [follow] },
+      hooks: { draw: [marks], setCursor: [cursor], setScale: [follow], setSelect: panel.plane ? [square] : [] },
     };
     const where = document.createElement("span");
     where.className = "where";
     const plot = new uPlot(options, data, room);
     const finite = data[0].filter((x) => x !== null);
-    plot.whole = panel.highest ? [0, panel.highest] : [finite[0], finite.at(-1)];
+    plot.plane = panel.plane;
+    plot.decades = panel.decades;
+    plot.whole = panel.highest ? [panel.decades ? finite[0] : 0, panel.highest] : [finite[0], finite.at(-1)];
     plot.group = panel.linked;
+    if (panel.highest && !panel.linked) whole(plot);
     plot.root.querySelector(".u-over").title = `${name}: drag to zoom, double-click for the whole range`;
 
     panel.curves.forEach((curve, at) => {
@@ -241,6 +343,9 @@
       const toggle = button("", "", (own) => {
         const shown = own.getAttribute("aria-pressed") !== "true";
         own.setAttribute("aria-pressed", String(shown));
+        panel.curves.forEach((_, number) => {
+          if (numbers.includes(owners[number][0])) hidden[shown ? "delete" : "add"](number);
+        });
         numbers.forEach((number) => plot.setSeries(number, { show: shown }));
       });
       toggle.setAttribute("aria-pressed", "true");
@@ -257,8 +362,8 @@
       const box = plot.over.getBoundingClientRect();
       let best = { away: REACH };
       panel.curves.forEach((curve, number) => {
-        if (curve.kind !== "points" || !plot.series[owners[number][0]].show) return;
-        const [x, y] = tables[number];
+        if (curve.kind !== "points" || hidden.has(number)) return;
+        const { 0: x, 1: y } = tables[number];
         y.forEach((value, at) => {
           if (value === null) return;
           const across = plot.valToPos(x[at], "x") + box.left - clientX;
@@ -287,22 +392,43 @@
     following = false;
   };
 
+  const set = (plot, x, y) => plot.batch(() => {
+    plot.setScale("x", { min: x[0], max: x[1] });
+    if (plot.plane) plot.setScale("y", { min: y[0], max: y[1] });
+  });
+  const whole = (plot) => set(plot, plot.whole, plot.whole);
+  // Parts of an axis, in decades where it has them.
+  const range = (plot, axis) => {
+    const inner = (value) => (plot.decades ? Math.log(value) : value);
+    const { min, max } = plot.scales[axis];
+    return { values: [min, max, ...plot.whole].map(inner), outer: (value) => (plot.decades ? Math.exp(value) : value) };
+  };
   const zoom = (plots, factor) => {
     for (const plot of plots) {
-      const { min, max } = plot.scales.x;
-      const [low, high] = plot.whole;
-      const middle = (min + max) / 2;
-      const half = ((max - min) / 2) * factor;
-      plot.setScale("x", { min: Math.max(low, middle - half), max: Math.min(high, middle + half) });
+      const [x, y] = (plot.plane ? ["x", "y"] : ["x", "x"]).map((axis) => {
+        const { values: [min, max, low, high], outer } = range(plot, axis);
+        const [middle, half] = [(min + max) / 2, ((max - min) / 2) * factor];
+        return plot.plane && half > (high - low) / 2 ? plot.whole : [plot.plane ? middle - half : Math.max(low, middle - half), plot.plane ? middle + half : Math.min(high, middle + half)].map(outer);
+      });
+      set(plot, x, y);
     }
   };
   const shift = (plots, share) => {
     for (const plot of plots) {
-      const { min, max } = plot.scales.x;
-      const [low, high] = plot.whole;
+      const { values: [min, max, low, high], outer } = range(plot, "x");
       const by = Math.min(Math.max(share * (max - min), low - min), high - max);
-      plot.setScale("x", { min: min + by, max: max + by });
+      const { min: bottom, max: top } = plot.scales.y;
+      set(plot, [min + by, max + by].map(outer), [bottom, top]);
     }
+  };
+  // What was chosen in a plane, as a square.
+  const square = (plot) => {
+    const { left, top, width, height } = plot.select;
+    if (width < 4 && height < 4) return;
+    const half = Math.max(width, height) / 2;
+    const edges = (middle, axis) => [middle - half, middle + half].map((at) => plot.posToVal(at, axis)).sort((a, b) => a - b);
+    set(plot, edges(left + width / 2, "x"), edges(top + height / 2, "y"));
+    plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
   };
 
   const open = (figure) => {
@@ -317,7 +443,22 @@
     figure.prepend(live);
     figure.classList.add("is-live");
     const table = read(link.href);
-    const plots = JSON.parse(figure.dataset.panels).map((panel) => {
+    const linear = figure.dataset.linear === "true";
+    const panels = JSON.parse(figure.dataset.panels).map((panel) => {
+      const ofFrequency = panel.x_label?.includes("(Hz)");
+      const per = ofFrequency && view.radians ? PER_HERTZ : 1;
+      return {
+        ...panel,
+        ofFrequency,
+        per,
+        levelled: panel.scale === "logarithmic",
+        highest: panel.highest && panel.highest * per,
+        x_label: per === 1 ? panel.x_label : panel.x_label.replace("(Hz)", "(rad/s)"),
+        decades: panel.decades || (ofFrequency && view.decades),
+        ...(linear && panel.scale === "logarithmic" ? { scale: "linear", limits: [] } : {}),
+      };
+    });
+    const plots = panels.map((panel) => {
       const place = document.createElement("div");
       place.className = "panel";
       live.append(place);
@@ -338,19 +479,47 @@
     const tools = document.createElement("p");
     tools.className = "zoom";
     // Plots that follow another one need no step of their own.
+    const again = (chosen) => [close, open].forEach((act) => chosen.forEach(act));
+    const toggle = (words, label, pressed, act) => {
+      const named = `${words}: ${label}`;
+      const made = button(words, named, () => {
+        act();
+        figure.querySelector(`[aria-label="${CSS.escape(named)}"]`).focus();
+      });
+      made.setAttribute("aria-pressed", String(pressed));
+      return made;
+    };
+    // All figures over frequency change together.
+    const frequencies = (key) => () => {
+      view[key] = !view[key];
+      parts.clear();
+      again([...drawn.keys()].filter((each) => each.dataset.panels.includes("(Hz)") || each.dataset.panels.includes('"plane": "z"')));
+    };
     const leaders = () => [...new Map(plots.map((plot, at) => [plot.group || at, plot])).values()];
     tools.append(
       button("←", `Move left: ${name}`, () => shift(leaders(), -0.25)),
       button("+", `Zoom in: ${name}`, () => zoom(leaders(), 0.5)),
       button("−", `Zoom out: ${name}`, () => zoom(leaders(), 2)),
       button("→", `Move right: ${name}`, () => shift(leaders(), 0.25)),
-      button("↔", `Whole range: ${name}`, () => leaders().forEach((plot) => plot.setScale("x", { min: plot.whole[0], max: plot.whole[1] }))),
+      button("↔", `Whole range: ${name}`, () => leaders().forEach(whole)),
     );
+    if (panels.some((panel) => panel.ofFrequency)) {
+      tools.append(
+        toggle("rad/s", `frequencies, ${name}`, view.radians, frequencies("radians")),
+        toggle("log f", `frequencies, ${name}`, view.decades, frequencies("decades")),
+      );
+    }
+    if (panels.some((panel) => panel.levelled)) {
+      tools.append(toggle("linear", `ordinates, ${name}`, linear, () => {
+        figure.dataset.linear = String(!linear);
+        again([figure]);
+      }));
+    }
     live.prepend(tools);
     const observer = new ResizeObserver(() => {
       for (const plot of plots) {
         const width = plot.root.parentElement.clientWidth;
-        if (width && width !== plot.width) plot.setSize({ width, height: plot.height });
+        if (width && width !== plot.width && !plot.plane) plot.setSize({ width, height: plot.height });
       }
     });
     observer.observe(live);

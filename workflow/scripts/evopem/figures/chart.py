@@ -22,8 +22,8 @@ Plane = Literal["", "z", "complex"]
 # Roles of the curves of a family.
 FAMILY: tuple[Role, ...] = ("model", "error", "truth", "fourth", "fifth", "muted")
 FAMILY_MARKERS = ("o", "s", "^", "D", "v", "P")
-# Panels beyond this number are drawn once, and not again by the page.
-MOST_LIVE = 30
+# Panels of a figure at most; the table has all pairs of channels.
+MOST_PANELS = 60
 FREQUENCY = "Frequency (Hz)"
 VALIDATION_TIME = "Time from the first validation sample (s)"
 TIME = "Time (s)"
@@ -99,7 +99,6 @@ class Chart:
     table: pd.DataFrame  # what is drawn, as it is offered for download
     panels: tuple[Panel, ...]  # row by row
     columns: int = 1  # panels of a row
-    live: bool = True  # whether a page draws it for a reader to zoom
     nothing: str = ""  # what is said where there is nothing to draw
 
     def only(self, kind: str) -> Self:
@@ -109,8 +108,7 @@ class Chart:
 
     def page_form(self) -> list[dict[str, Any]]:
         """The panels as the page reads them; none where it does not draw them."""
-        plane = any(panel.plane or panel.decades for panel in self.panels)
-        if not self.live or plane or len(self.panels) > MOST_LIVE or self.nothing:
+        if self.nothing or len(self.panels) > MOST_PANELS:
             return []
         return [asdict(panel, dict_factory=_stated) for panel in self.panels]
 
@@ -164,10 +162,6 @@ def around(values: pd.Series, factor: float = 4.0) -> tuple[float, ...]:
     if not len(positive):
         return ()
     return float(positive.min()) / factor, float(positive.max()) * factor
-
-
-# Panels of a figure at most; the table has all pairs of channels.
-MOST_PANELS = 60
 
 
 def columns_of(results: DatasetResults, panels: Sequence[Panel]) -> int:

@@ -240,4 +240,4 @@ def compared_modes(comparison: Comparison) -> Chart:
         highest=max(model.model.sampling_rate for model in comparison.models) / 2,
         height=250,
     )
-    return Chart(table, (panel,), live=False)
+    return Chart(table, (panel,))
