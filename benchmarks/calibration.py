@@ -111,6 +111,8 @@ def judged(case: Case, found: Any) -> Line:
             factor = RATE / found.model.sampling_rate
             line["decimation"] = round(factor, 1)
             line["delays"] = [round(nk * factor, 1) for nk in delays_of(found.model)]
+            likely = found.results.decisions.likely_delays
+            line["likely"] = [[round(nk * factor, 1) for nk in delays] for delays in likely]
     return line
 
 
@@ -286,6 +288,7 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
     said = [line for line in driven if line["verdict"]["response"] == "good"]
     with_oracle = [line for line in driven if "oracle" in line]
     unfaulted = [line for line in driven if line["delays"]]
+    sets = [(delays, line) for line in driven for delays in line.get("likely", ())]
     trusted = [line["modes"] for line in inside]
     unrelated = [line for line in outside if line["outside"] == "unrelated"]
     groups = (("all", inside), ("response “good”", said), ("standard errors “good”", good))
@@ -325,6 +328,14 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
                 for line in unfaulted
             ),
         ),
+        (
+            "delay not among the likely ones",
+            rate(
+                min(abs(nk - line["delay"]) for nk in delays) > 0.5 * line["decimation"]
+                for delays, line in sets
+            ),
+        ),
+        ("likely delays are three at most", rate(len(delays) <= 3 for delays, _ in sets)),
         (
             "trusted mode is none",
             of_counts(sum(m["false"] for m in trusted), sum(m["trusted"] for m in trusted)),

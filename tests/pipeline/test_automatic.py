@@ -54,6 +54,9 @@ def test_the_stages_are_listed_in_their_order(clipped):
 def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipped):
     record = load(DecisionRecord, clipped.decisions)
     assert "stretches with breaks between them" in record.remarks[0]
+    (likely,) = record.likely_delays
+    assert 1 in likely
+    assert (len(likely) > 1) == any("The likely delays" in remark for remark in record.remarks)
     model = load(ModelRecord, clipped.model)
     stretches = model.transforms.estimation
     assert len(stretches) > 5

@@ -42,6 +42,9 @@ from evopem.validation.spectra import excitation_order, needed_excitation
 
 # A coefficient of so few standard errors may be 0: the BIC of a model without it then decides.
 SMALL = 3.0
+# Probability of feedback, or of residuals as coloured as these, by chance, from which a choice
+# depends on it: far rarer than that of a failed check.
+BY_CHANCE = 1e-3
 # Largest lag of the autocorrelations of residuals.
 LAGS = 1200
 

@@ -66,3 +66,5 @@ class DecisionRecord:
     failed: tuple[str, ...]  # checks that no remedy made hold
     remarks: tuple[str, ...]  # sentences about the record that the decisions led to
     other_model: OtherModel | None  # None without an input
+    # Of each input, those that together have 95 % of the probability, in samples of the model
+    likely_delays: tuple[tuple[int, ...], ...] = ()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from evopem.arrays import Array
+from evopem.automatic.candidate_checks import BY_CHANCE, feedback_probability
 from evopem.automatic.candidates import (
     BIC,
     GAIN,
@@ -20,13 +20,12 @@ from evopem.automatic.candidates import (
 )
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
-from evopem.automatic.fit import FOLD_STAGES, fit, log_loss
+from evopem.automatic.fit import likeliest_arx
 from evopem.automatic.state_space import Log, fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import ORDER_NAMES, is_polynomial
-from evopem.errors import NoModelError
-from evopem.estimation.delays import ORDERS, delays_by_criterion, longest_delay
+from evopem.estimation.delays import ORDERS, likely_delays, longest_delay
 from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
@@ -245,14 +244,6 @@ def changed(orders: Orders, place: int | None = None, **differences: int) -> Ord
 
 # Alternatives of each input that are recorded.
 RECORDED = 5
-# Delays up to this one are not doubted.  Where the input has power at few frequencies and the
-# disturbance does not pass through A, the many lags of an ARX model replace those of a short delay;
-# output-error models do not.  A difference of BIC of 10 is very strong (Kass & Raftery 1995).
-CERTAIN_DELAY, OUTPUT_ERROR_ORDERS, VERY_STRONG = 2, (2, 4, 8), 10.0
-# Share of an input's power in the upper half of the frequencies that leaves no doubt of its delay.
-SLOW = 0.1
-# Samples of several channels, whose models take longer to fit.
-MOST_OF_SEVERAL = 2000
 
 
 @dataclass(frozen=True)
@@ -261,6 +252,8 @@ class DelayChoice:
 
     delays: tuple[int, ...]
     decision: Decision
+    likely: tuple[tuple[int, ...], ...] = ()  # of each input, those that together have 95 %
+    shortest: int = 0  # that may be chosen
 
 
 def decide_delays(
@@ -272,98 +265,50 @@ def decide_delays(
     """
     segments = first_samples(segments, MOST_SAMPLES)
     given = of_each(ranges, names, "delay.nk") if names else ()
-    limits = [limit or (0, longest_delay(segments)) for limit in given]
+    shortest = int(ranges is None and _is_fed_back(segments))
+    limits = [limit or (shortest, longest_delay(segments)) for limit in given]
     if all(low == high for low, high in limits):
         delays = tuple(low for low, _ in limits)
         return DelayChoice(delays, given_by_configuration("delay", _listed(delays) or "none"))
-    chosen = delays_by_criterion(segments, limits)
-    by_arx = delays = tuple(delay for delay, _ in chosen)
-    for place, ((low, _), (_, criterion)) in enumerate(zip(limits, chosen, strict=True)):
-        if delays[place] > max(low, CERTAIN_DELAY) and _is_slow(segments, place):
-            delays = _shortest_as_likely(segments, delays, place, low, criterion)
-    several = len(names) > 1
+    decided = likely_delays(segments, limits)
+    delays, likely = tuple(d.delay for d in decided), tuple(d.likely for d in decided)
+    before = [f"{name}: " * (len(names) > 1) for name in names]
     alternatives = tuple(
-        Alternative(
-            f"{name}: {low + place}" if several else str(low + place), float(criterion[place])
-        )
-        for name, (low, _), (_, criterion) in zip(names, limits, chosen, strict=True)
-        for place in sorted(criterion.argsort()[:RECORDED].tolist())
+        Alternative(f"{name}{low + place}", float(scores[place]))
+        for name, (low, _), (_, _, scores) in zip(before, limits, decided, strict=True)
+        for place in sorted(scores.argsort()[:RECORDED].tolist())
+    )
+    sets = "; ".join(
+        name + _in_runs(of_input) for name, of_input in zip(before, likely, strict=True)
     )
     sentence = (
-        f"ARX models of up to order {ORDERS[-1]} have the smallest BIC with"
-        f" {'a delay' if len(delays) == 1 else 'delays'} of {_listed(by_arx)}."
+        f"The likely delays, with 95 % of the probability, are {sets} samples: the smallest of them"
+        " is taken against which there is little evidence."
     )
-    if delays != by_arx:
-        sentence += f" Output-error models have a smaller one with {_listed(delays)}."
-    about = Decision("delay", _listed(delays), alternatives, "BIC of the best ARX model", sentence)
-    return DelayChoice(delays, about)
+    if shortest:
+        sentence += " The input depends on past residuals, and feedback looks like a delay of 0."
+    criterion = "−2 ln of the probability over that of the likeliest delay"
+    about = Decision("delay", _listed(delays), alternatives, criterion, sentence)
+    return DelayChoice(delays, about, likely, shortest)
 
 
 def _listed(delays: Sequence[int]) -> str:
     return ", ".join(map(str, delays))
 
 
-def _is_slow(segments: Sequence[Segment], place: int) -> bool:
-    """Whether an input has hardly any power in the upper half of the frequencies."""
-    powers = np.zeros(2)
-    for segment in segments:
-        lines = np.abs(np.fft.rfft(segment.inputs[:, place] - segment.inputs[:, place].mean())) ** 2
-        powers += [lines[: len(lines) // 2].sum(), lines[len(lines) // 2 :].sum()]
-    return bool(powers[1] < SLOW * powers.sum())
+def _in_runs(delays: Sequence[int]) -> str:
+    """Ascending numbers, neighbours together: "0, 3 to 5"."""
+    ends = [k for k in delays if k - 1 not in delays], [k for k in delays if k + 1 not in delays]
+    pairs = zip(*ends, strict=True)
+    return ", ".join(f"{low} to {high}" if high > low else str(low) for low, high in pairs)
 
 
-def _shortest_as_likely(
-    segments: Sequence[Segment],
-    delays: tuple[int, ...],
-    place: int,
-    low: int,
-    criterion: Array,
-) -> tuple[int, ...]:
-    """Delays of which one may be shorter, where output-error and ARX models find it far likelier.
-
-    ``criterion``: lowest BIC of a sample of ARX models with that delay from ``low`` on.
-    """
-    samples = sum(segment.samples for segment in segments)
-    first = max(delays) + max(OUTPUT_ERROR_ORDERS)
-    several = segments[0].inputs.shape[1] * segments[0].outputs.shape[1] > 1
-    compared = first_samples(segments, MOST_OF_SEVERAL) if several else tuple(segments)
-    share = sum(segment.samples for segment in compared) / samples
-    known: dict[int, list[PolynomialModel]] = {}
-    totals: dict[int, float] = {}
-
-    def likeliest(output: int, tried: tuple[int, ...]) -> float:
-        """BIC of the best output-error model of an output."""
-        alone = [segment.of_output(output) for segment in compared]
-        models, values = known.setdefault(output, []), []
-        for n in OUTPUT_ERROR_ORDERS:
-            orders = Orders(nb=(n,) * len(tried), nf=(n,) * len(tried), nk=tried)
-            try:
-                fitted = fit(alone, orders, models=models, stages=FOLD_STAGES)
-            except NoModelError:
-                continue
-            assert isinstance(fitted.model, PolynomialModel)
-            models.append(fitted.model)
-            errors = fitted.residuals_from(first)
-            loss = len(errors) * log_loss(errors, "quadratic")
-            values.append(loss + fitted.parameters * np.log(len(errors)))
-        return min(values, default=np.inf)
-
-    def with_delay(nk: int) -> tuple[int, ...]:
-        return (*delays[:place], nk, *delays[place + 1 :])
-
-    def total(nk: int) -> float:
-        """BIC of the best output-error models and of the best ARX model."""
-        if nk not in totals:
-            outputs = range(segments[0].outputs.shape[1])
-            of_outputs = sum(likeliest(output, with_delay(nk)) for output in outputs)
-            totals[nk] = of_outputs + share * samples * float(criterion[nk - low])
-        return totals[nk]
-
-    delay, shortest = delays[place], max(low, 1)
-    while delay > max(CERTAIN_DELAY, shortest):
-        tried = sorted({shortest + (delay - shortest) * part // 4 for part in (0, 2, 3, 4)})
-        best = min(tried, key=total)
-        if not total(best) < total(delay) - VERY_STRONG:
-            break
-        delay = best
-    return with_delay(delay)
+def _is_fed_back(segments: Sequence[Segment]) -> bool:
+    """Whether an input depends on past residuals of ARX models that know its same sample."""
+    longest = max(segments, key=lambda segment: segment.samples)
+    for output in range(longest.outputs.shape[1]):
+        alone = [longest.of_output(output)]
+        arx = likeliest_arx(alone, ORDERS, max(ORDERS)) if longest.inputs.shape[1] else None
+        if arx and feedback_probability(arx.model, alone) < BY_CHANCE:
+            return True
+    return False

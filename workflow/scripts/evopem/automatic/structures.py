@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from evopem.automatic.candidate_checks import feedback_probability, heaviness
+from evopem.automatic.candidate_checks import BY_CHANCE, feedback_probability, heaviness
 from evopem.automatic.candidates import (
     BIC,
     SIMULATION_BIC,
@@ -33,9 +33,6 @@ from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
 Purpose = Literal["simulation", "prediction", "modes", "auto"]
 Level = Literal["constant", "state"]
-# Probability of feedback, or of residuals as coloured as these, by chance, from which a choice
-# depends on it: far rarer than that of a failed check.
-BY_CHANCE = 1e-3
 # Evidence of a residual for Laplace's distribution against the normal one, as a logarithm, from
 # which tails are heavy: 0.07 for Laplace's itself, -0.05 for the normal one.
 HEAVY = 0.1

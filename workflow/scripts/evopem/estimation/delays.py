@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
+from evopem.estimation.delay_evidence import LAGS, PAST, delay_evidence
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
@@ -27,6 +28,12 @@ LONGEST_SHARE = 3
 SAMPLES_PER_COEFFICIENT = 5
 # Difference of BIC, times the samples, that decides nothing: the smallest of such delays is taken.
 AS_WELL = 2.0
+# Probability of delays that are called likely together, and score up to which there is little
+# evidence against a delay: odds of 12 to 1.
+LIKELY, LITTLE = 0.95, 5.0
+# Score of all but the best delay and its neighbours that leaves no doubt of ARX models; they are
+# doubted where an input has less than this share of its power in the upper half of the frequencies.
+CLEAR, SLOW = 20.0, 0.1
 # Shares of a lag's size, and of the outputs' power, that are rounding.
 DEPENDENT, FLOOR = 1e-9, 1e-14
 # BIC removes a coefficient about where its squared t ratio is below ln N.  Up to this many times
@@ -90,7 +97,7 @@ def delays_by_criterion(
     delays = [low for low, _ in limits]
     criteria = [np.zeros(1) for _ in limits]
     with one_blas_thread():
-        problem = _Regression(segments, lags)
+        problem = _Regression(segments, lags, min(max(ORDERS), lags))
         if problem.count < SAMPLES_PER_COEFFICIENT * problem.fewest:
             return [(low, np.full(1, np.nan)) for low in delays]
         for _ in range(ROUNDS):
@@ -110,12 +117,84 @@ def delays_by_criterion(
     return list(zip(delays, criteria, strict=True))
 
 
+class InputDelay(NamedTuple):
+    """The delay of an input, and what the samples tell of it."""
+
+    delay: int
+    likely: tuple[int, ...]
+    """those that have 95 % of the probability together"""
+    scores: Array
+    """minus twice the logarithm of the probability of each delay over that of the likeliest one"""
+
+
+def likely_delays(
+    segments: Sequence[Segment], limits: Sequence[tuple[int, int]]
+) -> list[InputDelay]:
+    """Delay of each input, the smallest likely one against which there is little evidence.
+
+    A model of a shorter delay contains that of the system, one of a longer delay does not.
+    ``limits``: delays tried of each input, in samples, both included.
+    """
+    delays = [delay for delay, _ in delays_by_criterion(segments, limits)]
+    decided = []
+    for place, (low, high) in enumerate(limits):
+        scores = delay_scores(segments, delays, place, range(low, high + 1))
+        scores -= scores.min()
+        order, shares = np.argsort(scores), np.exp(-0.5 * np.sort(scores))
+        count = int(np.searchsorted(np.cumsum(shares), LIKELY * shares.sum())) + 1
+        likely = tuple(sorted((low + order[:count]).tolist()))
+        delays[place] = next(delay for delay in likely if scores[delay - low] <= LITTLE)
+        decided.append(InputDelay(delays[place], likely, scores))
+    return decided
+
+
+def delay_scores(
+    segments: Sequence[Segment], delays: Sequence[int], place: int, tried: range
+) -> Array:
+    """Minus twice the logarithm of the probability of each delay of an input, but for a constant.
+
+    The other inputs have their ``delays``.  By ARX models and by predictors whose coefficients have
+    a prior, each with half of the probability: the BIC counts each coefficient alike, and where the
+    input has power at few frequencies, or the noise does not pass through the poles of the plant,
+    an ARX model needs many that the samples hardly tell; a wrong delay saves some.  Where ARX
+    models leave no doubt, by these alone.  Delays up to 10 samples have half of the prior
+    probability.  Of several outputs the product of each alone.
+    """
+    longest = max(segment.samples for segment in segments)
+    lags = max(min(tried[-1] + LAGS, longest // 2), 1)
+    tried = range(tried[0], max(min(tried[-1], lags - 1), tried[0]) + 1)
+    is_long = np.array(tried) > SHORT_DELAY
+    short = max(int(np.sum(~is_long)), 1)
+    total = 2.0 * np.log(max(int(np.sum(is_long)) / short, 1.0)) * is_long
+    with one_blas_thread():
+        for output in range(segments[0].outputs.shape[1]):
+            alone = [segment.of_output(output) for segment in segments]
+            problem = _Regression(alone, lags, min(PAST, lags))
+            if problem.count < SAMPLES_PER_COEFFICIENT * problem.fewest:
+                continue
+            by_arx = problem.count * problem.criteria(place, delays, tried[0], tried[-1])[0]
+            apart = np.abs(np.arange(len(tried)) - int(np.argmin(by_arx))) > 1
+            clear = np.all(by_arx[apart] > by_arx.min() + CLEAR) and not _is_slow(alone, place)
+            by_prior = np.inf if clear else problem.evidence(place, delays, tried)
+            total -= 2.0 * np.logaddexp(-0.5 * by_arx, -0.5 * by_prior)
+    return np.asarray(total)
+
+
+def _is_slow(segments: Sequence[Segment], place: int) -> bool:
+    """Whether an input has hardly any power in the upper half of the frequencies."""
+    powers = np.zeros(2)
+    for segment in segments:
+        lines = np.abs(np.fft.rfft(segment.inputs[:, place] - segment.inputs[:, place].mean())) ** 2
+        powers += [lines[: len(lines) // 2].sum(), lines[len(lines) // 2 :].sum()]
+    return bool(powers[1] < SLOW * powers.sum())
+
+
 class _Regression:
     """All columns of the ARX models, reduced to a triangle of ``count`` rows. Past outputs by lag,
     lags of each input, constants of the recordings, and outputs."""
 
-    def __init__(self, segments: Sequence[Segment], lags: int) -> None:
-        self.lags = lags
+    def __init__(self, segments: Sequence[Segment], lags: int, past: int) -> None:
+        self.lags, self.past = lags, past
         self.m, self.outputs = segments[0].inputs.shape[1], segments[0].outputs.shape[1]
         affordable = total_samples(segments) // SAMPLES_PER_COEFFICIENT
         self.orders = [
@@ -134,14 +213,14 @@ class _Regression:
     def _rows(self, segment: Segment, recordings: Sequence[int], first: int, stop: int) -> Array:
         """The rows of samples ``first`` to before ``stop``."""
         u, y = segment.inputs, segment.outputs
-        past = (y[first - k : stop - k] for k in range(1, self.orders[-1] + 1))
+        past = (y[first - k : stop - k] for k in range(1, self.past + 1))
         lagged = (u[first - k : stop - k, [j]] for j in range(self.m) for k in range(self.lags + 1))
         constants = np.tile([float(segment.recording == r) for r in recordings], (stop - first, 1))
         return np.column_stack([*past, *lagged, constants, y[first:stop]])
 
     def _columns(self, j: int, delay: int, count: int) -> range:
         """Columns of ``count`` lags of an input from a delay on, as far as there are any."""
-        first = self.outputs * self.orders[-1] + j * (self.lags + 1)
+        first = self.outputs * self.past + j * (self.lags + 1)
         return range(first + delay, min(first + delay + count, first + self.lags + 1))
 
     def criteria(self, j: int, delays: Sequence[int], low: int, high: int) -> tuple[Array, float]:
@@ -176,6 +255,17 @@ class _Regression:
             terms = penalty * np.arange(1, n + 1)
             lowest.append(np.min(values[1:].reshape(-1, n) + terms, axis=1))
         return np.min(lowest, axis=0), float(np.min(without))
+
+    def evidence(self, j: int, delays: Sequence[int], tried: range) -> Array:
+        """As :func:`delay_evidence`, of one output; constants and the other inputs have a BIC."""
+        stop = self.triangle.shape[1] - 1
+        others = (self._columns(i, delays[i], max(ORDERS)) for i in range(self.m) if i != j)
+        free = [*range(stop - self.constants, stop), *chain(*others)]
+        kept = [*range(self.past), *self._columns(j, 0, self.lags + 1), stop]
+        left = triangle_of([self.triangle[:, [*free, *kept]]])[len(free) :, len(free) :]
+        parts = left[:, : self.past], left[:, self.past : -1], left[:, -1]
+        values = delay_evidence(*parts, self.count, tried)
+        return values + (len(free) * np.log(self.count) - self.count * np.log(self.count))
 
 
 class Fit(NamedTuple):

@@ -35,6 +35,8 @@ SHORTEST, LONGEST, MOST_CORRELATED = 0.3, 10.0, 4.0
 FIRST_SCALES, FIRST_SHARES = (0.0, 4.0, 8.0), (0.02, 0.08, 0.3)
 # Relative change of twice the logarithm of the likelihood at which a search ends.
 CONVERGED = 1e-7
+# Value of hyper-parameters whose covariance rounding makes indefinite.
+SPOILT = 1e12
 
 
 def tuned_correlated(h: Array, n: int) -> tuple[Array, list[Array]]:
@@ -95,7 +97,10 @@ class Evidence:
         covariance = np.eye(len(self.target))
         for x, (p, _) in zip(self.blocks, priors, strict=True):
             covariance += x @ p @ x.T
-        lower = np.linalg.cholesky(covariance)
+        try:
+            lower = np.linalg.cholesky(covariance)
+        except np.linalg.LinAlgError:  # of such a scale that rounding leaves nothing
+            return SPOILT, np.zeros(hyper.size)
         inverse = np.linalg.inv(lower)
         whitened = inverse @ self.target
         power = float(whitened @ whitened)
@@ -114,22 +119,24 @@ class Evidence:
         """The kernel and the hyper-parameters of the largest likelihood of descents."""
         optima, known = [], np.empty(0)
         for name, kernel in KERNELS.items():
-            starts = list(self._starts())
+            starts = list(self.starts())
             if name == "DC":
                 # Of which TC is the case of ρ = √λ.
                 rows = self._rows(known)
                 rho = np.arctanh(np.minimum(np.exp(-0.5 * np.exp(-rows[:, 1])), 0.999))
                 starts = [np.column_stack([rows, rho])]
-            value, known = self._descended(kernel, starts)
+            value, known = self.descended(kernel, starts)
             optima.append((value, name, known))
         _, name, hyper = min(optima, key=lambda optimum: optimum[0])
         return KERNELS[name], hyper
 
-    def _starts(self) -> Iterator[Array]:
+    def starts(self) -> Iterator[Array]:
+        """Hyper-parameters of TC and SS that searches begin with."""
         for scale, share in product(FIRST_SCALES, FIRST_SHARES):
             yield np.array([(scale, np.log(share * x.shape[1])) for x in self.blocks])
 
-    def _descended(self, kernel: Kernel, starts: Sequence[Array]) -> tuple[float, Array]:
+    def descended(self, kernel: Kernel, starts: Sequence[Array]) -> tuple[float, Array]:
+        """The lowest value of a descent from the best of some starts, and where it is."""
         from scipy.optimize import minimize
 
         first = starts[0]

@@ -122,20 +122,23 @@ def decision_record(
     """All decisions of a data set, in their order."""
     folds, choice = load(FoldPlan, files.decision("folds")), remedied.choice
     plan = load(PreparationPlan, files.decision("preparation"))
+    delay = load(DelayChoice, files.decision("delay"))
+    untold = [delay.decision.sentence] * any(len(likely) > 1 for likely in delay.likely)
     decisions: tuple[Decision, ...] = (
         *_about_channels(load(RecordingInfo, files.recording_info)),
         *plan.decisions,
         folds.decision,
         folds.repetition.decision,
-        load(DelayChoice, files.decision("delay")).decision,
+        delay.decision,
         *(search.decision for search in searches),
         *comparison.decisions,
         load(Decision, files.decision("search")),
     )
     return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        (*_remarks(prepared.estimation.segments, choice.level), *remedied.statements),
+        (*_remarks(prepared.estimation.segments, choice.level), *untold, *remedied.statements),
         other_model,
+        delay.likely,
     )
 
 

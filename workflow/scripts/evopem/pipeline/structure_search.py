@@ -49,15 +49,17 @@ class Scored:
         record = PreparedRecord.of(prepared.estimation, plan)
         names = prepared.estimation.input_names
         structure = settings.structure if of_choice else None
-        limits = OrderLimits(
-            None if structure == "state_space" else structure, settings.orders, names
-        )
+        delay = load(DelayChoice, files.decision("delay"))
+        orders = settings.orders
+        if delay.shortest:
+            orders = replace(orders, nk=(delay.shortest, prepared.estimation.samples))
+        limits = OrderLimits(None if structure == "state_space" else structure, orders, names)
         scorer = Scorer(
             record.stretches,
             load(FoldPlan, files.decision("folds")),
             replace(fits, objective=record.plan.objective),
             limits,
-            load(DelayChoice, files.decision("delay")).delays,
+            delay.delays,
         )
         return cls(prepared, record, scorer)
 
