@@ -1,11 +1,13 @@
 """Models whose coefficients move: known systems, exact derivatives, and their choice."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.polynomial.legendre import legvander
 from scipy.optimize import approx_fprime
 
-from evopem import InputError, Orders, Recording, SearchSettings, estimate
+from evopem import InputError, Orders, Recording, SearchSettings, estimate, identify
+from evopem.automatic.varying import held_out_errors
 from evopem.estimation.varying import Scheduled, VaryingProblem, estimate_varying
 from evopem.estimation.varying_choice import choose_varying
 from evopem.files.json_form import from_json, to_json
@@ -252,3 +254,59 @@ def test_held_out_samples_are_not_fitted():
     other = Scheduled(other_data, scheduled.schedule, np.where(np.arange(800) < 400, weights, 1.0))
     again = estimate_varying(other, ORDERS["arx"], held.basis("legendre", 2)).model
     np.testing.assert_allclose(again.weights, model.weights, rtol=1e-9, atol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def chirp():
+    """Results of a chirping resonance with an input, two of the structures searched."""
+    return identify(
+        *(moving("arx", 1200).inputs, moving("arx", 1200).output, RATE),
+        show_progress=False,
+        structure="arx",
+    )
+
+
+def test_a_chirping_resonance_is_reported(chirp, tmp_path):
+    moves = chirp.varying.moves
+    (mode,) = moves.modes
+    assert moves.is_better
+    assert moves.error_percent < moves.constant_error_percent
+    assert mode.moves
+    assert abs(mode.first_hz - 10.0) < 4.0 * mode.first_se
+    assert abs(mode.last_hz - 14.0) < 4.0 * mode.last_se
+    assert "The machine changes: mode 1 moves from" in str(chirp)
+    page = chirp.report(tmp_path / "report.html").read_text(encoding="utf-8")
+    for words in ("The machine changes: mode 1 moves from", "Modes over time", "Gain over time"):
+        assert words in page
+    table = pd.read_csv(chirp.files.varying_modes)
+    truth = np.interp(table["time_s"], np.arange(1200) / RATE, frequency(np.arange(1200) / RATE))
+    covered = (table["frequency_lower"] < truth) & (truth < table["frequency_upper"])
+    assert covered.mean() > 0.7
+
+
+def test_a_constant_system_has_no_moving_model():
+    data = moving("arx", 1200, a=np.tile(denominators([12.0]), (1200, 1)))
+    constant = identify(data.inputs, data.output, RATE, show_progress=False, structure="arx")
+    assert constant.varying.reason == "the response does not change with time"
+    assert constant.varying.model is None
+    assert "machine changes" not in str(constant)
+
+
+def test_several_outputs_have_no_moving_model():
+    data = moving("arx", 400)
+    outputs = np.column_stack([data.output, data.output[::-1]])
+    with pytest.raises(InputError, match="varying: there are several outputs"):
+        identify(data.inputs, outputs, RATE, show_progress=False, varying={"dimension": 3})
+
+
+def test_held_out_errors_are_those_of_models_without_their_block():
+    scheduled = Scheduled.of(moving("arx", 800))
+    fit = estimate_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", 3))
+    errors = held_out_errors(scheduled, fit)
+    block = slice(0, 20)  # the first of 40, held out with every fifth
+    weights = (np.arange(800) // 20 % 5 != 0).astype(float)
+    alone = estimate_varying(
+        Scheduled(scheduled.data, scheduled.schedule, weights), ORDERS["arx"], fit.model.basis
+    )
+    np.testing.assert_allclose(errors[block][2:], alone.errors[block][2:])
+    assert np.nanmean(errors**2) > np.nanmean(fit.errors**2)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from evopem.automatic.decision import DecisionRecord
+from evopem.automatic.varying import Varying
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.models.orders import Orders
@@ -137,3 +138,28 @@ def test_a_signal_that_does_not_vary_is_refused_in_one_sentence(folder):
     run = folder.run("--cores", "1")
     assert run.returncode != 0
     assert 'input "u": every sample is 0, so there is nothing to identify' in run.stdout
+
+
+def test_what_moves_in_a_chirping_resonance_is_reported(tmp_path):
+    generator, samples = np.random.default_rng(5), 900
+    u, e = generator.standard_normal((2, samples))
+    y = np.zeros(samples)
+    for t in range(2, samples):
+        angle = 2.0 * np.pi * (5.0 + 3.0 * t / samples) / 50.0
+        y[t] = 1.9 * np.cos(angle) * y[t - 1] - 0.9 * y[t - 2] + u[t - 1] + 0.3 * e[t]
+    folder = Folder(tmp_path)
+    rows = np.column_stack([u, y])
+    np.savetxt(tmp_path / "pump.csv", rows, delimiter=",", header="u,y", comments="", fmt="%.10g")
+    folder.configure(configuration(**GIVEN) | {"report": "html"})
+    folder.finish("--cores", "1")
+    moves = load(Varying, tmp_path / "results/pump/varying.json").moves
+    assert moves.is_better
+    (mode,) = moves.modes
+    assert abs(mode.first_hz - 5.0) < 4.0 * mode.first_se + 0.05
+    assert abs(mode.last_hz - 8.0) < 4.0 * mode.last_se + 0.05
+    page = (tmp_path / "results/pump/report.html").read_text(encoding="utf-8")
+    assert "The machine changes: mode 1 moves from" in page
+    assert "<h2>What moves</h2>" in page
+    folder.configure(configuration(**GIVEN, varying="none") | {"report": "html"})
+    folder.finish("--cores", "1")
+    assert "<h2>What moves</h2>" not in (tmp_path / "results/pump/report.html").read_text()

@@ -22,12 +22,15 @@ if TYPE_CHECKING:
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
+    from evopem.estimation.varying import Scheduled, estimate_varying
+    from evopem.estimation.varying_choice import choose_varying
     from evopem.exports.c_code import export_c
     from evopem.exports.fmu import export_fmu
     from evopem.models.continuous import ContinuousModel
     from evopem.models.orders import Orders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
+    from evopem.models.varying import Basis, VaryingModel
     from evopem.notebook.identify import identify, read_results
     from evopem.notebook.results import Results
     from evopem.signals.readers.frequency_responses import FrequencyResponses
@@ -35,6 +38,7 @@ if TYPE_CHECKING:
     from evopem.validation.mode_evidence import ModeTable, mode_table
 
 __all__ = [
+    "Basis",
     "Constraints",
     "ContinuousModel",
     "FixedPole",
@@ -47,13 +51,17 @@ __all__ = [
     "Prior",
     "Recording",
     "Results",
+    "Scheduled",
     "ScoringWindow",
     "SearchSettings",
     "StateSpaceEstimate",
     "StateSpaceModel",
+    "VaryingModel",
     "__version__",
+    "choose_varying",
     "estimate",
     "estimate_delays",
+    "estimate_varying",
     "estimates_of_orders",
     "export_c",
     "export_fmu",
@@ -90,6 +98,11 @@ _HOMES = {
     "estimates_of_orders": "evopem.estimation.state_space.estimate",
     "export_c": "evopem.exports.c_code",
     "export_fmu": "evopem.exports.fmu",
+    "Basis": "evopem.models.varying",
+    "Scheduled": "evopem.estimation.varying",
+    "VaryingModel": "evopem.models.varying",
+    "choose_varying": "evopem.estimation.varying_choice",
+    "estimate_varying": "evopem.estimation.varying",
 }
 
 

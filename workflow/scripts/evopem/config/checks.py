@@ -32,9 +32,10 @@ GROUPS = ("transforms", "split", "spectrum", "delay", "orders", "search", "const
 IN_TIME = (
     *("time", "time_unit", "uneven_time", "validation_file", "purpose", "resample", "transforms"),
     *("split", "spectrum", "structure", "form", "weighting", "level", "delay", "focus"),
-    *("constraints", "geometry"),
+    *("constraints", "geometry", "varying"),
 )
 """Keys that a data set of frequency responses does not have."""
+OF_ONE_OUTPUT = ("transforms.box_cox", "varying")
 OF_CHAPTER = ("level", "delay.orders", "search.n_initial_discard", "search.prune")
 """Keys that the chapter's recipe alone has."""
 
@@ -106,7 +107,7 @@ class Kind:
             (self.by_chapter, STATE_SPACE_KEYS, "the chapter's recipe has polynomial models"),
             (not self.by_chapter, OF_CHAPTER, "the automatic recipe has no such key"),
             (not self.by_chapter, ("level",), "the automatic recipe always estimates a level"),
-            (not are_one(self.outputs), ("transforms.box_cox",), "there are several outputs"),
+            (not are_one(self.outputs), OF_ONE_OUTPUT, "there are several outputs"),
             (self.is_polynomial, ("form", "weighting"), f"{self} has no such key"),
             (not self.inputs, ("delay", "input_unit"), "there is no input"),
             (self.of_responses, IN_TIME, "frequency responses are no samples in time"),

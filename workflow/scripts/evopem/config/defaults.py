@@ -7,7 +7,14 @@ from typing import Any
 
 import yaml
 
-from evopem.config.channels import NONE, ChannelSettings, RecordedSource, SyntheticSource, listed
+from evopem.config.channels import (
+    NONE,
+    ChannelSettings,
+    RecordedSource,
+    SyntheticSource,
+    are_one,
+    listed,
+)
 from evopem.config.checks import (
     GROUPS,
     Kind,
@@ -40,6 +47,7 @@ from evopem.config.settings import (
     SpectrumSettings,
     SplitSettings,
     TransformSettings,
+    VaryingSettings,
 )
 from evopem.config.source_checks import Place, check_names, check_no_results, check_source
 from evopem.config.strict_yaml import Keys
@@ -174,10 +182,16 @@ def _built_in(kind: Kind, keys: Keys) -> dict[str, Any]:
             built_in["delay"] = {"orders": CHAPTER_RANGES.delay, "nk": CHAPTER_RANGES.nk}
     else:
         built_in["purpose"] = "auto"
+        if are_one(kind.outputs):
+            built_in["varying"] = "auto"
         for key in ("objective", "evaluations", "n_initial_discard", "prune", "max_root_radius"):
             del search[key]
         del split["discard"]
     return built_in | {"search": search}
+
+
+def _varying_of(given: Any) -> VaryingSettings | None:
+    return None if given == NONE else VaryingSettings(**({} if given == "auto" else given))
 
 
 def settings_of(name: str, written: Keys) -> DatasetSettings:
@@ -220,6 +234,7 @@ def settings_of(name: str, written: Keys) -> DatasetSettings:
         fit=FitSettings(keys.get("focus", "prediction"), constraints),
         geometry=keys.get("geometry"),
         continuous_time=keys.get("continuous_time"),
+        varying=_varying_of(keys.get("varying", NONE)),
     )
 
 

@@ -51,6 +51,7 @@ from evopem.config.settings import (
     StateSpaceForm,
     Structure,
     TransformSettings,
+    VaryingSettings,
 )
 
 STATE_SPACE = "state_space"
@@ -255,6 +256,12 @@ class _Analysis:
     """the [constraints](structures.md#constraints) of the model, a mapping of them"""
     continuous_time: Annotated[Hold, built_in("none")]
     """the hold of the input with which the model is [given in s](structures.md#continuous-time)"""
+    varying: Annotated[
+        Literal["auto", "none"] | _group(VaryingSettings),
+        built_in("`auto`, with `recipe: chapter` `none`"),
+    ]
+    """whether a model whose coefficients [move](structures.md#moving-coefficients) is tried. `auto`
+    where the machine seems to change; a mapping of basis and dimension tries it always"""
     geometry: Geometry
     """the structure over which mode shapes are drawn, a mapping of points, lines and channels"""
 

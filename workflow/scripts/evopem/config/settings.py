@@ -127,6 +127,16 @@ class SearchSettings:
 
 
 @dataclass(frozen=True)
+class VaryingSettings:
+    """The basis along which the coefficients of a model may move."""
+
+    basis: Literal["auto", "legendre", "cosine", "spline"] = "auto"
+    """the functions of time. Legendre polynomials, cosines or cubic splines; `auto` is by BIC"""
+    dimension: Annotated[int, Field(ge=2, le=30)] | Literal["auto"] = "auto"
+    """the number of functions. Of splines at least 4"""
+
+
+@dataclass(frozen=True)
 class FitSettings:
     """What the model of the selected orders is fitted for, and what it must meet."""
 
@@ -243,6 +253,7 @@ class DatasetSettings:
     fit: FitSettings = FitSettings()
     geometry: Geometry | None = None
     continuous_time: Hold | None = None
+    varying: VaryingSettings | None = None  # None where no moving model is tried
 
     @property
     def recipe(self) -> Recipe:

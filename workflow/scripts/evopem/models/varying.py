@@ -102,6 +102,13 @@ class VaryingModel:
     input_names: tuple[str, ...] = ()
     output_names: tuple[str, ...] = ()
 
+    @property
+    def text(self) -> str:
+        """Structure, orders and basis."""
+        orders = str(self.orders) if self.orders.nb or self.orders.nc else f"AR({self.orders.na})"
+        kinds = {"legendre": "polynomials", "cosine": "cosines", "spline": "splines"}
+        return f"{orders} along {self.basis.dimension} {kinds[self.basis.kind]}"
+
     @cached_property
     def rows(self) -> dict[str, slice]:
         """Rows of the weights of ``a`` (F of output error), ``b``, ``c`` and ``level``."""

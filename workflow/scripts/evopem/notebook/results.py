@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from evopem.automatic.decision import Decision
+from evopem.automatic.varying import Varying
 from evopem.errors import FOR_FIGURES, FOR_REPORT, InputError, check_packages
 from evopem.figures import CHARTS
 from evopem.figures.chart import Chart
@@ -130,6 +131,11 @@ class Results(_Reported):
     def model(self) -> PolynomialModel | StateSpaceModel:
         """The model: it simulates, predicts, and gives its modes and frequency response."""
         return self.results.model.model
+
+    @property
+    def varying(self) -> Varying | None:
+        """What moves: a model with moving coefficients, or why there is none; None if not tried."""
+        return self.results.varying
 
     @property
     def validation(self) -> Validation:

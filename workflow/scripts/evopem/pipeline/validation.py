@@ -6,6 +6,7 @@ from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import OtherModel
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Comparison
+from evopem.automatic.varying import table_of, what_moves
 from evopem.blas_threads import one_blas_thread
 from evopem.config.defaults import yaml_text
 from evopem.config.settings import DatasetSettings
@@ -74,6 +75,12 @@ def complete_results(
             settings.spectrum,
             fit_level=record.level_of_simulation == "state",
         )
+        varying = None
+        if settings.varying is not None:
+            test = validation.model_class.constant
+            varying = what_moves(prepared, record, test, settings.varying)
+            save(varying, files.varying)
+            write_table(files.varying_modes, table_of(varying))
     save(validation, files.validation)
     write_table(files.candidates, {name: [row[name] for row in rows] for name in rows[0]})
     modes = with_noise_modes(validation.modes, record.noise_modes, len(record.input_names))
@@ -81,7 +88,7 @@ def complete_results(
     for name, table in vars(tables).items():
         write_table(getattr(files, name), table)
     evidence = evidence_of(record, validation, info, selections, searches, choice)
-    summary = summarize(evidence)
+    summary = summarize(evidence, varying.moves if varying else None)
     save(summary, files.summary)
     delete_results(files.folder, {Path(files.details).name})  # its contents are written anew
     write_text(files.config, yaml_text(settings))

@@ -7,7 +7,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from statistics import fmean
 from typing import Any, NamedTuple
 
@@ -21,12 +21,14 @@ from evopem.config.settings import DatasetSettings
 from evopem.estimation.model_record import FitRecord
 from evopem.estimation.order_candidate import PhaseSelection
 from evopem.figures.draw import ShapeDrawing
+from evopem.figures.moving import moving_modes, picture
 from evopem.models.mode_matching import deviations, matched_modes
 from evopem.models.modes import Mode
 from evopem.models.orders import armax_orders
 from evopem.report import equations
+from evopem.report.figures import drawn_figure
 from evopem.report.numbers import hertz, is_number, number
-from evopem.report.results_text import error_parts
+from evopem.report.results_text import error_parts, moving_sentence
 from evopem.report.verdict import mode_lines, verdict
 from evopem.results.dataset import DatasetResults
 from evopem.synthesis.armax import true_mode
@@ -78,10 +80,29 @@ class Section:
 def _summary(results: DatasetResults) -> dict[str, Any]:
     return {
         "verdict": verdict(results),
-        "parts_of_error": error_parts(results.validation),
+        "parts_of_error": [*_moved(results), *error_parts(results.validation)],
         "evidence": mode_lines(results),
         "checks": results.checks,
     }
+
+
+def _moved(results: DatasetResults) -> list[str]:
+    moved = moving_sentence(results.varying.moves) if results.varying else ""
+    return [moved] if moved else []
+
+
+def _moving(results: DatasetResults) -> dict[str, Any]:
+    """What a moving model says, its modes over time, and its gain beside the spectrogram."""
+    varying = results.varying
+    assert varying is not None
+    assert varying.model is not None
+    chart, name, files = moving_modes(varying), results.name, ["varying_modes.csv", "varying.json"]
+    modes = "moving_modes", "Modes over time", "Of the model frozen at each moment."
+    gain = "moving_gain", "Gain over time", "Of the model frozen at each moment, and of the data."
+    drawings = [drawn_figure(chart, modes, name, files)] if len(chart.table) else []
+    still, image = replace(chart, panels=()), picture(results.prepared, varying.model)
+    drawings.append(drawn_figure(still, gain, name, files, image))
+    return {"moves": varying.moves, "drawings": drawings}
 
 
 def _model(results: DatasetResults) -> dict[str, Any]:
@@ -275,6 +296,12 @@ SECTIONS = (
     ),
     Section(
         "modes", lambda results: "Modes beside the truth" if results.true_modes else "Modes", _modes
+    ),
+    Section(
+        "moving",
+        lambda _: "What moves",
+        _moving,
+        lambda results: results.varying is not None and results.varying.model is not None,
     ),
     Section(
         "response",

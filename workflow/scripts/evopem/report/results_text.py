@@ -7,8 +7,18 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
+from evopem.automatic.varying import NORMAL_95, Moves, MovingMode
 from evopem.files.json_form import load
-from evopem.report.numbers import aligned, count, is_number, mode_cells, number, percent, plural
+from evopem.report.numbers import (
+    aligned,
+    count,
+    enumeration,
+    is_number,
+    mode_cells,
+    number,
+    percent,
+    plural,
+)
 from evopem.report.verdict import verdict
 from evopem.results.dataset import read_results
 from evopem.results.fleet import DatasetSummary, Entry, ResponseValidation
@@ -45,6 +55,7 @@ def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "
         f"  model   {_model(summary)}",
         *_wrapped(_errors(summary), "  errors  "),
         *_wrapped(" ".join(error_parts(summary)[:1]), "  parts   "),
+        *_wrapped(moving_sentence(summary.moves), "  moves   "),
     ]
     for check in sorted(summary.reservations, key=lambda check: check.word, reverse=True):
         sentence = re.split(r"(?<=\.) |; ", check.statement, maxsplit=1)[0].rstrip(".")
@@ -62,6 +73,7 @@ def results_html(name: str, verdict: str, summary: DatasetSummary) -> str:
         f"<p><strong>{escape(name)}</strong>: {escape(verdict)}</p>",
         modes,
         f"<p>{escape(_model(summary))}. Errors: {escape(_errors(summary))}.</p>",
+        *([f"<p>{escape(moved)}</p>"] if (moved := moving_sentence(summary.moves)) else []),
     ]
     if listed := [f"{c.word}: {c.name}. {c.statement}" for c in summary.reservations]:
         counts = len(summary.failed), len(listed) - len(summary.failed)
@@ -118,6 +130,36 @@ def error_parts(judged: Validation | DatasetSummary) -> list[str]:
     said = [(x.error_percent, x.name, _sentence(split, x, several)) for x in split.outputs]
     said = said or [(x.error_percent, x.name, _floor(x, several)) for x in floors]
     return [text + reached.get(name, "") for _, name, text in sorted(said, reverse=True)[:4]]
+
+
+def moving_sentence(moves: Moves | None) -> str:
+    """What moves in a machine that changes, or that no moving model is better."""
+    if moves is None:
+        return ""
+    errors = f"{percent(moves.error_percent, 2)} against {percent(moves.constant_error_percent, 2)}"
+    if not moves.is_better:
+        return (
+            "The response changes with time, but coefficients that move do not clearly predict"
+            f" held-out samples better: {errors} one step ahead."
+        )
+    moved = [f"mode {n} {_way(mode)}" for n, mode in enumerate(moves.modes, 1) if mode.moves]
+    said = f": {enumeration(moved)}" if moved else ""
+    unstable = "" if moves.is_stable else " At some moments its frozen poles are unstable."
+    return (
+        f"The machine changes{said}. With coefficients that move, held-out samples are predicted"
+        f" one step ahead with an error of {errors} with constant ones.{unstable}"
+    )
+
+
+def _way(mode: MovingMode) -> str:
+    """From where to where a mode moves, and how far it is between."""
+    ends = [(mode.first_hz, mode.first_se), (mode.last_hz, mode.last_se)]
+    first, last = (f"{number(f, 4)} ± {number(NORMAL_95 * se, 2)}" for f, se in ends)
+    low, high = sorted(f for f, _ in ends)
+    way = f"moves from {first} to {last} Hz"
+    if mode.highest_hz - mode.lowest_hz > 1.5 * (high - low):
+        way += f" (between {number(mode.lowest_hz, 4)} and {number(mode.highest_hz, 4)} Hz)"
+    return way
 
 
 def _floor(floor: Floor, several: bool) -> str:

@@ -12,6 +12,7 @@ from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import DecisionRecord
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Choice
+from evopem.automatic.varying import Varying
 from evopem.config.defaults import read_settings
 from evopem.config.order_grid import phases_of_dataset
 from evopem.config.settings import DatasetSettings
@@ -77,6 +78,7 @@ class DatasetResults:
     phases: dict[str, PhaseSelection]
     searches: tuple[StructureSearch, ...] = ()  # of the automatic recipe, like the choice
     choice: Choice | None = None
+    varying: Varying | None = None  # what moves, where it was tried
 
     @property
     def name(self) -> str:
@@ -309,6 +311,7 @@ def read_results(files: DatasetFiles) -> DatasetResults:
             load(StructureSearch, files.search(name)) for name in searched_forms(settings)
         ),
         choice=load(Remedied, files.decision("remedies")).choice if is_automatic else None,
+        varying=load(Varying, files.varying) if settings.varying else None,
     )
 
 

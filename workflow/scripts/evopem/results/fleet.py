@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evopem.automatic.varying import Moves
 from evopem.config.structures import ORDER_NAMES
 from evopem.errors import InputError
 from evopem.files.json_form import load
@@ -67,6 +68,7 @@ class DatasetSummary:
     floors: tuple[Floor, ...] = ()  # the least error of linear models
     # Whether the samples are frequencies, and the simulation error is that of their responses
     of_responses: bool = False
+    moves: Moves | None = None  # what a moving model says, where one was estimated
 
     @property
     def failed(self) -> list[Check]:
@@ -96,7 +98,7 @@ Entry = DatasetSummary | IncompleteDataset
 """A data set in a list of all data sets."""
 
 
-def summarize(evidence: Evidence) -> DatasetSummary:
+def summarize(evidence: Evidence, moves: Moves | None = None) -> DatasetSummary:
     """Summarize one data set."""
     model, validation, files = evidence.model, evidence.validation, evidence.recording.files
     return DatasetSummary(
@@ -115,6 +117,7 @@ def summarize(evidence: Evidence) -> DatasetSummary:
         gain_db=_gain_outline(model),
         distortion=replace(validation.distortion, levels=()),
         floors=validation.floors,
+        moves=moves,
     )
 
 

@@ -152,6 +152,8 @@ class DatasetFiles:
     # Cross-correlation of residuals and input, by lag
     cross_correlation = _File("cross_correlation.csv")
     simulation = _File("simulation.csv")  # validation samples, predicted and simulated
+    varying = _File("varying.json")  # the model whose coefficients move, or why there is none
+    varying_modes = _File("varying_modes.csv")  # its frozen modes over time with 95 % intervals
     summary = _File("summary.json")  # orders, errors, modes and checks
     verdict = _File("verdict.json")  # what the model is good for, for programs
     report = _File("report.html")  # the report

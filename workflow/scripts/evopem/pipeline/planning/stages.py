@@ -152,7 +152,7 @@ STAGES = (
         ),
         outputs=(
             *_VALIDATION,
-            "modes",
+            *("modes", "varying if varying", "varying_modes if varying"),
             "candidates",
             "decisions if automatic",
             "summary",
@@ -175,7 +175,7 @@ STAGES = (
             *("truth if not source.all_files", "decisions if automatic", "config", "recording"),
             *("recording_info", _OTHER_INFO, *_PREPARED, "spectrum", "spectrum_summary"),
             *(*_CHOSEN, *_SEARCHED, "candidates", "model", "frequency_response"),
-            *("time_response", *_VALIDATION),
+            *("time_response", "varying if varying", "varying_modes if varying", *_VALIDATION),
         ),
         outputs=("figures", "report"),
         is_page=True,

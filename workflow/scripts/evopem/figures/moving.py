@@ -1,0 +1,82 @@
+"""What moves: modes over time, and the frozen gain beside the spectrogram of the output."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from evopem.arrays import Array
+from evopem.automatic.varying import Varying, table_of
+from evopem.figures.chart import TIME, Chart, Panel, family
+from evopem.figures.style import styled, svg_text
+from evopem.models.varying import VaryingModel
+from evopem.signals.prepared_data import PreparedData
+
+# Moments and frequencies of the picture, and decibels below the highest value that it tells apart.
+MOMENTS, FREQUENCIES, RANGE = 120, 160, 60.0
+# Time-halfbandwidth product and tapers of the spectrogram.
+HALFBANDWIDTH, TAPERS = 2.5, 4
+
+
+def moving_modes(varying: Varying) -> Chart:
+    """Natural frequencies and damping ratios over time with 95 % bands."""
+    table = pd.DataFrame(table_of(varying)).astype({"mode": int})
+    rows = {f"mode {n}": (("mode", str(n)),) for n in sorted(set(table["mode"]))}
+    panels = []
+    for name, label, column in (
+        ("frequency", "Natural frequency (Hz)", "frequency_hz"),
+        ("damping", "Damping ratio", "damping_ratio"),
+    ):
+        band = (f"{name}_lower", f"{name}_upper")
+        curves = tuple(replace(c, band=band, marker="") for c in family(column, rows))
+        panels.append(Panel("", "time_s", TIME, label, curves, linked="time"))
+    return Chart(table, tuple(panels))
+
+
+def frozen_gains(model: VaryingModel) -> tuple[Array, Array, Array]:
+    """Times (T,), frequencies (F,), and gain from the first input, or of the noise, (F, T), dB."""
+    times = np.linspace(model.basis.low, model.basis.high, MOMENTS)
+    frequencies = np.linspace(0.0, model.sampling_rate / 2.0, FREQUENCIES + 1)[1:]
+    columns = []
+    for time in times:
+        frozen = model.frozen(float(time))
+        response = frozen.frequency_response if frozen.inputs else frozen.noise_response
+        columns.append(np.abs(response(frequencies)[:, 0, 0]))
+    return times, frequencies, 20.0 * np.log10(np.maximum(columns, 1e-300)).T
+
+
+def spectrogram(data: PreparedData) -> tuple[Array, Array, Array]:
+    """Times, frequencies and multitaper power of the longest stretch, (F, T), dB."""
+    from scipy.signal import ShortTimeFFT
+    from scipy.signal.windows import dpss
+
+    rate, origins = data.estimation.sampling_rate, data.transforms.estimation
+    start = max(origins, key=lambda origin: origin.samples).start
+    y = data.estimation.longest.output
+    length = max(int(np.sqrt(8.0 * len(y))), 16)
+    power: Array = np.zeros(1)
+    for taper in dpss(length, HALFBANDWIDTH, TAPERS):
+        transform = ShortTimeFFT(taper, max(length // 8, 1), rate)
+        power = power + np.abs(transform.stft(y - y.mean())) ** 2
+    times = transform.t(len(y))
+    inside = (times >= 0.0) & (times <= len(y) / rate)
+    levels = 10.0 * np.log10(np.maximum(power[:, inside], 1e-300))
+    return start + times[inside], transform.f, levels
+
+
+@styled
+def picture(data: PreparedData, model: VaryingModel) -> str:
+    """The frozen gain beside the multitaper spectrogram of the output, as SVG."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+    titles = "Gain of the moving model", "Spectrogram of the output"
+    both = zip(titles, (frozen_gains(model), spectrogram(data)), strict=True)
+    for axes, (title, drawn) in zip(figure.subplots(1, 2, sharey=True), both, strict=True):
+        top = float(drawn[2].max())
+        mesh = axes.pcolormesh(*drawn, vmin=top - RANGE, vmax=top, rasterized=True)
+        axes.set_title(title)
+        axes.set_xlabel(TIME)
+        figure.colorbar(mesh, ax=axes, label="dB")
+    figure.axes[0].set_ylabel("Frequency (Hz)")
+    return svg_text(figure)
