@@ -26,6 +26,7 @@ CAPABILITIES: tuple[str, ...] = (
     "verdict for programs",
     "functional-series models",
     "merged fleets and interactive figures",
+    "damage index",
 )
 
 BUDGET = {

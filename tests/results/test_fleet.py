@@ -128,7 +128,7 @@ def test_text_is_no_formula_in_a_spreadsheet(summary, text):
 
 
 def test_complete_data_sets_are_listed(files, summary):
-    collect_fleet(DatasetFiles("results"), ("a",), "report.html", None)
+    collect_fleet(DatasetFiles("results"), ("a",), "report.html")
     assert rows()["a"]["status"] == "complete"
     html = Path(OVERVIEW[0]).read_text()
     assert '<a href="a/report.html">a</a></th>' in html
@@ -144,7 +144,7 @@ def test_a_changed_result_is_listed_alike_whatever_became_of_others(files, anoth
     if another_failed:
         listed = unfinished(files)
     else:
-        collect_fleet(DatasetFiles("results"), ("a",), "report.html", None)
+        collect_fleet(DatasetFiles("results"), ("a",), "report.html")
         listed = rows()
     assert listed["a"]["status"] == "failed"
     assert listed["a"]["problem"] == (

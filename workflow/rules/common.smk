@@ -33,8 +33,8 @@ from evopem.pipeline.planning.provider import FILES, LIST, Provider, modules_of
 from evopem.pipeline.planning.stages import WHOLE
 from evopem.pipeline.planning.stage import module_of
 from evopem.config.structures import PHASES
-from evopem.results.layout import BATCH, BATCH_CHECKSUMS, FOLDER, OVERVIEW, SETUPS
-from evopem.results.layout import DatasetFiles, check_folders
+from evopem.results.layout import BATCH, BATCH_CHECKSUMS, DAMAGE, FOLDER, OVERVIEW, SETUPS
+from evopem.results.layout import DatasetFiles, check_folders, lists_of
 from evopem.results.identity import forget_incomplete_batches
 from evopem.results.identity import mark_replaced_recordings
 from evopem.version import __version__
@@ -254,7 +254,7 @@ def collect_unfinished():
     left = left_of(workflow.dag.needrun_jobs())
     required = {name: provider.results(name) for name in provider.config.datasets}
     list_unfinished(
-        required, TEMPLATE_FOLDER, provider.page, left, provider.config.order
+        required, TEMPLATE_FOLDER, provider.page, left, provider.config.following
     )
     # Older than all results and without Snakemake's record of their inputs, they are made again
     # even if the contents of these inputs stay the same. (Snakemake ignores a time of 0, and its

@@ -16,6 +16,8 @@ rule list_datasets:
         csv=OVERVIEW[1],
         parquet=OVERVIEW[2],
         modes=OVERVIEW[3],
+        # The damage index, where a reference is named.
+        damage=lists_of(provider.config.following)[len(OVERVIEW) :],
     log:
         "results/logs/fleet.log",
     benchmark:
@@ -31,7 +33,7 @@ rule list_datasets:
         arguments={
             "names": list(provider.config.datasets),
             "page": provider.page,
-            "order": to_json(provider.config.order),
+            "following": to_json(provider.config.following),
             "setups": list(provider.setups),
         },
         code=code([module_of(LIST)], TEMPLATES),

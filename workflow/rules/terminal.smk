@@ -35,9 +35,11 @@ def print_results():
     """Print what came out for the data sets that had jobs in this run."""
     if workflow.touch:
         return
-    names = datasets_of(workflow.dag.needrun_jobs(exclude_finished=False))
+    names = datasets_of(list(workflow.dag.needrun_jobs(exclude_finished=False)))
     if not names:
         return
+    import pandas as pd
+    from evopem.report.control_chart import damage_sentences
     from evopem.results.fleet import read_entry
     from evopem.report.results_text import run_text, show
 
@@ -50,5 +52,8 @@ def print_results():
         if name in names
     }
     show(f"\n{run_text(entries, provider.page, provider.lists)}\n")
+    if DAMAGE in provider.lists and os.path.exists(DAMAGE):
+        table, limit = pd.read_csv(DAMAGE), provider.config.following.false_alarms
+        show("\n".join(damage_sentences(table, limit)) + "\n")
     for page in filter(os.path.exists, expand(SETUPS, structure=provider.setups)):
         show(f"Merged set-ups: {page}\n")

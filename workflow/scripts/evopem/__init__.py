@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from evopem.models.varying import Basis, VaryingModel
     from evopem.notebook.identify import identify, read_results
     from evopem.notebook.results import Results
+    from evopem.results.damage_index import damage_index
     from evopem.signals.readers.frequency_responses import FrequencyResponses
     from evopem.signals.recording import Recording
     from evopem.validation.mode_evidence import ModeTable, mode_table
@@ -59,6 +60,7 @@ __all__ = [
     "VaryingModel",
     "__version__",
     "choose_varying",
+    "damage_index",
     "estimate",
     "estimate_delays",
     "estimate_varying",
@@ -92,6 +94,7 @@ _HOMES = {
     "estimate": "evopem.estimation.estimate",
     "identify": "evopem.notebook.identify",
     "read_results": "evopem.notebook.identify",
+    "damage_index": "evopem.results.damage_index",
     "estimate_delays": "evopem.estimation.delays",
     "mode_table": "evopem.validation.mode_evidence",
     "ModeTable": "evopem.validation.mode_evidence",

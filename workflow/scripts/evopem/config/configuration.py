@@ -8,13 +8,13 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from evopem.config.channels import RecordedSource, SyntheticSource, are_one
+from evopem.config.conditions import Following
 from evopem.config.order_grid import max_candidates_per_part, sample_requirements
 from evopem.config.settings import DatasetSettings
 from evopem.config.structures import phases_of
@@ -23,6 +23,7 @@ from evopem.errors import InputError
 Number = Annotated[int, Field(ge=1)] | Literal["auto"]
 
 
+Names = Annotated[str, Field(min_length=1)] | Annotated[tuple[str, ...], Field(min_length=1)]
 _Structure = Annotated[str, Field(pattern="^[A-Za-z0-9_-]{1,100}$")]
 _Setups = Annotated[tuple[str, ...], Field(min_length=2)]
 
@@ -46,6 +47,14 @@ class RunSettings:
     follow: Annotated[str, Field(min_length=1)] | None = None
     """the name of a condition that every data set has, such as temperature. Recordings are ordered
     by it where their [modes are followed](fleets.md#modes-over-the-recordings)"""
+    correct_for: Annotated[Names, Field()] | None = None
+    """the name of a condition with numbers that every data set has, or a list of them. Their
+    effect is [regressed out](fleets.md#modes-over-the-recordings) of modes that are followed"""
+    reference: Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)] | None = None
+    """how many recordings of a structure, from its first one on, are unchanged, or a pattern of
+    their names. Others get a [damage index](fleets.md#damage-index)"""
+    false_alarms: Annotated[float, Field(gt=0.0, lt=0.5)] = 0.01
+    """the probability that the damage index of an unchanged recording is above its limit"""
     recordings_per_job: Number | None = None
     """the recordings that [one job identifies](fleets.md#several-recordings-a-job). With `report:
     none`"""
@@ -54,47 +63,12 @@ class RunSettings:
 
 
 @dataclass(frozen=True)
-class Positions:
-    """Recordings ordered by a condition."""
-
-    name: str  # what the places are, for people
-    places: dict[str, float]  # by the name of the recording; of dates, days since the earliest one
-
-
-def order_of(
-    conditions: Mapping[str, Mapping[str, float | str]], follow: str, source: str
-) -> Positions:
-    """Order recordings by one of their conditions, which all have, as numbers or as dates."""
-    for name, recorded in conditions.items():
-        if follow not in recorded:
-            problem = f"{name} has no condition {follow}, which `follow` names"
-            remedy = f"give it, as conditions: {{{follow}: 21.5}}, or correct `follow`"
-            raise InputError(source, problem, remedy, f"datasets.{name}.conditions")
-    values = {name: recorded[follow] for name, recorded in conditions.items()}
-    if not any(isinstance(value, str) for value in values.values()):
-        return Positions(follow, {name: float(value) for name, value in values.items()})
-    dates = {}
-    for name, value in values.items():
-        try:
-            date = datetime.fromisoformat(str(value))
-        except ValueError:
-            problem = f"{value} is no date, and the condition of another data set is no number"
-            remedy = "write all as numbers or all as dates such as 2026-03-01T12:30"
-            place = f"datasets.{name}.conditions.{follow}"
-            raise InputError(source, problem, remedy, place) from None
-        dates[name] = date if date.tzinfo else date.replace(tzinfo=UTC)
-    first = min(dates.values())
-    days = {name: (date - first).total_seconds() / 86_400.0 for name, date in dates.items()}
-    return Positions(f"{follow} (days since {first:%Y-%m-%d %H:%M})", days)
-
-
-@dataclass(frozen=True)
 class Configuration:
     """A checked and completed configuration."""
 
     datasets: dict[str, DatasetSettings]
     run: RunSettings
-    order: Positions | None = None  # of the recordings, where modes are followed
+    following: Following = field(default_factory=Following)
     batches: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Names of the recordings that one job identifies, by the number of the batch; empty where each
     recording has jobs of its own."""

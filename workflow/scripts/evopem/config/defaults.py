@@ -22,13 +22,13 @@ from evopem.config.checks import (
     check_values,
     paths_of,
 )
+from evopem.config.conditions import following_of
 from evopem.config.configuration import (
     Configuration,
     RunSettings,
     batches_of,
     check_batches,
     check_setups,
-    order_of,
     with_jobs,
 )
 from evopem.config.constraints import Constraints
@@ -97,8 +97,9 @@ def _completed(config: Keys, origin: Origin, source: str) -> Configuration:
     elif run.shard:
         datasets = shard_of(datasets, run.shard, source)
     conditions = {name: keys.get("conditions", {}) for name, keys in written.items()}
-    order = order_of(conditions, run.follow, source) if run.follow else None
-    return Configuration(datasets, run, order, batches)
+    asked = run.follow, listed(run.correct_for or ()), run.reference, run.false_alarms
+    following = following_of(conditions, *asked, source)
+    return Configuration(datasets, run, following, batches)
 
 
 def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSettings:

@@ -21,6 +21,7 @@ RESERVED_NAMES = (
     "index.html",
     "fleet.csv",
     "fleet_modes.csv",
+    "damage_index.csv",
     "fleet.parquet",
     "logs",
     "benchmarks",

@@ -7,14 +7,14 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from itertools import product
 from pathlib import Path
 from urllib.parse import quote
 
 import pandas as pd
 
-from evopem.config.configuration import Positions
+from evopem.config.conditions import Following
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.figures import svg_texts
@@ -26,20 +26,20 @@ from evopem.files.json_form import load
 from evopem.models.response_tables import shaped_modes_table
 from evopem.report.comparison import build_comparison
 from evopem.report.figures import drawn_figure
-from evopem.report.index_page import build_index
+from evopem.report.index_page import NOT_COMPARED, build_index
 from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import environment, template_folder
+from evopem.results.damage_index import Compared
 from evopem.results.dataset import DatasetResults, read_results, read_whole_results
 from evopem.results.fleet import (
     DatasetSummary,
-    Entry,
     ResponseValidation,
     fleet_table,
     read_entry,
     without_formulas,
 )
-from evopem.results.followed_modes import FollowedMode, follow_modes, followed_table
-from evopem.results.layout import FOLDER, OVERVIEW, DatasetFiles
+from evopem.results.followed_modes import followed_table
+from evopem.results.layout import FOLDER, DatasetFiles, lists_of
 
 
 def commit_of(workflow: Path) -> str:
@@ -158,7 +158,7 @@ def collect_fleet(
     files: DatasetFiles,
     names: tuple[str, ...],
     page: str,
-    order: Positions | None,
+    following: Following = NOT_COMPARED,
     setups: tuple[str, ...] = (),
 ) -> None:
     """List data sets, and follow the modes of those whose results are whole.
@@ -167,7 +167,7 @@ def collect_fleet(
     """
     entries = {name: read_entry(DatasetFiles(f"{files.folder}/{name}")) for name in names}
     index = partial(build_index, entries, template_folder(), page, setups=setups)
-    _write_lists(files.folder, entries, order, index)
+    _write_lists(files.folder, Compared(entries, following), index)
 
 
 def merge_fleets(folders: Sequence[str], target: str) -> None:
@@ -192,7 +192,7 @@ def merge_fleets(folders: Sequence[str], target: str) -> None:
         places[name] = quote(address), groups[folder]
     Path(target).mkdir(parents=True, exist_ok=True)
     index = partial(build_index, entries, template_folder(), places=places)
-    _write_lists(target, entries, None, index)
+    _write_lists(target, Compared(entries, NOT_COMPARED), index)
 
 
 def _datasets_below(folder: str) -> list[Path]:
@@ -216,15 +216,9 @@ def _check_target(target: Path, datasets: Collection[Path]) -> None:
         raise InputError(str(target), problem, "choose another folder with --to")
 
 
-def _write_lists(
-    folder: str,
-    entries: Mapping[str, Entry],
-    order: Positions | None,
-    index: Callable[..., str],
-) -> None:
-    followed = cache(partial(_followed, entries, order))
-    for path in OVERVIEW:
-        _write_list(f"{folder}/{Path(path).name}", entries, order, index, followed)
+def _write_lists(folder: str, compared: Compared, index: Callable[..., str]) -> None:
+    for path in lists_of(compared.following):
+        _write_list(f"{folder}/{Path(path).name}", compared, index)
 
 
 def collect_unfinished(
@@ -232,7 +226,7 @@ def collect_unfinished(
     templates: Path,
     page: str,
     pending: Collection[str] = (),
-    order: Positions | None = None,
+    following: Following = NOT_COMPARED,
 ) -> None:
     """List all data sets after a run that failed, each with its summary or what went wrong.
 
@@ -243,41 +237,29 @@ def collect_unfinished(
         name: read_entry(DatasetFiles.of_dataset(name), files, name in pending)
         for name, files in required.items()
     }
-    followed = cache(partial(_followed, entries, order))
+    compared = Compared(entries, following)
     index = partial(build_index, entries, templates, page)
-    for path in OVERVIEW:
+    for path in lists_of(following):
         try:
-            _write_list(path, entries, order, index, followed)
+            _write_list(path, compared, index)
         except Exception as error:
             sys.stderr.write(f"{path}: the list was not written ({error}).\n")
             with suppress(OSError):
                 Path(path).unlink(missing_ok=True)
 
 
-def _write_list(
-    path: str,
-    entries: Mapping[str, Entry],
-    order: Positions | None,
-    index: Callable[..., str],
-    followed: Callable[[], list[FollowedMode]],
-) -> None:
+def _write_list(path: str, compared: Compared, index: Callable[..., str]) -> None:
     """Write one of the lists, which its name tells."""
     match Path(path).name:
         case "index.html":
-            name = order.name if order else ""
-            write_text(path, index(followed=followed(), ordered_by=name))
+            following, followed = compared.following, compared.followed
+            damage = None if following.reference is None else compared.damage
+            write_text(path, index(followed=followed, following=following, damage=damage))
         case "fleet.csv":
-            write_table(path, without_formulas(fleet_table(entries)))
+            write_table(path, without_formulas(fleet_table(compared.entries)))
         case "fleet.parquet":
-            write_parquet(path, fleet_table(entries))
+            write_parquet(path, fleet_table(compared.entries))
+        case "damage_index.csv":
+            write_table(path, without_formulas(compared.damage))
         case _:
-            write_table(path, without_formulas(followed_table(followed())))
-
-
-def _followed(entries: Mapping[str, Entry], order: Positions | None) -> list[FollowedMode]:
-    recordings = {
-        name: [m for m, kept in zip(entry.modes, entry.trusted, strict=True) if kept]
-        for name, entry in entries.items()
-        if isinstance(entry, DatasetSummary)
-    }
-    return follow_modes(recordings, order.places if order else None)
+            write_table(path, without_formulas(followed_table(compared.followed)))

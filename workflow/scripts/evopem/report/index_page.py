@@ -9,8 +9,11 @@ from typing import Any
 from urllib.parse import quote
 
 import numpy as np
+import pandas as pd
 
-from evopem.report.numbers import THIN, number
+from evopem.config.conditions import Following
+from evopem.report.control_chart import damage_charts, damage_sentences
+from evopem.report.numbers import THIN, enumeration, number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.followed_modes import NORMAL_95, FollowedMode, group_of
@@ -18,6 +21,7 @@ from evopem.results.identity import IncompleteDataset
 
 # Size of a row's plot of the gain, and the decibels that it shows at most.
 WIDTH, HEIGHT, DEEPEST = 120, 30, 80.0
+NOT_COMPARED = Following()
 # Size of the chart of a followed mode; with fewer recordings it says no more than the table.
 CHART_WIDTH, CHART_HEIGHT, EDGE, FEWEST = 640, 90, 4, 3
 
@@ -27,7 +31,8 @@ def build_index(
     template_directory: Path,
     page: str = "report.html",
     followed: Sequence[FollowedMode] = (),
-    ordered_by: str = "",
+    following: Following = NOT_COMPARED,
+    damage: pd.DataFrame | None = None,
     setups: Sequence[str] = (),
     places: Mapping[str, tuple[str, str]] | None = None,
 ) -> str:
@@ -50,7 +55,10 @@ def build_index(
         charts=followed_charts(followed),
         warnings=[sentence for group in followed for sentence in movements(group)],
         varying=[sentence for group in followed for sentence in variation(group)],
-        ordered_by=ordered_by,
+        ordered_by=following.order.name if following.order else "",
+        corrected=enumeration([*following.corrected]),
+        control_charts=[] if damage is None else damage_charts(damage),
+        damage=[] if damage is None else damage_sentences(damage, following.false_alarms),
         setups=setups,
     )
 
@@ -162,7 +170,7 @@ def _moved(level: float, size: float, error: float) -> str:
 
 def _chart(followed: FollowedMode, several: bool) -> dict[str, str]:
     """Frequency of one mode by recording: SVG paths, and the words at their edges."""
-    values = [mode.frequency_hz for mode in followed.modes]
+    values = followed.corrected_hz
     halves = [NORMAL_95 * mode.frequency_se_hz for mode in followed.modes]
     ends = [(v - half, v + half) for v, half in zip(values, halves, strict=True)]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)

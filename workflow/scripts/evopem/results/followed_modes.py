@@ -18,6 +18,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.models.modes import Mode, assurance
 from evopem.results.fleet import MODE_COLUMNS, mode_values
+from evopem.validation.damage_index import regressors
 from evopem.validation.level_changes import (
     FEWEST,
     Drift,
@@ -43,6 +44,8 @@ RECENT = 5
 FOUND_IN = 0.2
 # Level at which steps are sought that may describe a change better which is known to be there.
 LENIENT = 0.5
+# Columns of the frequency at mean conditions, and of its level, trend or oscillation.
+FITTED = ("corrected_hz", "level_hz")
 # Factor of a standard error for a 95 % interval.
 NORMAL_95 = 1.959964
 
@@ -60,11 +63,19 @@ class FollowedMode:
     levels: Levels | None  # of the frequency; None for too few recordings
     drift: Drift | None  # of the frequency, where it says more than steps do
     constant: bool  # whether a constant frequency, weighted by the errors, is not rejected
+    conditions: Array  # (n, c) that are regressed out, in each recording
 
     @property
     def frequency_hz(self) -> float:
         """Median frequency."""
         return median(mode.frequency_hz for mode in self.modes)
+
+    @property
+    def corrected_hz(self) -> tuple[float, ...]:
+        """Frequencies at mean conditions, as far as those explain them."""
+        values = [mode.frequency_hz for mode in self.modes]
+        explained = self.levels.explained if self.levels else [0.0] * len(values)
+        return tuple(value - part for value, part in zip(values, explained, strict=True))
 
 
 _Track = list[tuple[int, Mode]]
@@ -82,7 +93,9 @@ def group_of(name: str) -> str:
 
 
 def follow_modes(
-    recordings: Mapping[str, Sequence[Mode]], places: Mapping[str, float] | None = None
+    recordings: Mapping[str, Sequence[Mode]],
+    places: Mapping[str, float] | None = None,
+    conditions: Sequence[Mapping[str, float]] = (),
 ) -> list[FollowedMode]:
     """Recognise the modes of each structure in its recordings, and test whether they moved.
 
@@ -90,7 +103,8 @@ def follow_modes(
     a probability of at most :data:`FALSE_ALARMS` where nothing changes.
 
     ``recordings``: trusted modes by name, in their order where no places are given.  ``places``:
-    what the recordings are ordered by.  Returns by group and frequency.
+    what the recordings are ordered by.  ``conditions``: what is regressed out, each by recording.
+    Returns by group and frequency.
     """
     groups: dict[str, list[str]] = {}
     for name in recordings:
@@ -114,8 +128,9 @@ def follow_modes(
         if places is not None:
             positions = tuple(places[name] for name in members)
         modes = tuple(mode for _, mode in track)
-        course = _course(modes, positions, FALSE_ALARMS / max(tested, 1))
-        followed.append(FollowedMode(group, number, members, positions, modes, *course))
+        beside = np.array([[values[name] for values in conditions] for name in members])
+        course = _course(modes, positions, FALSE_ALARMS / max(tested, 1), beside)
+        followed.append(FollowedMode(group, number, members, positions, modes, *course, beside))
     return followed
 
 
@@ -125,7 +140,7 @@ def followed_table(followed: Sequence[FollowedMode]) -> pd.DataFrame:
 
     table = pd.DataFrame(
         [row for group in followed for row in _rows(group)],
-        columns=["group", "mode", "dataset", "place", *MODE_COLUMNS, "mac", "level_hz", "warning"],
+        columns=["group", "mode", "dataset", "place", *MODE_COLUMNS, "mac", *FITTED, "warning"],
     )
     # After the error of each value, its 95 % interval.
     for name, unit in (("frequency", "hz"), ("damping", "percent")):
@@ -152,37 +167,42 @@ def _rows(followed: FollowedMode) -> Iterator[tuple[object, ...]]:
         yield (
             *(followed.group, followed.number, name, place, *mode_values(mode)),
             assurance(first, mode.shape) if len(first) > 1 else math.nan,
+            followed.corrected_hz[index],
             math.nan if levels is None else levels.values[index],
             warnings.get(index),
         )
 
 
 def _course(
-    modes: Sequence[Mode], places: Sequence[float], significance: float
+    modes: Sequence[Mode], places: Sequence[float], significance: float, conditions: Array
 ) -> tuple[Levels | None, Drift | None, bool]:
     """Levels, drift and constancy; half of the significance is for either of the first two."""
     values = np.array([mode.frequency_hz for mode in modes])
     errors = np.array([mode.frequency_se_hz for mode in modes])
-    constant = constant_probability(values, errors) >= significance
+    every = np.ones(len(modes), dtype=bool)
+    terms, _ = regressors(conditions, every, values[:, None], errors[:, None])
+    covariates = [*(terms - terms.mean(axis=0)).T[1:]]
+    constant = constant_probability(values, errors, covariates) >= significance
     if len(modes) < FEWEST:
         return None, None, constant
-    levels = find_levels(values, errors, 0.5 * significance)
-    drift = find_drift(values, errors, np.array(places), 0.5 * significance)
+    levels = find_levels(values, errors, 0.5 * significance, covariates)
+    drift = find_drift(values, errors, np.array(places), 0.5 * significance, covariates)
     if drift is not None:
         count = math.log(len(modes))
-        steps = levels if levels.changes else find_levels(values, errors, LENIENT)
-        of_steps = _left(values, errors, steps.values) + 2 * len(steps.changes) * count
-        of_drift = _left(values, errors, drift.values) + (1 + 2 * (drift.kind != "trend")) * count
+        steps = levels if levels.changes else find_levels(values, errors, LENIENT, covariates)
+        of_steps = _left(values, errors, steps) + 2 * len(steps.changes) * count
+        of_drift = _left(values, errors, drift) + (1 + 2 * (drift.kind != "trend")) * count
         # A step is part of a trend and a trend of steps: the better description is told (BIC).
         if steps.changes and of_steps < of_drift:
             levels, drift = steps, None
         else:
-            levels = Levels(drift.values, levels.scatter, (), ())
+            levels = Levels(drift.values, levels.scatter, (), (), drift.explained)
     return levels, drift, constant
 
 
-def _left(values: Array, errors: Array, fitted: Sequence[float]) -> float:
-    return float(np.sum(((values - np.array(fitted)) / errors) ** 2))
+def _left(values: Array, errors: Array, fitted: Levels | Drift) -> float:
+    left = values - np.array(fitted.values) - np.array(fitted.explained)
+    return float(np.sum((left / errors) ** 2))
 
 
 def _tracks(recordings: Sequence[Sequence[Mode]]) -> list[_Track]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from evopem.config.conditions import Following
 from evopem.config.source_checks import RESULTS_FOLDER as FOLDER
 from evopem.errors import InputError
 
@@ -50,6 +51,15 @@ OVERVIEW = tuple(
     f"{FOLDER}/{name}" for name in ("index.html", "fleet.csv", "fleet.parquet", "fleet_modes.csv")
 )
 """The lists of all data sets."""
+
+DAMAGE = f"{FOLDER}/damage_index.csv"
+"""The list of damage indices, where a reference is named."""
+
+
+def lists_of(following: Following) -> tuple[str, ...]:
+    """The lists of all data sets that a run makes."""
+    return OVERVIEW if following.reference is None else (*OVERVIEW, DAMAGE)
+
 
 SETUPS = f"{FOLDER}/setups/{{structure}}.html"
 """The page of a structure with several set-ups."""

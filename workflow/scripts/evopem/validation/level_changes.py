@@ -5,6 +5,7 @@ the scatter beyond the standard errors is what they leave.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,6 +13,8 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from evopem.arrays import Array
+
+Covariates = Sequence[Array]
 
 # Fewest estimates from which a level is tested.
 FEWEST = 4
@@ -43,13 +46,18 @@ class Levels:
     scatter: float  # standard deviation beyond the standard errors
     changes: tuple[LevelChange, ...]  # by index
     outlying: tuple[int, ...]  # single estimates away from their level
+    explained: tuple[float, ...]  # at each estimate, by the covariates
 
 
-def find_levels(values: Array, standard_errors: Array, significance: float) -> Levels:
+def find_levels(
+    values: Array, standard_errors: Array, significance: float, covariates: Covariates = ()
+) -> Levels:
     """Find steps and outlying estimates in a sequence, the most significant one at a time.
 
     The probability of finding anything where nothing changes is at most ``significance``, a third
     each for steps, for two at once, and for single estimates, and of all their places (Bonferroni).
+
+    ``covariates``: each (n,), what else the estimates depend on, with mean 0.
     """
     count = len(values)
     at, edges = np.arange(count), range(BESIDE, count - BESIDE + 1)
@@ -59,7 +67,7 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
         [(k, end) for k in edges for end in edges if end - k >= BESIDE],
         [(k, k + 1) for k in range(count)],
     ]
-    design = np.ones((1, count))
+    design = np.vstack([np.ones((1, count)), *covariates])
     levels: list[tuple[int, float, bool]] = []
     while count >= max(FEWEST, len(design) + 1 + FEWEST_BEYOND):
         tests = []
@@ -76,10 +84,11 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
         added = [k for k in ((first, stop) if is_step else (first,)) if k not in known]
         levels += [(k, p_value, is_step) for k in added]
         design = np.vstack([design, *((at >= k) if is_step else (at == k) for k in added)])
-    coefficients, covariances, _, scatter = _fits(values, standard_errors, design.T[None], 1)
-    is_level = np.array([True, *(is_step for *_, is_step in levels)])
+    coefficients, covariances, _, scatter = fits(values, standard_errors, design.T[None], 1)
+    first_found = 1 + len(covariates)
+    is_level = np.array([True, *([False] * len(covariates)), *(step for *_, step in levels)])
     level = coefficients[0, is_level] @ design[is_level]
-    errors = np.sqrt(np.diag(covariances[0]))[1:].tolist()
+    errors = np.sqrt(np.diag(covariances[0]))[first_found:].tolist()
     changes = [
         LevelChange(k, float(level[k - 1]), float(level[k]), error, p_value)
         for error, (k, p_value, is_step) in zip(errors, levels, strict=True)
@@ -90,6 +99,7 @@ def find_levels(values: Array, standard_errors: Array, significance: float) -> L
         math.sqrt(float(scatter[0])),
         tuple(sorted(changes, key=lambda change: change.index)),
         tuple(sorted(k for k, _, is_step in levels if not is_step)),
+        tuple((coefficients[0, 1:first_found] @ design[1:first_found]).tolist()),
     )
 
 
@@ -100,7 +110,7 @@ def _most_significant(
 
     By the scatter that the design leaves, then by the one that the regressor found so leaves.
     """
-    scatter = _fits(values, errors, design.T[None], 1)[3]
+    scatter = fits(values, errors, design.T[None], 1)[3]
     for _ in range(2):
         roots = 1.0 / np.sqrt(errors**2 + scatter)
         basis = np.linalg.qr((design * roots).T)[0]
@@ -110,7 +120,7 @@ def _most_significant(
         both = np.vstack([design, regressors[best]])
         if np.linalg.matrix_rank(both) < len(both):
             return 1.0, best
-        _, _, p_values, scatter = _fits(values, errors, both.T[None], 1)
+        _, _, p_values, scatter = fits(values, errors, both.T[None], 1)
     return float(p_values[0]), best
 
 
@@ -125,25 +135,35 @@ class Drift:
     standard_error: float
     period: float  # in units of the places; NaN of a trend
     p_value: float  # that a drift of this kind as significant is found where there is none
+    explained: tuple[float, ...]  # at each estimate, by the covariates
 
 
-def constant_probability(values: Array, standard_errors: Array) -> float:
+def constant_probability(
+    values: Array, standard_errors: Array, covariates: Covariates = ()
+) -> float:
     """Probability that a constant, weighted by the standard errors, leaves as much or more."""
-    left = _weighted(values, standard_errors**2.0, np.ones((1, len(values), 1)))[2]
-    return float(chdtrc(len(values) - 1, left.sum()))
+    design = np.vstack([np.ones((1, len(values))), *covariates]).T
+    left = _weighted(values, standard_errors**2.0, design[None])[2]
+    return float(chdtrc(len(values) - design.shape[1], left.sum()))
 
 
 def find_drift(
-    values: Array, standard_errors: Array, places: Array, significance: float
+    values: Array,
+    standard_errors: Array,
+    places: Array,
+    significance: float,
+    covariates: Covariates = (),
 ) -> Drift | None:
     """The most significant drift, or None; half of the significance is for each kind.
 
     ``values``, ``standard_errors``, ``places`` (n,): finite, places ascending, errors above 0.
+    ``covariates``: each (n,), what else they depend on, with mean 0.
     """
     count, span = len(values), float(places[-1] - places[0])
     if span <= 0.0:
         return None
     changes, time = [], (places - places[0]) / span
+    beside = np.vstack([np.ones((1, count)), *covariates]).T
     # Numbers of periods, a quarter apart: a wave between two of them is found by both.
     periods = np.arange(1.0, (count - 1) / SHORTEST_PERIOD + 1e-9, 0.25)
     waves = 2.0 * np.pi * np.outer(periods, time) * (count - 1) / count
@@ -152,31 +172,38 @@ def find_drift(
         "oscillation": [np.cos(waves), np.sin(waves)],
     }
     for kind, regressor in regressors.items():
-        designs = np.stack([np.ones_like(regressor[0]), *regressor], axis=-1)
-        if count < designs.shape[2] + FEWEST_BEYOND or not len(designs):
+        designs = np.stack([np.column_stack([beside, *c]) for c in zip(*regressor, strict=True)])
+        # A covariate that is itself a trend or a wave leaves none to be told.
+        tried = np.flatnonzero(np.linalg.matrix_rank(designs) == designs.shape[2])
+        if count < designs.shape[2] + FEWEST_BEYOND or not len(tried):
             continue
-        coefficients, covariances, p_values, _ = _fits(
+        designs = designs[tried]
+        coefficients, covariances, p_values, _ = fits(
             values, standard_errors, designs, len(regressor)
         )
         best = int(np.argmin(p_values))
-        along = coefficients[best, 1:]
+        along = coefficients[best, -len(regressor) :]
         size = float(along[0]) if kind == "trend" else float(np.hypot(*along))
         direction = along / (size or 1.0)
-        error = math.sqrt(direction @ covariances[best, 1:, 1:] @ direction)
-        period = math.nan if kind == "trend" else span * count / (count - 1) / periods[best]
-        shown = tuple((designs[best] @ coefficients[best]).tolist())
+        error = math.sqrt(direction @ covariances[best, -len(along) :, -len(along) :] @ direction)
+        period = math.nan if kind == "trend" else span * count / (count - 1) / periods[tried[best]]
+        explained = coefficients[best, 1 : beside.shape[1]] @ beside[:, 1:].T
+        shown = designs[best] @ coefficients[best] - explained
         p_value = min(1.0, len(designs) * float(p_values[best]))  # Bonferroni
-        changes.append(Drift(kind, shown, size, error, float(period), p_value))
+        courses = (tuple(course.tolist()) for course in (shown, explained))
+        drift = Drift(kind, next(courses), size, error, float(period), p_value, next(courses))
+        changes.append(drift)
     significant = [change for change in changes if change.p_value < 0.5 * significance]
     return min(significant, key=lambda change: change.p_value, default=None)
 
 
-def _fits(
+def fits(
     values: Array, errors: Array, designs: Array, tested: int
 ) -> tuple[Array, Array, Array, Array]:
     """Weighted fits of regressors (k, n, p): coefficients, covariances, F tests, scatter.
 
-    F tests of the last regressors; the scatter is the variance beyond the errors, (k,).
+    Of values, (n,) or (k, n), with F tests of the last regressors; the scatter is the variance
+    beyond the errors, (k,).
     """
     free = designs.shape[1] - designs.shape[2]
     scatter = np.zeros(len(designs))
@@ -197,6 +224,6 @@ def _weighted(values: Array, variances: Array, designs: Array) -> tuple[Array, .
     """Coefficients, their covariances, weighted squares left, and how these fall with variance."""
     weighted = np.swapaxes(designs / variances[..., None], 1, 2)
     covariances: Array = np.asarray(np.linalg.inv(weighted @ designs), dtype=float)
-    coefficients: Array = (covariances @ (weighted @ values)[..., None])[..., 0]
+    coefficients: Array = (covariances @ (weighted @ values[..., None]))[..., 0]
     squares = (values - (designs @ coefficients[..., None])[..., 0]) ** 2 / variances
     return coefficients, covariances, squares.sum(axis=1), (squares / variances).sum(axis=1)

@@ -29,7 +29,7 @@ from evopem.files.json_form import to_json
 from evopem.pipeline.planning.stage import Stage, StageJob
 from evopem.pipeline.planning.stages import PREPARING, STAGES, WHOLE, results_of, stages_of
 from evopem.results.identity import incompleteness, is_finished, was_read_from
-from evopem.results.layout import BATCH_CHECKSUMS, OVERVIEW, DatasetFiles
+from evopem.results.layout import BATCH_CHECKSUMS, DatasetFiles, lists_of
 
 _RESERVED = "|".join(map(re.escape, RESERVED_NAMES))
 DATASET_PATTERN = rf"(?!(?:{_RESERVED})/)[A-Za-z0-9][A-Za-z0-9_.-]*"
@@ -99,7 +99,8 @@ class Provider:
         if self.config.run.shard:
             return []
         several = len(self.config.datasets) > 1
-        return [*OVERVIEW] if several or any(map(is_file, OVERVIEW)) else []
+        lists = lists_of(self.config.following)
+        return [*lists] if several or any(map(is_file, lists)) else []
 
     @property
     def setups(self) -> dict[str, tuple[str, ...]]:

@@ -1,0 +1,119 @@
+"""Damage indices of a fleet: table, sentences, page, and the function of Python."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from evopem import InputError, damage_index
+from evopem.models.modes import Mode
+from evopem.report.control_chart import damage_charts, damage_sentences
+from evopem.report.index_page import build_index, movements
+from evopem.report.templates import template_folder
+from evopem.results.fleet import DatasetSummary
+from evopem.results.followed_modes import follow_modes
+
+COUNT, DAMAGED = 60, 50
+
+
+def fleet(loss=0.02, seed=3):
+    """Two modes that fall with the temperature; from one recording on the stiffness is less."""
+    generator = np.random.default_rng(seed)
+    recordings, conditions = {}, {}
+    for number in range(COUNT):
+        temperature = 15.0 + 10.0 * np.sin(2.0 * np.pi * number / 25.0)
+        factor = 1.0 - 2e-3 * (temperature - 15.0) - 0.5 * loss * (number >= DAMAGED)
+        name = f"bridge-{number + 1:02d}"
+        recordings[name] = [
+            Mode(f * factor + e * generator.standard_normal(), 0.02, 0.9 + 0.1j, e, 0.002)
+            for f, e in ((4.0, 0.008), (9.0, 0.02))
+        ]
+        conditions[name] = {"temperature": temperature}
+    return recordings, conditions
+
+
+def results(recordings):
+    """What holds the summaries that modes are taken from, and nothing else."""
+    blank = dict.fromkeys(DatasetSummary.__dataclass_fields__)
+    return {
+        name: SimpleNamespace(
+            summary=DatasetSummary(
+                **blank | {"modes": tuple(modes), "trusted": (True,) * len(modes)}
+            )
+        )
+        for name, modes in recordings.items()
+    }
+
+
+def test_damage_is_told_from_the_temperature_and_named():
+    recordings, conditions = fleet()
+    table = damage_index(results(recordings), 30, conditions)
+    assert list(table["dataset"]) == list(recordings)
+    assert list(table["reference"]) == [True] * 30 + [False] * 30
+    judged = table[table["damage_index"].notna() & ~table["reference"]]
+    above = judged[judged["above"]]
+    assert set(judged["dataset"][-8:]) <= set(above["dataset"])
+    assert (above["place"] > DAMAGED).mean() > 0.8
+    np.testing.assert_allclose(above["change_percent"][-8:], -1.0, atol=0.6)
+    sentence = damage_sentences(table, 0.01)[0]
+    assert sentence.startswith(f"{len(above)} of {len(judged)} recordings lie above the limit")
+    assert "bridge-60 (mode " in sentence
+    (chart,) = damage_charts(table)
+    assert chart["marks"].count("M") == (table["damage_index"] > 1.0).sum()
+    assert chart["reference"].count("M") == 30
+    page = build_index({}, template_folder(), damage=table)
+    assert 'id="damage-index"' in page
+    assert 'href="damage_index.csv"' in page
+
+
+def test_a_table_of_conditions_gives_the_same_and_their_absence_hides_the_damage():
+    recordings, conditions = fleet()
+    given = results(recordings)
+    of_table = damage_index(given, 30, pd.DataFrame.from_dict(conditions, orient="index"))
+    pd.testing.assert_frame_equal(of_table, damage_index(given, 30, conditions))
+    hidden = damage_index(given, 30)
+    assert hidden["above"][~hidden["reference"]].mean() < 0.2
+    assert damage_sentences(hidden, 0.01)[0].startswith(("None of 30 recordings lies", "1 of 30"))
+
+
+def test_what_is_not_judged_says_why():
+    recordings, conditions = fleet(loss=0.0)
+    conditions["bridge-40"]["temperature"] = 40.0
+    recordings["bridge-41"] = []
+    table = damage_index(results(recordings), "bridge-[012]*", conditions).set_index("dataset")
+    assert table["not_judged"]["bridge-40"].startswith("its conditions lie outside")
+    assert table["not_judged"]["bridge-41"].startswith("it has no mode")
+    told = " ".join(damage_sentences(table.reset_index(), 0.01))
+    assert "Not judged, because it has no mode of the others: bridge-41." in told
+
+
+@pytest.mark.parametrize(
+    ("reference", "conditions", "false_alarms", "sentence"),
+    [
+        ("tower*", {}, 0.01, "no data set is named tower*"),
+        (0, {}, 0.01, "0 cannot be; give 1 or more"),
+        (30, {}, 0.7, "0.7 cannot be; give a probability below 0.5"),
+        (30, {"bridge-01": {"wind": 3.0}}, 0.01, "bridge-02 has no number for wind"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(reference, conditions, false_alarms, sentence):
+    with pytest.raises(InputError) as raised:
+        damage_index(results(fleet()[0]), reference, conditions, false_alarms)
+    assert sentence in str(raised.value)
+
+
+def test_steps_are_told_beside_a_condition_and_the_condition_alone_is_no_movement():
+    recordings, conditions = fleet()
+    temperatures = {name: each["temperature"] for name, each in conditions.items()}
+    for followed in follow_modes(recordings, None, [temperatures]):
+        (change,) = followed.levels.changes
+        assert followed.recordings[change.index] == f"bridge-{DAMAGED + 1}"
+        assert change.after / change.before == pytest.approx(0.99, abs=0.002)
+        spread = np.std(followed.corrected_hz[:DAMAGED])
+        assert spread < 0.2 * np.std([mode.frequency_hz for mode in followed.modes[:DAMAGED]])
+    unchanged, _ = fleet(loss=0.0)
+    corrected = follow_modes(unchanged, None, [temperatures])
+    assert [sentence for each in corrected for sentence in movements(each)] == []
+    assert all(each.constant for each in corrected)
+    assert all(movements(each) for each in follow_modes(unchanged))
