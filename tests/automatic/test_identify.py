@@ -148,6 +148,20 @@ def test_a_regularised_response_takes_the_place_of_a_worse_choice():
     assert errors[0] < 0.9 * errors[1]
 
 
+def test_coloured_noise_of_a_finite_response_needs_no_poles_of_the_plant():
+    """Four coefficients, which ARX models lose in many; orders that are given have poles."""
+    u, e = np.random.default_rng(0).standard_normal((2, 600))
+    y = lfilter([0.0, 1.0, 0.5, -0.3, 0.2], [1.0], u) + 0.3 * lfilter([1.0, 0.6], [1.0], e)
+    stretches = [Segment(u, y)]
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), delays=(1,))
+    searches = [search_structure(scorer, each, {}) for each in ("fir", "arx", "armax", "bj")]
+    chosen = compare_structures(scorer, searches).choice("simulation").candidate
+    assert (chosen.orders.nb, chosen.orders.nf, chosen.orders.na) == ((4,), (0,), 0)
+    given = OrderLimits(ranges=OrderRanges(plant=(1, 3)))
+    limited = Scorer(stretches, decide_folds(stretches), CommonSettings(), given, (1,))
+    assert all(c.orders.nf > (0,) for c in search_structure(limited, "bj", {}).candidates)
+
+
 def test_results_of_a_regularised_response_claim_no_order_noise_model_or_search(tmp_path):
     u, y, _ = output_error_record(400, percent=10.0)
     found = evopem.identify(u, y + 3.0, 10.0, structure="impulse", show_progress=False)

@@ -176,7 +176,8 @@ def order_models(
 ) -> OrderModels:
     """The likeliest plant of each order of a search in state space, as one of a recording."""
     models: dict[int, OrderModel] = {}
-    for tried in sorted(search.candidates, key=lambda tried: (tried.order, -tried.bic)):
+    with_own_order = [c for c in search.candidates if c.structure != "bj" or any(c.orders.nf)]
+    for tried in sorted(with_own_order, key=lambda tried: (tried.order, -tried.bic)):
         plant = record.in_its_units(tried.model)
         if isinstance(plant, PolynomialModel):
             plant = plant.plant().state_space()

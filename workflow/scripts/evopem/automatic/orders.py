@@ -1,6 +1,6 @@
 """Delays of the inputs, and orders within one structure."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
@@ -55,21 +55,30 @@ def search_structure(
     """Orders of one structure, from small to large as long as they bring something."""
     for nested in smaller.values():
         scorer.remember(nested.candidates)
-    search = _along_path if is_polynomial(structure) else _by_states
-    candidates = search(scorer, structure, smaller, log)
+    if is_polynomial(structure):
+        paths = [(smaller, _path(structure, scorer.delays))]
+        if structure == "bj" and scorer.limits.ranges.plant is None:
+            paths.insert(0, ({}, _without_poles(scorer.delays)))
+        candidates = [c for path in paths for c in _along_path(scorer, structure, *path, log)]
+    else:
+        candidates = _by_states(scorer, structure, smaller, log)
     too_short = not candidates and (is_polynomial(structure) or not numbers_of_states(scorer))
     decision = _decision(structure, candidates, too_short)
     return StructureSearch(structure, tuple(candidates), decision, too_short)
 
 
 def _along_path(
-    scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None
+    scorer: Scorer,
+    structure: str,
+    smaller: Mapping[str, StructureSearch],
+    path: Iterable[list[Orders]],
+    log: Log | None,
 ) -> list[Candidate]:
     """Candidates of polynomials, as long as one of their criteria falls."""
     candidates: list[Candidate] = []
     without_gain, work, lowest = 0, 0, [np.inf, np.inf]
     previous: list[PolynomialModel] = []
-    for orders_of_step in scorer.limits.within(structure, _path(structure, scorer.delays)):
+    for orders_of_step in scorer.limits.within(structure, path):
         tried: list[Candidate] = []
         for orders in orders_of_step:
             starts = [*previous, *_same_plant(orders, smaller)]
@@ -156,6 +165,15 @@ def _path(structure: str, delays: Sequence[int]) -> Iterator[list[Orders]]:
         yield orders_of_size(structure, n, delays)
     if structure == "arx":
         yield from (orders_of_size(structure, n, delays)[:1] for n in (30, 40))
+
+
+def _without_poles(delays: tuple[int, ...]) -> Iterator[list[Orders]]:
+    """Finite responses beside a noise model, without which their noise draws poles or lags."""
+    for n in LONG_PATH:
+        yield [
+            Orders("bj", nb=(n,) * len(delays), nk=delays, nc=2, nd=nd, nf=(0,) * len(delays))
+            for nd in (0, 1)
+        ]
 
 
 def orders_of_size(structure: str, n: int, delays: Sequence[int]) -> list[Orders]:

@@ -101,7 +101,7 @@ def _fewer_roots(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Re
 def _further_noise(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
     o = current.orders
     for n in NOISE_ORDERS:
-        if any(o.nf) and n > min(o.nc, o.nd):
+        if not o.na and n > min(o.nc, o.nd):
             yield (
                 f"noise model of order {n}",
                 _with(scorer, current, "bj", nc=n - o.nc, nd=n - o.nd),
@@ -109,8 +109,6 @@ def _further_noise(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[
         elif o.na and n > o.nc:
             structure = "ararmax" if o.nd else "armax" if o.inputs else "arma"
             yield f"C of order {n}", _with(scorer, current, structure, nc=n - o.nc)
-        elif not o.na and not any(o.nf):
-            yield f"A and C of order {n}", _with(scorer, current, "armax", na=n, nc=n)
 
 
 def _longer_b(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
