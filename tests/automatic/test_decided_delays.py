@@ -101,6 +101,18 @@ def test_feedback_is_not_taken_for_a_delay_of_0():
     assert decide_delays([Segment(r, free)], ["u"]).delays == (0,)
 
 
+def test_a_delay_of_0_is_taken_only_where_it_is_the_likeliest():
+    """A first coefficient that chance makes large enough not to speak against the same sample."""
+    decided = []
+    for seed in range(12):
+        u, e = np.random.default_rng(seed).standard_normal((2, 200))
+        y = lfilter([0.0, 1.0, 0.5], [1.0, -0.8], u)
+        choice = decide_delays([Segment(u, y + 0.5 * y.std() * e)], ["u"])
+        decided.append((choice.delays[0], 0 in choice.likely[0]))
+    assert sum(delay == 1 for delay, _ in decided) >= 11
+    assert sum(likely for _, likely in decided) >= 2
+
+
 def test_folds_of_a_short_record_are_longer_than_its_delay():
     """Parts of the interleaved design have fewer samples than the delay: no model were scored."""
     g = np.random.default_rng(5)

@@ -132,7 +132,8 @@ def likely_delays(
 ) -> list[InputDelay]:
     """Delay of each input, the smallest likely one against which there is little evidence.
 
-    A model of a shorter delay contains that of the system, one of a longer delay does not.
+    A model of a shorter delay contains that of the system, one of a longer delay does not.  But 0
+    has to be the likeliest: what feedback is left unnoticed acts on the same sample.
     ``limits``: delays tried of each input, in samples, both included.
     """
     delays = [delay for delay, _ in delays_by_criterion(segments, limits)]
@@ -143,7 +144,7 @@ def likely_delays(
         order, shares = np.argsort(scores), np.exp(-0.5 * np.sort(scores))
         count = int(np.searchsorted(np.cumsum(shares), LIKELY * shares.sum())) + 1
         likely = tuple(sorted((low + order[:count]).tolist()))
-        delays[place] = next(delay for delay in likely if scores[delay - low] <= LITTLE)
+        delays[place] = next(k for k in likely if scores[k - low] <= (LITTLE if k else 0.0))
         decided.append(InputDelay(delays[place], likely, scores))
     return decided
 
