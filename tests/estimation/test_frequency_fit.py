@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -241,8 +244,10 @@ def test_responses_that_cannot_be_used(change, problem):
         FrequencyResponses(**given)
 
 
-def test_the_command_writes_results_and_a_report(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    """The results folder of two noisy responses, and what the command printed."""
+    folder = tmp_path_factory.mktemp("responses")
     given = noisy(2, deviation=0.1)
     table = {"f": FREQUENCIES}
     for k, name in enumerate(("tip", "mid")):
@@ -250,27 +255,60 @@ def test_the_command_writes_results_and_a_report(tmp_path, monkeypatch, capsys):
             f"{name} re": given.values[:, k, 0].real,
             f"{name} im": given.values[:, k, 0].imag,
         }
-    pd.DataFrame(table).to_csv("frf.csv", index=False)
     content = {"defaults": {"orders": {"nx": [2, 6]}, "structure": "armax"}}
-    (tmp_path / "config.yaml").write_text(yaml.safe_dump(content))
-    options = ["--frequency", "f", "--input", "force", "--output", "tip", "--output", "mid"]
-    assert main(["frf.csv", *options, "--config", "config.yaml"]) == 0
-    said = capsys.readouterr().out
-    assert "2 modes explain the frequency responses" in said
-    assert "from 150 frequencies" in said
-    results = tmp_path / "results" / "frf"
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as said:
+        patch.chdir(folder)
+        pd.DataFrame(table).to_csv("frf.csv", index=False)
+        Path("config.yaml").write_text(yaml.safe_dump(content))
+        options = ["--frequency", "f", "--input", "force", "--output", "tip", "--output", "mid"]
+        assert main(["frf.csv", *options, "--config", "config.yaml", "--json"]) == 0
+    return folder / "results" / "frf", said.getvalue()
+
+
+def test_the_command_writes_results_and_a_report(identified):
+    results, _ = identified
     model = evopem.load(results / "model.json")
     np.testing.assert_allclose([m.frequency_hz for m in model.modes()], HERTZ, rtol=1e-3)
     page = (results / "report.html").read_text()
     for words in ("continuous time", "Not applied, because they need a recording in time", "tip"):
         assert words in page
-    assert page.count("<svg") >= 2
+    assert 'id="residual_tests"' not in page
+    for figure in ("gain", "stabilization", "frequency_response", "nyquist"):
+        assert f'<section id="{figure}"' in page
     summary = json.loads((results / "summary.json").read_text())
     assert all(summary["trusted"])
-    measured = pd.read_csv(results / "frequency_response.csv")
-    assert len(measured) == 300
-    assert main(["compare", str(results), str(results)]) == 1
-    assert "model of frequency responses, without a recording in time" in capsys.readouterr().err
+    assert len(pd.read_csv(results / "spectrum.csv")) == 300
+
+
+def test_the_verdict_for_programs_is_of_the_responses(identified):
+    results, said = identified
+    verdict = json.loads(said)
+    assert said == (results / "verdict.json").read_text()
+    answers = {use["key"]: use["answer"] for use in verdict["uses"]}
+    assert set(answers) == {"frequency_response", "modes", "standard_errors"}
+    assert answers["modes"] == "good"
+    np.testing.assert_allclose([m["frequency_hz"] for m in verdict["modes"]], HERTZ, rtol=1e-3)
+    assert verdict["estimation_samples"] == 150
+
+
+def test_results_of_responses_are_read_and_compared(identified, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    results, _ = identified
+    found = evopem.read_results(results)
+    assert "the modes at" in found.verdict
+    assert found.modes["trusted"].all()
+    assert len(found.shapes) == 2
+    # The bands are those of the responses in continuous time: within four standard errors.
+    table = found.results.responses
+    for k, name in enumerate(("tip", "mid")):
+        model = table[(table["source"] == "model") & (table["output"] == name)].iloc[1:]
+        true = np.abs(responses_at(model["frequency_hz"].to_numpy(), 2)[:, k, 0])
+        half = (model["gain_upper"] - model["gain_lower"]) / 2.0
+        assert (np.abs(model["gain"] - true) / half).max() < 2.0
+        assert (half / true).median() < 0.02
+    assert main(["compare", str(results), str(results)]) == 0
+    assert "2 models" in Path("comparison.html").read_text()
+    assert "frf" in capsys.readouterr().out
 
 
 def test_keys_that_responses_do_not_have():

@@ -22,6 +22,7 @@ from evopem.results.fleet import summarize
 from evopem.validation.checks import Check
 from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import ErrorParts, Part
+from evopem.validation.frequency_responses import SPEAK_AGAINST
 from evopem.validation.held_out_tests import NO_TEST
 from evopem.validation.mode_evidence import doubts
 from evopem.validation.model_class import Floor
@@ -42,7 +43,7 @@ def answers(found):
 
 def test_the_checks_that_a_verdict_rests_on_exist(results):
     names = {check.name for check in results.checks}
-    assert ESSENTIAL.keys() | DESIRABLE.keys() <= names
+    assert ESSENTIAL.keys() | DESIRABLE.keys() <= names | SPEAK_AGAINST.keys()
 
 
 @pytest.mark.parametrize(

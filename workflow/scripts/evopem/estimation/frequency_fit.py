@@ -5,14 +5,14 @@ discrete time ``(z - 1)/(z + 1)``, which leaves degrees as they are. After the s
 all entries descend together, with residues of rank one.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from evopem.arrays import Array, Complex
+from evopem.arrays import Array, Complex, Integers
 from evopem.blas_threads import one_blas_thread
 from evopem.errors import InputError
 from evopem.estimation.search.frequency_problem import (
@@ -25,7 +25,9 @@ from evopem.estimation.search.frequency_problem import (
     stacked,
 )
 from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 from evopem.models.continuous import phi_functions
+from evopem.models.modes import Mode, frequency_and_damping
 from evopem.models.parameter_covariance import ParameterCovariance, jacobian_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.readers.frequency_responses import FrequencyResponses
@@ -49,13 +51,39 @@ class ResponseFit:
     weights: Array  # (F, l, m) reciprocal standard deviations of real and imaginary part
     variance_factor: float  # of the stated variances; 1 where they are absolute
     criteria: dict[int, float]  # BIC of each number of modes
-    diagram: dict[int, Array]  # natural frequency (Hz) and damping ratio of each, (modes, 2)
+    diagram: dict[int, list[Mode]]  # of the models by their number of states
     search: SearchResult  # of the poles
 
     @property
     def modes(self) -> int:
         """Number of sections."""
         return len(self.point) // 2
+
+    @property
+    def estimate(self) -> StateSpaceEstimate:
+        """The same in the form of estimates from samples; it leaves no residuals in time."""
+        n, outputs = self.model.order, self.model.outputs
+        both = self.responses.values, self.misfit
+        sizes, misfits = (np.linalg.norm(values, axis=(0, 2)) for values in both)
+        return StateSpaceEstimate(
+            model=self.model,
+            order=n,
+            objective=self.error_percent**2 / 100.0,
+            fit_percent=100.0 - 100.0 * misfits / np.maximum(sizes, 1e-300),
+            bic=self.criteria[self.modes],
+            coloured_bic=np.nan,
+            parameters=self.parameters,
+            residuals=(),
+            initial_states=np.zeros((1, n)),
+            segment_levels=np.zeros((1, outputs)),
+            at_stability_bound=False,
+            search=self.search,
+        )
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate (Hz) of the model, or of its equivalent in discrete time."""
+        return self.responses.sampling_rate or HELD_RATE * float(self.responses.frequencies[-1])
 
     @property
     def parameters(self) -> int:
@@ -99,14 +127,11 @@ class ResponseFit:
         """Misfit in percent of the measured responses."""
         return 100.0 * float(np.linalg.norm(self.misfit) / np.linalg.norm(self.responses.values))
 
-    def equations(self) -> Equations:
-        """Of all parameters, row by row of the outputs."""
-        responses, (outputs, inputs), n = self.responses, self.D.shape, len(self.B)
-        resolvent, A = self._resolvent(responses.frequencies), sections_dynamics(self.point)
+    def _slopes(self, frequencies: Array) -> Iterator[tuple[Integers, Complex, Complex]]:
+        """Of each output its parameters, the responses (F, m), and slopes (F, parameters, m)."""
+        (outputs, inputs), n, first = self.D.shape, len(self.B), len(self.B) + self.B.size
+        resolvent, A = self._resolvent(frequencies), sections_dynamics(self.point)
         right, left = resolvent @ self.B, self.C @ resolvent  # (F, n, m), (F, l, n)
-        total, first = 0.0, n + self.B.size
-        gradient = np.zeros(first + self.C.size + self.D.size)
-        matrix = np.zeros((len(gradient),) * 2)
         up, down = np.arange(0, n, 2), np.arange(1, n, 2)
         ones = np.broadcast_to(np.eye(inputs), (len(left), inputs, inputs))
         for row in range(outputs):
@@ -117,9 +142,16 @@ class ResponseFit:
             slopes = np.concatenate([turning + of_damping, of_damping, of_B, right, ones], axis=1)
             last = first + self.C.size + row * inputs
             rows = np.r_[:first, first + row * n : first + (row + 1) * n, last : last + inputs]
+            yield rows, left[:, row] @ self.B + self.D[row], slopes
+
+    def equations(self) -> Equations:
+        """Of all parameters, row by row of the outputs."""
+        total, gradient = 0.0, np.zeros(self.flat.size)
+        matrix = np.zeros((len(gradient),) * 2)
+        for row, (rows, values, slopes) in enumerate(self._slopes(self.responses.frequencies)):
             columns = stacked(slopes * self.weights[:, row, None, :]).transpose(0, 2, 1)
             columns = columns.reshape(-1, len(rows))
-            misfit = responses.values[:, row] - (left[:, row] @ self.B + self.D[row])
+            misfit = self.responses.values[:, row] - values
             errors = stacked(misfit * self.weights[:, row]).ravel()
             total += float(errors @ errors)
             gradient[rows] -= columns.T @ errors
@@ -139,16 +171,36 @@ class ResponseFit:
         return replace(self, **self.split(descended_squares(equations, self.flat, inside)[0]))
 
     @cached_property
-    def model(self) -> StateSpaceModel:
-        """In discrete time with covariance: the model, or its equivalent with inputs held."""
-        responses, outputs, matrix = self.responses, len(self.C), self.equations()[2]
-        rate = responses.sampling_rate or HELD_RATE * float(responses.frequencies[-1])
-        held = None if responses.sampling_rate else self.scale / rate
+    def covariance(self) -> ParameterCovariance:
+        """Of the parameters as of :attr:`flat`."""
+        matrix = self.equations()[2]
         sizes = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         values, vectors = np.linalg.eigh(matrix / np.outer(sizes, sizes))
         free = slice(len(values) - self.parameters, None)  # the others change the states alone
         shown = values[free] > 1e-14 * values[-1]
         directions = vectors[:, free] / sizes[:, None]
+        factor = directions[:, shown] / np.sqrt(values[free][shown] / self.variance_factor)
+        return ParameterCovariance(factor, directions[:, ~shown])
+
+    def relative_errors(self, frequencies: Array) -> Array:
+        """Standard errors of logarithms of gains and of phases (rad), (2, F, l, m), to first order.
+
+        Infinite where a response depends on what the data do not determine.
+        """
+        errors = np.empty((2, len(frequencies), *self.D.shape))
+        for row, (rows, values, slopes) in enumerate(self._slopes(frequencies)):
+            relative = np.zeros((*values.shape, self.flat.size), dtype=complex)
+            relative[..., rows] = (slopes / values[:, None]).transpose(0, 2, 1)
+            for part, gradients in zip(errors, (relative.real, relative.imag), strict=True):
+                flat = self.covariance.standard_errors(gradients.reshape(-1, self.flat.size))
+                part[:, row] = flat.reshape(values.shape)
+        return errors
+
+    @cached_property
+    def model(self) -> StateSpaceModel:
+        """In discrete time with covariance: the model, or its equivalent with inputs held."""
+        responses, outputs = self.responses, len(self.C)
+        held = None if responses.sampling_rate else self.scale / self.rate
 
         def entries(parameters: Any) -> list[Any]:
             return _discrete(**self.split(parameters), held=held)
@@ -156,14 +208,13 @@ class ResponseFit:
         A, B, C, D = entries(self.flat)
         silent = np.zeros((outputs * len(A) + outputs, self.flat.size))  # K and level
         slopes = np.vstack([jacobian_of(entries, self.flat), silent])
-        factor = slopes @ directions[:, shown] / np.sqrt(values[free][shown] / self.variance_factor)
         noise = np.mean(
             np.abs(responses.values - self.response(responses.frequencies)) ** 2, axis=0
         )
         return StateSpaceModel(
-            *(A, B, C, D, np.zeros((len(A), outputs)), rate, np.zeros(outputs)),
+            *(A, B, C, D, np.zeros((len(A), outputs)), self.rate, np.zeros(outputs)),
             np.diag(noise.sum(axis=1)),
-            covariance=ParameterCovariance(factor, slopes @ directions[:, ~shown]),
+            covariance=self.covariance.through(slopes),
             structure="ss_oe",
             input_names=responses.input_names,
             output_names=responses.output_names,
@@ -248,7 +299,7 @@ def _searched(
     flat = responses.values.reshape(len(p), -1), weights.reshape(len(p), -1)
     best: ResponseFit | None = None
     criteria: dict[int, float] = {}
-    diagram: dict[int, Array] = {}
+    diagram: dict[int, list[Mode]] = {}
     point, reals = None, 2 * weights.size
     for number in range(modes[0], modes[1] + 1):
         generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
@@ -265,7 +316,7 @@ def _searched(
             fit = replace(fit, variance_factor=squares / max(freedom, 1))
         misfit = squares if responses.are_absolute else reals * np.log(squares / reals)
         criteria[number] = misfit + fit.parameters * np.log(reals)
-        diagram[number] = natural(fit)
+        diagram[2 * number] = natural(fit)
         if log:
             log(f"{number} modes: error {fit.error_percent:.3g} %, BIC {criteria[number]:.6g}")
         if best is None or criteria[number] < criteria[best.modes]:
@@ -276,12 +327,11 @@ def _searched(
     return best
 
 
-def natural(fit: ResponseFit) -> Array:
-    """Natural frequency (Hz) and damping ratio of the sections, (modes, 2)."""
+def natural(fit: ResponseFit) -> list[Mode]:
+    """The sections that oscillate, without their shapes."""
     omega, zeta = np.exp(fit.point.reshape(2, -1))
-    rate = fit.responses.sampling_rate
-    if rate is None:
-        return np.column_stack([omega * fit.scale / (2.0 * np.pi), zeta])
-    p = omega * (-zeta + np.sqrt(zeta.astype(complex) ** 2 - 1.0))
-    s = np.log((1.0 + p) / (1.0 - p)) * rate
-    return np.column_stack([np.abs(s) / (2.0 * np.pi), -s.real / np.abs(s)])
+    p = (omega * (-zeta + np.sqrt(zeta.astype(complex) ** 2 - 1.0)))[zeta < 1.0]
+    poles = np.exp(p * fit.scale / fit.rate)
+    if fit.responses.sampling_rate:
+        poles = (1.0 + p) / (1.0 - p)
+    return [Mode(*frequency_and_damping(pole, fit.rate), pole) for pole in poles.tolist()]

@@ -1,11 +1,13 @@
 """The contents of ``model.json``: the model, its criteria, and how it was found."""
 
+from __future__ import annotations
+
 import platform
 import re
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
@@ -27,6 +29,9 @@ from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording import Recording
 from evopem.version import __version__
+
+if TYPE_CHECKING:
+    from evopem.signals.readers.frequency_responses import FrequencyResponses
 
 Estimate = PolynomialEstimate | StateSpaceEstimate
 
@@ -128,7 +133,7 @@ class ModelRecord:
     def of(
         cls,
         estimate: Estimate,
-        estimation: Recording,
+        estimation: Recording | FrequencyResponses,
         settings: SearchSettings,
         transforms: Transforms,
         level: LevelOfSimulation = "none",
@@ -140,7 +145,7 @@ class ModelRecord:
         constraints: Constraints | None = None,
         at_upper_ends: tuple[str, ...] = (),
     ) -> Self:
-        """The record of an estimate from the ``estimation`` samples; ``level`` of other samples.
+        """The record of an estimate from ``estimation`` samples; ``level`` of other samples.
 
         ``model``: with its noise model; ``structure``, ``weighting``: of one in state space.
         """

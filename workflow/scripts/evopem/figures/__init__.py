@@ -1,16 +1,27 @@
 """The figures of the report, in its order, drawn by matplotlib as SVG from the results."""
 
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 
-from evopem.figures.chart import Chart
+from evopem.figures.chart import Chart, nothing
 from evopem.figures.draw import draw
 from evopem.figures.style import svg_text
 from evopem.results.dataset import DatasetResults
 from evopem.results.layout import FIGURES
 
+
+def _applied(
+    drawn: Callable[[DatasetResults], Chart], in_time: bool, results: DatasetResults
+) -> Chart:
+    without = in_time and results.of_responses
+    return nothing("Frequency responses are no samples in time.") if without else drawn(results)
+
+
 CHARTS: dict[str, Callable[[DatasetResults], Chart]] = {
-    name: getattr(import_module(f"{__name__}.{figure.module}"), name)
+    name: partial(
+        _applied, getattr(import_module(f"{__name__}.{figure.module}"), name), figure.in_time
+    )
     for name, figure in FIGURES.items()
 }
 """What each figure shows; the page leaves out one with nothing to draw."""

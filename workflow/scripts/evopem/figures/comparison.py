@@ -81,7 +81,7 @@ class Comparison:
     @property
     def has_same_validation(self) -> bool:
         """Whether all models were validated on the same samples, at the same rate."""
-        if not self.outputs:
+        if not self.outputs or any(model.of_responses for model in self.models):
             return False
         first, *others = (
             model.validation_tables.simulation[["time_s", *(f"output_{o.name}" for o in outputs)]]
@@ -237,7 +237,7 @@ def compared_modes(comparison: Comparison) -> Chart:
     panel = Panel(
         *("", "frequency_hz", "Natural frequency (Hz)", "Damping ratio (%)", tuple(curves)),
         limits=(min(0.0, 1.2 * float(damping.min())), 1.3 * max(float(damping.max()), 1e-6)),
-        highest=max(model.model.sampling_rate for model in comparison.models) / 2,
+        highest=max(model.highest_hz for model in comparison.models),
         height=250,
     )
     return Chart(table, (panel,))

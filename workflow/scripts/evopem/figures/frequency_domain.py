@@ -68,7 +68,7 @@ def _panel(
     title, y_label = words
     return Panel(
         *(title, "frequency_hz", FREQUENCY, y_label, tuple(curves)),
-        highest=results.model.sampling_rate / 2,
+        highest=results.highest_hz,
         height=height,
         linked="frequency",
         **options,
@@ -177,7 +177,7 @@ def frequency_response(results: DatasetResults) -> Chart:
     gains = gain_panels(results, small(pairs, 230), true_modes(results)) if has_room else []
     panels = gains + phase_panels(results, small(pairs, 170))
     table = results.responses[results.responses["frequency_hz"] > 0]
-    if results.model.has_input and has_room:
+    if results.model.has_input and has_room and not results.of_responses:
         for output in results.outputs:
             where = (("source", "measured"), *of_pair(output, results.inputs[0]))
             curves = [Curve("coherence", "coherence", "muted", where=where)]

@@ -150,13 +150,13 @@ def stabilization(results: DatasetResults) -> Chart:
         Curve(label, "order", colour, "points", where=(("status", status),), marker=marker)
         for status, label, colour, marker in STATUSES
     ]
-    if len(results.outputs) == 1:
+    if len(results.outputs) == 1 and not results.of_responses:
         curves.insert(0, Curve("spectrum of the output", "density", "muted", source="spectrum"))
     order = "Order of the plant" if results.model.orders else "Order n"
     panel = Panel(
         *("", "frequency_hz", "Natural frequency (Hz)", order, tuple(curves)),
         height=280,
-        highest=results.model.sampling_rate / 2,
+        highest=results.highest_hz,
         marks=true_modes(results),
         levels=(Mark(float(results.validation.modes.order), "selected", "error"),),
         counted=True,
@@ -210,7 +210,7 @@ def poles_zeros(results: DatasetResults) -> Chart:
         "Damping ratio (%)",
         (estimate, truth) if results.true_modes else (estimate,),
         scale="logarithmic" if min(m.damping_ratio for m in results.modes) > 0 else "linear",
-        highest=1.04 * rate / 2,
+        highest=1.04 * results.highest_hz,
         height=300,
     )
     return Chart(table, (circle, damping), 2)

@@ -176,12 +176,14 @@ def record(results: DatasetResults) -> Chart:
 
 def _signals(results: DatasetResults) -> pd.DataFrame:
     """All channels as recorded and as used."""
-    prepared, inputs = results.prepared, results.inputs
+    prepared, recording, inputs = results.prepared, results.recording, results.inputs
+    assert prepared is not None
+    assert recording is not None
     begin = prepared.estimation.samples / prepared.estimation.sampling_rate
     names = [f"input_{channel.name}" for channel in inputs]
     names += [f"output_{output.name}" for output in results.outputs]
     tables = []
-    parts = results.recording, prepared.estimation, prepared.validation
+    parts = recording, prepared.estimation, prepared.validation
     for (stage, _), part, first in zip(RECORD_STAGES, parts, (0.0, 0.0, begin), strict=True):
         columns = np.column_stack([part.inputs[:, : len(inputs)], part.outputs])
         table = pd.DataFrame(columns, columns=names)

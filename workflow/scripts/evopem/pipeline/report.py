@@ -6,38 +6,24 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
-from itertools import product
 from pathlib import Path
 from urllib.parse import quote
 
-import pandas as pd
-
 from evopem.config.conditions import Following
 from evopem.errors import InputError
-from evopem.estimation.model_record import ModelRecord
 from evopem.figures import svg_texts
-from evopem.figures.chart import FREQUENCY, Chart, Curve, Panel
 from evopem.figures.comparison import Comparison
 from evopem.files.atomic import write_parquet, write_table, write_text
 from evopem.files.checksums import GENERATOR, has_mark, write_page
-from evopem.files.json_form import load
 from evopem.models.response_tables import shaped_modes_table
 from evopem.report.comparison import build_comparison
-from evopem.report.figures import drawn_figure
 from evopem.report.index_page import NOT_COMPARED, build_index
 from evopem.report.page import build_report, read_wall_clock
-from evopem.report.templates import environment, template_folder
+from evopem.report.templates import template_folder
 from evopem.results.damage_index import Compared
 from evopem.results.dataset import DatasetResults, read_results, read_whole_results
-from evopem.results.fleet import (
-    DatasetSummary,
-    ResponseValidation,
-    fleet_table,
-    read_entry,
-    without_formulas,
-)
+from evopem.results.fleet import fleet_table, read_entry, without_formulas
 from evopem.results.followed_modes import followed_table
 from evopem.results.layout import FOLDER, DatasetFiles, lists_of
 
@@ -117,41 +103,6 @@ def compare_datasets(folders: Sequence[str], page: str, setups: bool = False) ->
     }
     write_page(page, build_comparison(comparison, template_folder(), reports))
     return comparison
-
-
-def report_responses(files: DatasetFiles) -> None:
-    """The page: verdict, modes and shapes, gains over the measured ones, stabilisation, checks."""
-    record, summary = load(ModelRecord, files.model), load(DatasetSummary, files.summary)
-    table, orders = pd.read_csv(files.frequency_response), pd.read_csv(files.candidates)
-    pairs = list(product(record.output_names, record.input_names))
-    curves = (
-        Curve("measured", "measured_gain", "ink"),
-        Curve("model", "gain", "model"),
-        Curve("error", "error_gain", "error"),
-    )
-    panels = tuple(
-        Panel(
-            *(f"{pair[0]}, from {pair[1]}", "frequency_hz", FREQUENCY, "Gain"),
-            tuple(replace(c, where=(("output", pair[0]), ("input", pair[1]))) for c in curves),
-            *("logarithmic",),
-            linked="frequency",
-        )
-        for pair in pairs
-    )
-    poles = (Curve("", "modes", "model", "points"),)
-    diagram = Panel("", "frequency_hz", FREQUENCY, "Modes of the model", poles, height=280)
-    gain = "gain", "Frequency responses", "Gains: measured, of the model, and of their difference."
-    stable = "stabilization", "Stabilisation", "Natural frequencies of the models of all orders."
-    charts = (Chart(table, panels, 1 + (len(pairs) > 2)), gain), (Chart(orders, (diagram,)), stable)
-    files_of = "frequency_response.csv", "candidates.csv"
-    figures = [
-        drawn_figure(*chart, files.name, [file])
-        for chart, file in zip(charts, files_of, strict=True)
-    ]
-    page = environment(template_folder()).get_template("responses.html.j2")
-    validation = load(ResponseValidation, files.validation)
-    shown = {"record": record, "summary": summary, "validation": validation, "figures": figures}
-    write_text(files.report, page.render(name=files.name, **shown))
 
 
 def collect_fleet(

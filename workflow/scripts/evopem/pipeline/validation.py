@@ -47,7 +47,7 @@ def complete_results(
     prepared = load_prepared(files.prepared, files.transforms)
     selections = {phase: load(PhaseSelection, files.phase(phase)) for phase in phases}
     searches = [load(StructureSearch, files.search(structure)) for structure in structures]
-    choice = None
+    choice, all_decisions = None, None
     if phase is not None:
         order, models = _of_phase(record, selections[phase])
         rows = rows_of_phases(selections.values())
@@ -56,10 +56,10 @@ def complete_results(
         remedied = load(Remedied, files.decision("remedies"))
         choice, rows = remedied.choice, rows_of_structures(searches, comparison, remedied)
         other_model = _errors_of_other(files, prepared, others[0]) if others else None
-        record_of_all = decision_record(
+        all_decisions = decision_record(
             files, prepared, searches, comparison, remedied, other_model
         )
-        save(record_of_all, files.decisions)
+        save(all_decisions, files.decisions)
         path, order = files.models_of_orders(choice.candidate.structure), choice.candidate.order
         order_models = load(OrderModels, path).models if Path(path).exists() else ()
         models = {model.order: model for model in order_models}
@@ -92,7 +92,11 @@ def complete_results(
     save(summary, files.summary)
     delete_results(files.folder, {Path(files.details).name})  # its contents are written anew
     write_text(files.config, yaml_text(settings))
-    save(verdict_file(read_results(files), summary, files), files.verdict)
+    known = {"settings": settings, "recording_info": info, "prepared": prepared, "model": record}
+    known |= {"validation": validation, "validation_tables": tables, "decisions": all_decisions}
+    known |= {"phases": selections, "searches": tuple(searches), "choice": choice}
+    known["varying"] = varying
+    save(verdict_file(read_results(files, **known), summary, files), files.verdict)
 
 
 def _errors_of_other(files: DatasetFiles, prepared: PreparedData, purpose: str) -> OtherModel:

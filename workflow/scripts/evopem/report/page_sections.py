@@ -8,6 +8,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from operator import attrgetter
 from statistics import fmean
 from typing import Any, NamedTuple
 
@@ -96,6 +97,7 @@ def _moving(results: DatasetResults) -> dict[str, Any]:
     varying = results.varying
     assert varying is not None
     assert varying.model is not None
+    assert results.prepared is not None
     chart, name, files = moving_modes(varying), results.name, ["varying_modes.csv", "varying.json"]
     modes = "moving_modes", "Modes over time", "Of the model frozen at each moment."
     gain = "moving_gain", "Gain over time", "Of the model frozen at each moment, and of the data."
@@ -285,6 +287,7 @@ def rivals(decision: Decision) -> str:
     return "; ".join(f"{alternative.name}: {number(alternative.score, 4)}" for alternative in best)
 
 
+_IN_TIME = attrgetter("recording")  # which frequency responses are none
 SECTIONS = (
     Section("summary", lambda _: "Verdict", _summary),
     Section("model", lambda _: "Model", _model),
@@ -311,13 +314,15 @@ SECTIONS = (
         "errors",
         lambda results: "Prediction and simulation" if results.model.has_input else "Prediction",
         lambda results: {"recordings": recording_rows(results)},
+        _IN_TIME,
     ),
-    Section("residual_tests", lambda _: "Residuals"),
-    Section("recording", lambda _: "Recording"),
+    Section("residual_tests", lambda _: "Residuals", applies=_IN_TIME),
+    Section("recording", lambda _: "Recording", applies=_IN_TIME),
     Section(
         "selection",
         lambda results: f"Choice of {'structure and ' if results.decisions else 'the '}orders",
         _selection,
+        _IN_TIME,
     ),
     Section(
         "chapter",

@@ -21,7 +21,7 @@ from evopem.report.numbers import (
 )
 from evopem.report.verdict import verdict
 from evopem.results.dataset import read_results
-from evopem.results.fleet import DatasetSummary, Entry, ResponseValidation
+from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
 from evopem.validation.distortion import Distortion
@@ -237,9 +237,8 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
 
 def dataset_text(files: DatasetFiles, page: str) -> str:
     """The lines about one data set of any number of channels; `page` is the file to open next."""
-    summary = load(DatasetSummary, files.summary)
-    of = summary.of_responses and load(ResponseValidation, files.validation)
-    return results_text(files.name, (of or verdict(read_results(files))).sentence, summary, page)
+    summary, judged = load(DatasetSummary, files.summary), verdict(read_results(files))
+    return results_text(files.name, judged.sentence, summary, page)
 
 
 def _line_of(name: str, entry: Entry) -> str:

@@ -24,6 +24,7 @@ from evopem.results.channel_labels import Channel
 from evopem.results.dataset import DatasetResults
 from evopem.validation.checks.inputs import RESTING, input_rests
 from evopem.validation.checks.residuals import LINEAR, white
+from evopem.validation.frequency_responses import SPEAK_AGAINST
 from evopem.validation.mode_evidence import ModeEvidence
 
 UseKey = Literal[
@@ -83,7 +84,7 @@ DESIRABLE: dict[str, tuple[str, ...]] = {
     "Poles and zeros distinct": ("intervals",),
     "Few residual outliers": ("intervals",),
     "Record not saturated": ("simulation", "response", "modes"),
-}
+} | SPEAK_AGAINST
 
 
 @dataclass(frozen=True)
@@ -117,9 +118,10 @@ def verdict(results: DatasetResults) -> Verdict:
 
     A model without input cannot be simulated; it is judged by its prediction and its spectrum.
     """
-    uses = [_prediction(results), _frequency_response(results)]
-    if results.model.has_input:
-        uses = [*_simulations(results), *uses]
+    uses = [_frequency_response(results)]
+    if not results.of_responses:
+        simulations = _simulations(results) if results.model.has_input else []
+        uses = [*simulations, _prediction(results), *uses]
     uses += [_modes(results), _intervals(results)]
     return Verdict(sentence_of(uses), sorted(uses, key=lambda use: ANSWERS.index(use.answer)))
 
@@ -129,9 +131,7 @@ def sentence_of(uses: Sequence[Use]) -> str:
     if all(use.answer == "no" for use in uses):
         return "This model is good for nothing that was tested."
     named = {answer: [use.name for use in uses if use.answer == answer] for answer in ANSWERS}
-    text = "; ".join(
-        f"{_WORDS[word]} {enumeration(names)}" for word, names in named.items() if names
-    )
+    text = "; ".join(f"{_WORDS[word]} {enumeration(n)}" for word, n in named.items() if n)
     return f"{text[0].upper()}{text[1:]}."
 
 
@@ -251,10 +251,9 @@ def _frequency_response(results: DatasetResults) -> Use:
     half = 100 * float(np.median(width)) if len(inside) else math.nan
     over = "all pairs and frequencies" if len(results.pairs) > 1 else "frequency"
     text = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})"
-    if math.isnan(half):
-        text = "its 95 % band is not known"
-    elif math.isinf(half):
-        text = "its 95 % band has no upper limit at half of the frequencies or more"
+    if not math.isfinite(half):
+        unlimited = "has no upper limit at half of the frequencies or more"
+        text = f"its 95 % band {'is not known' if math.isnan(half) else unlimited}"
     band: Finding = ("good" if half <= WIDE_BAND else "care", text)
     whole = _band_of_power(inside)
     peaks: Finding = ("good", "")
@@ -263,7 +262,8 @@ def _frequency_response(results: DatasetResults) -> Use:
     tested: Finding = ("good", "")
     if results.model.has_input and is_number(error) and error >= USABLE_SIMULATION:
         # What the model leaves out of the response is not in the band.
-        tested = "care", f"simulations are off by {percent(error)}, which hides errors of the gain"
+        words = "it leaves" if results.of_responses else "simulations are off by"
+        tested = "care", f"{words} {percent(error)}, which hides errors of the gain"
     return _use(key, name, band, peaks, tested, checked)
 
 
@@ -288,7 +288,7 @@ def _modes(results: DatasetResults) -> Use:
     if len(trusted) > MOST_NAMED:
         places = enumeration([*shown, f"{len(trusted) - MOST_NAMED} more"])
     name = f"the {plural_of('mode', trusted)} at {places}"
-    reason = "seen in validation samples"
+    reason = "determined by the responses" if results.of_responses else "seen in validation samples"
     if all(mode.stable for mode in results.validation.modes.modes if mode.trusted):
         reason += " and at most other orders"
     against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
@@ -319,14 +319,14 @@ def _intervals(results: DatasetResults) -> Use:
     if unknown == len(errors):
         findings.append(("no", "no coefficient has one"))
     elif unknown:
-        text = f"not known of {unknown} of {plural(len(errors), 'coefficient')}"
-        findings.append(("care", text))
+        findings.append(("care", f"not known of {unknown} of {plural(len(errors), 'coefficient')}"))
     if len(results.scores) > 1:
         # Intervals of models that the automatic recipe chose cover less (docs/report.md).
         findings.append(("care", "those of coefficients leave out the choice of the model"))
     if not findings and checked[0] == "good":
         coloured = not results.model.has_noise_model and white(results.validation) is not True
         text = "the colour of the residuals is taken into account"
+        text = "from errors at frequencies" if results.of_responses else text
         findings.append(("good", text if coloured else "white residuals"))
     return _use("standard_errors", "standard errors", *findings, checked)
 
@@ -387,8 +387,9 @@ def _origin(results: DatasetResults, evidence: ModeEvidence) -> str:
         return f"disturbances drive it, not the {'input' if len(results.inputs) == 1 else 'inputs'}"
     if len(results.inputs) == 1:
         return "the input drives it"
-    deviations = results.prepared.estimation.inputs.std(axis=0)
-    driven = np.abs(evidence.mode.input_participation) * deviations
+    driven = np.abs(evidence.mode.input_participation)
+    if results.prepared is not None:
+        driven = driven * results.prepared.estimation.inputs.std(axis=0)
     shares = driven / max(float(driven.sum()), 1e-300)
     return f"driven by {_strongest(results.inputs, shares)}"
 

@@ -91,7 +91,7 @@ def verdict_file(
         model=summary.model,
         inputs=tuple(model.input_names),
         outputs=tuple(model.output_names),
-        sampling_rate_hz=summary.sampling_rate,
+        sampling_rate_hz=model.sampling_rate,
         estimation_samples=summary.estimation_samples,
         validation_samples=summary.validation_samples,
         prediction_error_percent=summary.prediction_error_percent,

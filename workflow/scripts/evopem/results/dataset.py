@@ -1,8 +1,9 @@
 """All results of one data set, read once for figures and report."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -50,6 +51,7 @@ ROOTS = (
     ("d", "pole of the noise filter"),
 )
 UNKNOWN = np.full((2, 2), np.nan)
+NO_SERIES = ValidationTables(*[pd.DataFrame()] * 4)
 _RESPONSE = ("gain", "gain_lower", "gain_upper", "phase_deg")
 
 
@@ -58,10 +60,10 @@ class DatasetResults:
     """The results of one data set, as typed objects and tables."""
 
     settings: DatasetSettings
-    recording: Recording
+    recording: Recording | None  # None, like what is prepared, of frequency responses
     recording_info: RecordingInfo
     validation_recording_info: RecordingInfo | None
-    prepared: PreparedData
+    prepared: PreparedData | None
     # candidates, frequency_response: as in the CSV files of these names
     candidates: pd.DataFrame
     frequency_response: pd.DataFrame
@@ -107,15 +109,27 @@ class DatasetResults:
     @cached_property
     def outputs(self) -> tuple[Channel, ...]:
         """The outputs as recorded and as prepared."""
-        named = zip(self.recording.output_names, self.recording.output_units, strict=True)
+        known = self.recording or self.model
+        named = zip(known.output_names, known.output_units, strict=True)
         return tuple(Channel.of_output(*names, self.model.transforms) for names in named)
 
     @cached_property
     def inputs(self) -> tuple[Channel, ...]:
         """The inputs of the model alike."""
-        named = zip(self.recording.input_names, self.recording.input_units, strict=True)
+        known = self.recording or self.model
+        named = zip(known.input_names, known.input_units, strict=True)
         channels = tuple(Channel.of_input(*names, self.model.transforms) for names in named)
         return channels[: self.model.model.inputs]
+
+    @property
+    def of_responses(self) -> bool:
+        """Whether the data are frequency responses."""
+        return self.recording is None
+
+    @property
+    def highest_hz(self) -> float:
+        """The highest frequency that is shown."""
+        return (self.recording_info if self.of_responses else self.model).sampling_rate / 2
 
     @property
     def is_single(self) -> bool:
@@ -274,44 +288,55 @@ def read_whole_results(files: DatasetFiles) -> DatasetResults:
     return read_results(files)
 
 
-def read_results(files: DatasetFiles) -> DatasetResults:
-    """The results of one data set; an `InputError` names a file that is missing or damaged."""
-    settings = read_settings(files.config)
-    if settings.channels.frequency is not None:
-        problem = "holds a model of frequency responses, without a recording in time"
-        remedy = "open its report.html, or read model.json with evopem.load"
-        raise InputError(files.folder, problem, remedy)
+def read_results(files: DatasetFiles, **known: Any) -> DatasetResults:
+    """The results of one data set; an `InputError` names a file that is missing or damaged.
+
+    ``known``: fields that are at hand and need not be read.
+    """
+    settings = known.get("settings") or read_settings(files.config)
+    in_time = settings.channels.frequency is None
+    is_automatic = in_time and settings.automatic is not None
+    validation_info = files.validation_recording_info
+    has_validation = getattr(settings.source, "validation_files", ())
+
+    def of(name: str, read: Callable[..., Any], *arguments: Any, where: Any = True) -> Any:
+        if not where:
+            return None
+        return known[name] if name in known else read(*arguments)
 
     def tables(*names: str) -> dict[str, pd.DataFrame]:
         return {name: read_table(getattr(files, name)) for name in names}
 
-    is_automatic = settings.automatic is not None
-    validation_info = files.validation_recording_info
+    def series() -> ValidationTables:
+        names = "residual_autocorrelation", "cross_correlation", "simulation", "horizons"
+        return ValidationTables(**tables(*names)) if in_time else NO_SERIES
+
+    summaries, forms = tuple[SpectrumSummary, ...], searched_forms(settings) if in_time else ()
     return DatasetResults(
         settings=settings,
-        recording=load_recording(files.recording),
-        recording_info=load(RecordingInfo, files.recording_info),
-        validation_recording_info=load(RecordingInfo, validation_info)
-        if getattr(settings.source, "validation_files", ())
-        else None,
-        prepared=load_prepared(files.prepared, files.transforms),
-        model=load_record(files.model),
-        validation=load(Validation, files.validation),
-        validation_tables=ValidationTables(
-            **tables("residual_autocorrelation", "cross_correlation", "simulation", "horizons")
+        recording=of("recording", load_recording, files.recording, where=in_time),
+        recording_info=of("recording_info", load, RecordingInfo, files.recording_info),
+        validation_recording_info=of(
+            "", load, RecordingInfo, validation_info, where=has_validation
         ),
+        prepared=of("prepared", load_prepared, files.prepared, files.transforms, where=in_time),
+        model=of("model", load_record, files.model),
+        validation=of("validation", load, Validation, files.validation),
+        validation_tables=of("validation_tables", series),
         **tables("candidates", "frequency_response", "spectrum", "time_response"),
-        truth=None if settings.source.all_files else load(Truth, files.truth),
-        decisions=load(DecisionRecord, files.decisions) if is_automatic else None,
-        spectrum_summaries=load(tuple[SpectrumSummary, ...], files.spectrum_summary),
-        phases={
+        truth=of("truth", load, Truth, files.truth, where=not settings.source.all_files),
+        decisions=of("decisions", load, DecisionRecord, files.decisions, where=is_automatic),
+        spectrum_summaries=of("", load, summaries, files.spectrum_summary, where=in_time) or (),
+        phases=known.get("phases")
+        or {
             phase: load(PhaseSelection, files.phase(phase)) for phase in phases_of_dataset(settings)
         },
-        searches=tuple(
-            load(StructureSearch, files.search(name)) for name in searched_forms(settings)
+        searches=known.get("searches")
+        or tuple(load(StructureSearch, files.search(name)) for name in forms),
+        choice=of(
+            "choice", lambda: load(Remedied, files.decision("remedies")).choice, where=is_automatic
         ),
-        choice=load(Remedied, files.decision("remedies")).choice if is_automatic else None,
-        varying=load(Varying, files.varying) if settings.varying else None,
+        varying=of("varying", load, Varying, files.varying, where=settings.varying),
     )
 
 

@@ -85,15 +85,6 @@ class DatasetSummary:
         return sum(check.passed is passed for check in self.checks)
 
 
-@dataclass(frozen=True)
-class ResponseValidation:
-    """What is known of a model of frequency responses."""
-
-    sentence: str  # the verdict
-    variance_factor: float | None  # by which variances were multiplied; None of absolute ones
-    in_continuous_time: bool
-
-
 Entry = DatasetSummary | IncompleteDataset
 """A data set in a list of all data sets."""
 
@@ -101,10 +92,12 @@ Entry = DatasetSummary | IncompleteDataset
 def summarize(evidence: Evidence, moves: Moves | None = None) -> DatasetSummary:
     """Summarize one data set."""
     model, validation, files = evidence.model, evidence.validation, evidence.recording.files
+    of_responses = bool(validation.checks)
+    rate = evidence.recording.sampling_rate if of_responses else model.sampling_rate
     return DatasetSummary(
         file=", ".join(file.path for file in files) or None,
         sha256=", ".join(file.sha256 for file in files) or None,
-        sampling_rate=model.sampling_rate,
+        sampling_rate=rate,
         estimation_samples=model.transforms.estimation_samples,
         validation_samples=validation.samples,
         model=model.text,
@@ -114,16 +107,17 @@ def summarize(evidence: Evidence, moves: Moves | None = None) -> DatasetSummary:
         checks=tuple(checks(evidence)),
         modes=tuple(mode.mode for mode in validation.modes.modes),
         trusted=tuple(mode.trusted for mode in validation.modes.modes),
-        gain_db=_gain_outline(model),
+        gain_db=_gain_outline(model, rate / 2),
         distortion=replace(validation.distortion, levels=()),
         floors=validation.floors,
         moves=moves,
+        of_responses=of_responses,
     )
 
 
-def _gain_outline(record: ModelRecord) -> tuple[float, ...]:
+def _gain_outline(record: ModelRecord, highest: float) -> tuple[float, ...]:
     """The largest singular value of each band, in decibels to one decimal."""
-    bands = np.linspace(0.0, record.sampling_rate / 2, 32 * GAIN_BANDS + 1)[1:]
+    bands = np.linspace(0.0, highest, 32 * GAIN_BANDS + 1)[1:]
     model = record.model
     response = model.frequency_response if record.has_input else model.noise_response
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -24,16 +24,17 @@ class Figure(NamedTuple):
     part: str  # of the page
     module: str  # of :mod:`evopem.figures`, with a function of the figure's name
     data: tuple[str, ...]  # names of the files of the results that hold what is drawn
+    in_time: bool = True  # whether it needs a recording, which frequency responses are not
 
 
 FIGURES = {
     "measured_and_simulated": Figure("summary", "time_domain", ("simulation.csv",)),
-    "gain": Figure("summary", "frequency_domain", _RESPONSES),
-    "poles_zeros": Figure("modes", "orders", ("model.json",)),
-    "stabilization": Figure("modes", "orders", ("validation.json",)),
-    "frequency_response": Figure("response", "frequency_domain", _RESPONSES),
-    "step_and_impulse": Figure("response", "time_domain", ("time_response.csv",)),
-    "nyquist": Figure("response", "frequency_domain", _RESPONSES),
+    "gain": Figure("summary", "frequency_domain", _RESPONSES, False),
+    "poles_zeros": Figure("modes", "orders", ("model.json",), False),
+    "stabilization": Figure("modes", "orders", ("validation.json",), False),
+    "frequency_response": Figure("response", "frequency_domain", _RESPONSES, False),
+    "step_and_impulse": Figure("response", "time_domain", ("time_response.csv",), False),
+    "nyquist": Figure("response", "frequency_domain", _RESPONSES, False),
     "simulation": Figure("errors", "time_domain", ("simulation.csv",)),
     "simulation_as_recorded": Figure("errors", "time_domain", ("simulation.csv",)),
     "horizons": Figure("errors", "time_domain", ("horizons.csv",)),

@@ -154,8 +154,6 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
             )
     if left:
         parser.error(f"unrecognized arguments: {' '.join(left)}")
-    if arguments.json and arguments.frequency is not None:
-        parser.error("--json: a model of frequency responses has no verdict for programs")
     if not arguments.input:
         parser.error(
             "--input is missing: name the input, or write --input none where only outputs were"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from evopem.validation.checks.check import Check
 from evopem.validation.distortion import NOT_TESTED, Distortion
 from evopem.validation.held_out_tests import HeldOutTest
 from evopem.validation.mode_evidence import ModeTable
@@ -121,6 +122,8 @@ class Validation:
     share_of_noise: float = math.nan
     distortion: Distortion = NOT_TESTED  # what no linear model explains of the response
     floors: tuple[Floor, ...] = ()  # of the simulation error, of each output; none where not known
+    # Of a model of frequency responses, whose errors at frequencies are judged; else of a recording
+    checks: tuple[Check, ...] = ()
 
     @property
     def at_floor(self) -> bool:

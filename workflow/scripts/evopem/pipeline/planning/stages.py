@@ -32,7 +32,10 @@ _CHOSEN = _automatic("decision:comparison", "decision:remedies")
 _SEARCHED = ("phase:{phases}", *_automatic("search:{structures}", "decision:search"))
 _OTHER = "validation_recording if source.validation_files"
 _OF_RESPONSES = "channels.frequency"
-_OF_PAGE = "model", "validation", "candidates", "frequency_response", "summary"
+_OF_PAGE = (
+    *("recording_info", "model", "validation", "modes", "candidates", "config"),
+    *("frequency_response", "time_response", "spectrum"),
+)
 _OTHER_INFO = "validation_recording_info if source.validation_files"
 
 _decided = partial(Stage, applies="automatic", demand="estimation")
@@ -185,18 +188,18 @@ STAGES = (
         "frequency_responses:identify_responses",
         "fitting the frequency responses",
         applies=_OF_RESPONSES,
-        outputs=("recording_info", "modes", "config", *_OF_PAGE),
+        outputs=("model_mat", "summary", "verdict", *_OF_PAGE),
         settings={"settings": ""},
         recorded=("files",),
         demand="estimation",
     ),
     Stage(
         "report_responses",
-        "report:report_responses",
+        "report:write_report",
         "figures and report",
         applies=_OF_RESPONSES,
         inputs=_OF_PAGE,
-        outputs=("report",),
+        outputs=("figures", "report"),
         is_page=True,
     ),
 )

@@ -51,6 +51,8 @@ __all__ = ["SIGNIFICANCE", "Check", "Evidence", "OrderRange", "checks", "failed_
 
 def checks(evidence: Evidence) -> list[Check]:
     """The checks that apply to a model, in the order of the report."""
+    if evidence.validation.checks:
+        return list(evidence.validation.checks)
     judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
     if evidence.is_automatic:
         judged = [_after_remedies(check) for check in judged]

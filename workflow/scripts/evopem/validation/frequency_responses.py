@@ -1,0 +1,103 @@
+"""What is known of a model of frequency responses: errors, modes to trust, and its checks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.special import gammaincc
+
+from evopem.models.mode_matching import stabilization
+from evopem.models.modes import Mode, assurance
+from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
+from evopem.validation.held_out_tests import NO_TEST
+from evopem.validation.mode_evidence import ModeEvidence, ModeTable
+from evopem.validation.model_class import NOT_TESTED, ModelClass
+from evopem.validation.validation import Validation
+
+if TYPE_CHECKING:
+    from evopem.estimation.frequency_fit import ResponseFit
+    from evopem.signals.readers.frequency_responses import FrequencyResponses
+
+# A mode is trusted whose frequency is known to this share of it, and its damping to that.
+FREQUENCY_KNOWN, DAMPING_KNOWN = 0.1, 0.5
+# Standard deviations of the correlation of neighbouring lines that chance hardly reaches (0.5 %).
+CORRELATED = 2.58
+SIZE, PATTERN = "Size of the errors", "Errors without a pattern"
+AGREEMENT = "Agreement of searches"
+# The uses that checks speak against: see `evopem.report.verdict`.
+SPEAK_AGAINST = {
+    SIZE: ("response", "intervals"),
+    PATTERN: ("response", "intervals"),
+    AGREEMENT: ("response", "modes"),
+}
+
+
+def validate_responses(fit: ResponseFit, modes: Sequence[Mode], most: int) -> Validation:
+    """The validation of a fit; NaN and empty where it would need samples in time.
+
+    Its simulation errors are those of the responses, in percent of them.  ``modes``: those of its
+    model; ``most``: the most that were to be tried.
+    """
+    responses, order = fit.responses, fit.model.order
+    evidence = tuple(
+        ModeEvidence(
+            *(mode, order, (order,), math.nan, NO_TEST, True, NO_TEST, None),
+            doubts=tuple(_doubts(mode, responses)),
+        )
+        for mode in modes
+    )
+    poles = stabilization(fit.diagram)
+    alike = tuple(tuple(assurance(a.shape, b.shape) for b in modes) for a in modes)
+    nan = math.nan
+    return Validation(
+        *(0, 0, nan, fit.error_percent, nan),
+        *((), (), (), ()),  # what needs samples in time
+        (),
+        *(0, 0, 0),
+        NO_TEST,
+        ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED),
+        nan,
+        ModeTable(order, tuple(2 * n for n in fit.criteria), evidence, tuple(poles), alike),
+        checks=_checks(fit, most),
+    )
+
+
+def _doubts(mode: Mode, responses: FrequencyResponses) -> Iterator[str]:
+    """Why the responses do not determine a mode."""
+    if not responses.frequencies[0] <= mode.frequency_hz <= responses.frequencies[-1]:
+        yield "lies outside the measured frequencies"
+    for name, error, most in (
+        ("frequency", mode.frequency_se_hz, FREQUENCY_KNOWN * mode.frequency_hz),
+        ("damping", mode.damping_se, DAMPING_KNOWN * mode.damping_ratio),
+    ):
+        if not error < most:
+            yield f"has a {name} that the responses do not determine"
+
+
+def _checks(fit: ResponseFit, most: int) -> tuple[Check, ...]:
+    """The checks that apply to errors at frequencies, whose size is judged where it is stated."""
+    errors, searched = fit.errors, fit.search.diagnostics
+    squares, freedom = float(np.sum(np.abs(errors) ** 2)), 2 * errors.size - fit.parameters
+    p = float(gammaincc(freedom / 2.0, squares / 2.0))
+    correlation = float(np.sum((errors[:-1].conj() * errors[1:]).real)) / squares
+    agreeing, lines = searched.n_confirming + 1, np.sqrt(2.0 * errors.size)
+    more = "More modes, a nonlinear structure, or one that changed are likely."
+    windows = "Windows of analysers correlate lines as well, and make standard errors too small."
+    size = f"Squared errors are {squares / freedom:.3g} times their variances ({p_text(p)})."
+    pattern = f"Errors at neighbouring frequencies have the correlation {correlation:.2g}."
+    agreed = f"{agreeing} of {searched.n_restarts} random starts ended at the lowest optimum found."
+    tried = f"{fit.modes} of {min(fit.criteria)} to {max(fit.criteria)} have the smallest BIC."
+    again, wider = "Give another search.seed and compare.", "Give a wider range of orders.nx."
+    judged: tuple[tuple[str, bool, str, str, Any], ...] = (
+        (SIZE, p >= SIGNIFICANCE, size, more, "defect"),
+        (PATTERN, correlation * lines < CORRELATED, pattern, f"{more} {windows}", "defect"),
+        (AGREEMENT, agreeing > 1, agreed, again, "caution"),
+        ("Number of modes in its range", fit.modes < most, tried, wider, "note"),
+    )
+    return tuple(
+        Check(name, bool(good), said, "" if good else advice, grade)
+        for name, good, said, advice, grade in judged[1 - fit.responses.are_absolute :]
+    )
