@@ -9,7 +9,7 @@ from scipy.optimize import approx_fprime
 from evopem import InputError, Orders, Recording, SearchSettings, estimate, identify
 from evopem.automatic.varying import held_out_errors
 from evopem.estimation.varying import Scheduled, VaryingProblem, estimate_varying
-from evopem.estimation.varying_choice import choose_varying
+from evopem.estimation.varying_choice import choose_varying, undersmoothed
 from evopem.files.json_form import from_json, to_json
 from evopem.models.varying import Basis, VaryingModel, all_free, delayed_inputs, filtered
 from evopem.signals.recording import Segment
@@ -310,3 +310,22 @@ def test_held_out_errors_are_those_of_models_without_their_block():
     )
     np.testing.assert_allclose(errors[block][2:], alone.errors[block][2:])
     assert np.nanmean(errors**2) > np.nanmean(fit.errors**2)
+
+
+def test_bands_contain_what_the_criterion_leaves_out():
+    covered, truth = {False: [], True: []}, 12.0 * (1.0 + 0.3 * np.linspace(-0.5, 0.5, 1000))
+    for seed in range(12):
+        data = moving("arx", 1000, seed=seed, a=denominators(truth))
+        scheduled = Scheduled.of(data)
+        fits = [
+            estimate_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", n))
+            for n in (2, 3)
+        ]
+        chosen = min(fits, key=lambda fit: fit.bic)
+        for is_under, fit in ((False, chosen), (True, undersmoothed(scheduled, chosen))):
+            for place in range(0, 1000, 111):
+                (mode,) = fit.model.frozen(data.times[place]).modes()
+                deviation = abs(mode.frequency_hz - truth[place])
+                covered[is_under].append(deviation < 1.96 * mode.frequency_se_hz)
+    assert np.mean(covered[False]) < 0.8
+    assert np.mean(covered[True]) > 0.88

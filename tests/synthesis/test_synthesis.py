@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, dlsim
 
+from evopem import Orders, Recording, Scheduled, estimate_varying
 from evopem.config.channels import SyntheticSource
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.signals.preparation import prepare
 from evopem.synthesis import synthesize
 from evopem.synthesis.armax import armax, true_model
-from evopem.synthesis.flexible_arm import ARM_MODES, SERVO, arm_dynamics
+from evopem.synthesis.flexible_arm import ARM_MODES, SERVO, arm_dynamics, flexible_arm
 
 
 def simulated(kind, **keys):
@@ -96,3 +97,20 @@ def test_the_truth_of_an_armax_recording_is_its_model():
     assert np.sqrt(variance) / np.std(clean.output) == pytest.approx(0.3, rel=1e-9)
     assert truth.noise["ratio"] == 0.3
     assert truth.orders == model.orders
+
+
+def test_an_arm_that_softens_moves_its_modes_and_not_the_servo_loop():
+    steady, _ = flexible_arm(1, 300)
+    same, _ = flexible_arm(1, 300, softening=0.0)
+    np.testing.assert_array_equal(same.output, steady.output)
+    softer, _ = flexible_arm(1, 3000, softening=0.3)
+    # Two differences take the drift of the sensor away, as the chapter does.
+    volts = np.diff(softer.output, 2)
+    scheduled = Scheduled.of(Recording(softer.input[2:], volts / np.std(volts), 100.0))
+    orders = Orders(na=9, nb=9, nk=3)
+    model = estimate_varying(scheduled, orders, scheduled.basis("legendre", 4)).model
+    for share in (0.0, 0.5, 1.0):
+        modes = model.frozen(share * scheduled.schedule[-1]).modes()
+        for frequency in (ARM_MODES[2][0] * (1.0 - 0.3 * share), SERVO[0]):
+            nearest = min(modes, key=lambda mode: abs(mode.frequency_hz - frequency))
+            assert abs(nearest.frequency_hz - frequency) < 0.03 * frequency

@@ -113,24 +113,32 @@ def _tried(scheduled: Scheduled, record: ModelRecord, settings: VaryingSettings)
         return Varying("the record is too short for coefficients that move")
     if not np.any(moving.free[:, 1:]):
         return Varying("BIC prefers coefficients that stay as they are")
-    errors, constant_errors = (held_out_errors(scheduled, fit) for fit in (moving, constant))
-    known = np.isfinite(errors) & np.isfinite(constant_errors)
-    gains = constant_errors[known] ** 2 - errors[known] ** 2
-    of_blocks = [float(block.mean()) for block in np.array_split(gains, BLOCKS)]
-    spread = float(np.std(of_blocks, ddof=1)) / BLOCKS**0.5
-    standard_errors = float(np.mean(of_blocks)) / max(spread, 1e-300)
-    size = 100.0 / float(np.std(scheduled.data.output[known]))
+    error, constant_error, standard_errors = compared(scheduled, moving, constant)
     model = moving.model
     moves = Moves(
         model.text,
-        size * float(np.sqrt(np.mean(errors[known] ** 2))),
-        size * float(np.sqrt(np.mean(constant_errors[known] ** 2))),
+        error,
+        constant_error,
         standard_errors,
         standard_errors > CLEARLY,
         bool(model.radii().max() < 1.0),
         tuple(_ends(path) for path in followed(model)[1]),
     )
     return Varying("", moves, model)
+
+
+def compared(
+    scheduled: Scheduled, moving: VaryingEstimate, constant: VaryingEstimate
+) -> tuple[float, float, float]:
+    """Errors on held-out samples of both (percent), and by how many standard errors they differ."""
+    errors, constant_errors = (held_out_errors(scheduled, fit) for fit in (moving, constant))
+    known = np.isfinite(errors) & np.isfinite(constant_errors)
+    squares, constant_squares = errors[known] ** 2, constant_errors[known] ** 2
+    gains = [float(np.mean(block)) for block in np.array_split(constant_squares - squares, BLOCKS)]
+    spread = float(np.std(gains, ddof=1)) / BLOCKS**0.5
+    size = 100.0 / float(np.std(scheduled.data.output[known]))
+    sizes = (size * float(np.sqrt(np.mean(part))) for part in (squares, constant_squares))
+    return (*sizes, float(np.mean(gains)) / max(spread, 1e-300))
 
 
 def delays_of(record: ModelRecord) -> tuple[int, ...]:

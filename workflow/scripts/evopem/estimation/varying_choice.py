@@ -92,7 +92,10 @@ def choose_varying(
     kinds: Sequence[BasisKind] = KINDS,
     dimensions: Sequence[int] = DIMENSIONS,
 ) -> VaryingEstimate | None:
-    """The model of smallest BIC of all structures, terms that BIC does not need dropped."""
+    """The model of smallest BIC of all structures, terms that BIC does not need dropped.
+
+    With a function more in each coefficient that moves: see :func:`undersmoothed`.
+    """
     chosen = choose_autoregression(scheduled, most, nk, kinds, dimensions)
     if chosen is None:
         return None
@@ -105,11 +108,12 @@ def choose_varying(
         if climbed is None or (lowest is not None and lowest.bic <= climbed.bic):
             break
         lowest, most = climbed, denominator_order(climbed.model.orders)
-    if lowest is None or lowest.bic >= best.bic:
-        return best
-    model = lowest.model
-    searched = estimate_varying(scheduled, model.orders, model.basis, lowest.free)
-    return _lowest([best, pruned(scheduled, searched), pruned(scheduled, lowest)])
+    if lowest is not None and lowest.bic < best.bic:
+        model = lowest.model
+        searched = estimate_varying(scheduled, model.orders, model.basis, lowest.free)
+        ends = [best, *(pruned(scheduled, estimate) for estimate in (searched, lowest))]
+        best = min(ends, key=lambda estimate: estimate.bic)
+    return undersmoothed(scheduled, best)
 
 
 def _lowest(estimates: Iterable[VaryingEstimate]) -> VaryingEstimate | None:
@@ -187,6 +191,27 @@ def pruned(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
         else:
             return estimate
     return estimate
+
+
+def undersmoothed(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
+    """The model with a function more in each coefficient that moves.
+
+    What BIC leaves out is about as large as the standard errors, which do not know of it.
+    """
+    model, moves = estimate.model, np.any(estimate.free[:, 1:], axis=1)
+    basis = replace(model.basis, dimension=model.basis.dimension + 1)
+    free = np.zeros((len(moves), basis.dimension), dtype=bool)
+    free[:, 0] = True
+    free[moves] = True
+    is_long = len(estimate.errors) >= FEWEST_PER_WEIGHT * free.sum()
+    if not is_long or len(np.unique(scheduled.schedule)) < basis.dimension or not np.any(moves):
+        return estimate
+    problem = VaryingProblem(scheduled, model.orders, basis, free)
+    functions = basis.at(basis.moments)
+    values = model.basis.at(basis.moments) @ model.weights.T
+    padded: Array = np.asarray(np.linalg.pinv(functions) @ values).T[problem.searched]
+    start = padded[free[problem.searched]]
+    return estimate_varying(scheduled, model.orders, basis, free, starts=[start])
 
 
 def _without(scheduled: Scheduled, estimate: VaryingEstimate, dropped: Flags) -> VaryingEstimate:

@@ -32,10 +32,17 @@ DRIFT_STEP = 0.03
 SENSOR_GAIN = 1e-4
 CHARACTERISTIC = 1.1
 WARM_UP_SECONDS = 60.0
+# Samples for which the dynamics of an arm that softens are held.
+STEADY = 20
 
 
-def flexible_arm(seed: int, samples: int, sampling_rate: float = 100.0) -> tuple[Recording, Truth]:
+def flexible_arm(
+    seed: int, samples: int, sampling_rate: float = 100.0, softening: float = 0.0
+) -> tuple[Recording, Truth]:
     """White velocity commands in, tip acceleration out; modes must lie below half the rate (Hz).
+
+    ``softening``: share by which the frequencies of the arm, not of the servo loop, fall along the
+    record as its payload grows; the modes of the truth are those at its start.
 
     >>> recording, truth = flexible_arm(seed=1, samples=500)
     >>> [mode.frequency_hz for mode in truth.modes]
@@ -50,12 +57,20 @@ def flexible_arm(seed: int, samples: int, sampling_rate: float = 100.0) -> tuple
     command = generator.standard_normal(total)
     disturbance = DISTURBANCE * generator.standard_normal(total)
 
-    a, b, c = arm_dynamics()
-    # Zero-order hold of both inputs over a sampling interval, exactly.
-    continuous = a, b, c[None, :], np.zeros((1, 2))
-    transition, drive, *_ = cont2discrete(continuous, 1.0 / sampling_rate)
-    driven = np.column_stack([command, disturbance]) @ drive.T
-    acceleration = states_of(transition, driven, None) @ c
+    loads = np.clip((np.arange(total) - warm_up) / samples, 0.0, 1.0)
+    held = STEADY if softening else total
+    parts: list[Array] = []
+    state = None
+    for first in range(0, total, held):
+        a, b, c = arm_dynamics(1.0 - softening * float(loads[first]))
+        # Zero-order hold of both inputs over a sampling interval, exactly.
+        continuous = a, b, c[None, :], np.zeros((1, 2))
+        transition, drive, *_ = cont2discrete(continuous, 1.0 / sampling_rate)
+        signals = np.column_stack([command, disturbance])[first : first + held]
+        states = states_of(transition, signals @ drive.T, state)
+        state = transition @ states[-1] + drive @ signals[-1]
+        parts.append(states @ c)
+    acceleration = np.concatenate(parts)
     record = slice(warm_up, warm_up + samples)
     delayed = acceleration[warm_up - TRANSPORT_SAMPLES : warm_up - TRANSPORT_SAMPLES + samples]
     spread = float(np.std(delayed))
@@ -89,11 +104,11 @@ def flexible_arm(seed: int, samples: int, sampling_rate: float = 100.0) -> tuple
     return recording, truth
 
 
-def arm_dynamics() -> tuple[Array, Array, Array]:
+def arm_dynamics(factor: float = 1.0) -> tuple[Array, Array, Array]:
     """Matrices A, B, C of ``x' = A x + B [command, torque]``, tip acceleration ``C x``.
 
     States: hub velocity and its derivative (servo loop), then displacement and velocity of each arm
-    mode, driven by minus the hub's angular acceleration.
+    mode, driven by minus the hub's angular acceleration.  ``factor``: of their frequencies.
     """
     w, damping = 2.0 * np.pi * SERVO[0], SERVO[1]
     states = 2 + 2 * len(ARM_MODES)
@@ -105,7 +120,7 @@ def arm_dynamics() -> tuple[Array, Array, Array]:
     c[1] = ARM_LENGTH
     for index, (frequency, ratio, share) in enumerate(ARM_MODES):
         row = 2 + 2 * index
-        wm = 2.0 * np.pi * frequency
+        wm = 2.0 * np.pi * frequency * factor
         a[row, row + 1] = 1.0
         a[row + 1, row : row + 2] = -(wm**2), -2.0 * ratio * wm
         a[row + 1, 1] = -1.0
