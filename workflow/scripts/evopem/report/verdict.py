@@ -78,7 +78,7 @@ DESIRABLE: dict[str, tuple[str, ...]] = {
     "White residuals": ("prediction", "spectrum", "intervals"),
     "Residuals independent of the input": ("response", "intervals"),
     "Roots inside the stability bound": ("response",),
-    "Constant in time": ("simulation", "response"),
+    "Constant in time": ("simulation", "response", "modes"),
     "Linear": ("simulation", "response"),
     "Every spectral peak modelled": ("spectrum",),
     "Poles and zeros distinct": ("intervals",),
