@@ -265,6 +265,20 @@ def identified(tmp_path_factory):
     return folder / "results" / "frf", said.getvalue()
 
 
+def test_one_response_of_sampled_signals(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    given = noisy(1, deviation=0.1).values[:, 0, 0]
+    columns = {"f": FREQUENCIES, "y re": given.real, "y im": given.imag, "y var": 0.01}
+    pd.DataFrame(columns).to_csv("frf.csv", index=False)
+    Path("config.yaml").write_text("defaults: {orders: {nx: [4, 4]}}")
+    options = ["--frequency", "f", "--input", "u", "--output", "y", "--rate", "200"]
+    assert main(["frf.csv", *options, "--config", "config.yaml"]) == 0
+    assert "from 150 frequencies" in capsys.readouterr().out
+    page = (tmp_path / "results" / "frf" / "report.html").read_text()
+    assert "in discrete time at the stated 200" in page
+    assert "weighed by the variances in the file" in page
+
+
 def test_the_command_writes_results_and_a_report(identified):
     results, _ = identified
     model = evopem.load(results / "model.json")

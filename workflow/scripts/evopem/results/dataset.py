@@ -336,7 +336,7 @@ def read_results(files: DatasetFiles, **known: Any) -> DatasetResults:
         choice=of(
             "choice", lambda: load(Remedied, files.decision("remedies")).choice, where=is_automatic
         ),
-        varying=of("varying", load, Varying, files.varying, where=settings.varying),
+        varying=of("varying", load, Varying, files.varying, where=in_time and settings.varying),
     )
 
 
