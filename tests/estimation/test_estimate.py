@@ -15,7 +15,12 @@ from evopem import (
     estimate,
 )
 from evopem.estimation.pem.covariance import estimate_covariance
+from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.estimation.search import linear_estimates
 from evopem.estimation.search.linear_estimates import arx
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
+from evopem.models.orders import Orders
+from evopem.signals.recording import Segment
 from evopem.synthesis.armax import armax
 
 QUADRATIC = SearchSettings(objective="quadratic")
@@ -34,6 +39,37 @@ def test_arx_recovers_a_noise_free_system():
     y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u)
     found = arx(u[:, None], y, 2, (2,), (1,))
     np.testing.assert_allclose(found, [-1.5, 0.7, 1.0, 0.5], atol=1e-10)
+
+
+def of_orders(record, **orders):
+    u, y = record
+    stretches = [Segment(u[:, None], y[:, None], 0)]
+    return PolynomialProblem(
+        PolynomialErrors(stretches, Orders(**orders), "quadratic", 0.999, 0.999, True)
+    )
+
+
+def test_structures_that_share_orders_estimate_denominators_once(monkeypatch):
+    calls, method = [], linear_estimates.steiglitz_mcbride
+    monkeypatch.setattr(
+        linear_estimates, "steiglitz_mcbride", lambda *given: calls.append(1) or method(*given)
+    )
+    record = small_record(seed=7)
+    of_f, of_a = of_orders(record, nb=2, nf=2, nk=1), of_orders(record, na=2, nb=2, nc=2, nk=1)
+    first, second = (list(linear_estimates.common_denominators(p.errors)) for p in (of_f, of_a))
+    np.testing.assert_array_equal(first[1:], second[1:])
+    assert len(calls) == 1
+    list(linear_estimates.common_denominators(of_orders(record, nb=3, nf=2, nk=1).errors))
+    list(linear_estimates.common_denominators(of_orders(record[::-1], nb=2, nf=2, nk=1).errors))
+    assert len(calls) == 3
+
+
+def test_points_are_completed_together_to_the_bits_of_each_alone():
+    problem = of_orders(small_record(), na=2, nb=2, nc=2, nk=1)
+    points = problem.random(11, np.random.default_rng(1))
+    together, _ = problem.completed(points, alone=True)
+    alone = [problem.completed(point[None])[0][0] for point in points]
+    np.testing.assert_array_equal(together, alone)
 
 
 @pytest.mark.filterwarnings("ignore")

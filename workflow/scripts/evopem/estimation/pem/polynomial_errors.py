@@ -200,13 +200,7 @@ class PolynomialErrors:
     def values(self, points: Array) -> Array:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.  The
         weak squares of the states are part of it."""
-        (first, _), *others = self.places
-        if not others:
-            return first.values(points)
-        total = np.zeros(len(points))
-        for errors, at in self.places:
-            total += errors.values(points[:, at])
-        return total
+        return np.asarray(sum(errors.values(points[:, at]) for errors, at in self.places))
 
     def values_and_gradients(
         self, points: Array, smoothing: Array, barriers: Array
@@ -214,9 +208,6 @@ class PolynomialErrors:
         """Smoothed objective of each row and its gradient; infeasible rows are inf and 0.
         Magnitudes are ``sqrt(e**2 + smoothing**2)``; ``barriers``, percent, weigh the edge of the
         stability region."""
-        (first, _), *others = self.places
-        if not others:
-            return first.values_and_gradients(points, smoothing, barriers)
         total, gradients = np.zeros(len(points)), np.zeros(points.shape)
         # Each stretch counts its share of the barriers.
         for (errors, at), scale in zip(self.places, self._scales, strict=True):

@@ -76,7 +76,7 @@ class StretchErrors:
         self, task: int, points: Array, smoothing: Array, barriers: Array
     ) -> tuple[Array, Array]:
         """One pass over the points, for residuals in the workspace, values, or gradients."""
-        state = _rest(len(points))._replace(x=np.ascontiguousarray(points))
+        state = State(np.ascontiguousarray(points), *_rest(len(points))[1:])
         given = self._record, self.objective, self._workspace, task, state
         _, _, values, gradients = passes(*given, smoothing, barriers, 0.0, 0, 0, 0)
         return values, gradients

@@ -1,6 +1,9 @@
 """Polynomials that descents start from, by linear algebra on one record of inputs u (N, m)."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from functools import lru_cache
+from hashlib import sha256
 
 import numpy as np
 
@@ -8,11 +11,14 @@ from evopem.arrays import Array
 from evopem.estimation.pem.kernels.polynomials import filter_rows
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
+from evopem.models.orders import Orders
 from evopem.models.polynomial_roots import reflect_into_disc
 
 STEIGLITZ_MCBRIDE_STEPS = 20
 # Rows of block Hankel matrices, in orders of the model, and the most of them.
 HANKEL_ROWS, MOST_HANKEL_ROWS = 3, 40
+# Lists of what structures that share their orders need once, empty at first.
+_KNOWN = lru_cache(maxsize=256)(lambda *_: list[Array]())
 
 
 def common_denominators(errors: PolynomialErrors) -> Iterator[Array]:
@@ -22,6 +28,15 @@ def common_denominators(errors: PolynomialErrors) -> Iterator[Array]:
     yield arx(u, y, order, o.nb, o.nk)[:order]
     if order == 0 or o.inputs == 0:
         return
+    signals = sha256(u.tobytes() + y.tobytes()).digest()
+    known = _KNOWN(signals, order, o.nb, o.nk, errors.plant_radius)
+    if not known:
+        with suppress(np.linalg.LinAlgError, ValueError):
+            known.extend(_of_dynamics(u, y, o, order, errors.plant_radius))
+    yield from known
+
+
+def _of_dynamics(u: Array, y: Array, o: Orders, order: int, radius: float) -> Iterator[Array]:
     # A constant part of the signals is no part of the dynamics that these methods look for.
     u, y = u - np.mean(u, axis=0), y - np.mean(y)
     yield arx(u, y, order, o.nb, o.nk)[:order]
@@ -29,7 +44,7 @@ def common_denominators(errors: PolynomialErrors) -> Iterator[Array]:
         if (longer := multiple * order) <= len(y) // 10:
             responses = long_arx_responses(u, y, longer, o.nk)
             yield np.zeros(order) if responses is None else reduced_denominator(responses, order)
-    yield from list(steiglitz_mcbride(u, y, order, o.nb, o.nk, errors.plant_radius))[-1:]
+    yield from list(steiglitz_mcbride(u, y, order, o.nb, o.nk, radius))[-1:]
     yield subspace_denominator(u, y, order)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property, reduce
+from itertools import product
 
 import numpy as np
 
@@ -83,7 +84,7 @@ class PolynomialProblem(BasinHoppingProblem):
     @cached_property
     def _largest_value(self) -> float:
         """What the first estimate reaches: the scale of the objective, however bad a point is."""
-        values = self.values(self._with_white_noise(next(self._plants()))[0])
+        values = self.values(self._with_white_noise([next(self._plants())])[0])
         return float(np.min(values)) if np.isfinite(values).any() else 100.0
 
     @cached_property
@@ -155,16 +156,16 @@ class PolynomialProblem(BasinHoppingProblem):
         promised = promised_values(self.errors, points, value, self._largest_value, COMMON_DAMPING)
         return np.where(promised > 0.0, promised, np.inf)
 
-    def completed(self, points: Array) -> tuple[Array, int]:
+    def completed(self, points: Array, alone: bool = False) -> tuple[Array, int]:
         """Points with B, level and states by least squares, given A, C, D and F; evaluations.  The
-        roots of infeasible points are moved inside first."""
+        roots of infeasible points are moved inside first; ``alone`` as of :func:`solve_linear`."""
         errors = self.errors
         linear = errors.linear("b", "level", "plant", "noise")
         points = errors.repair(np.where(linear, 0.0, points))
         if not linear.any():
             return points, 0
         steps = LINEAR_STEPS[errors.objective]
-        points = solve_linear(errors, points, linear, steps)
+        points = solve_linear(errors, points, linear, steps, alone)
         return points, 4 * steps * len(points)
 
     def starts(self) -> Array:
@@ -191,13 +192,9 @@ class PolynomialProblem(BasinHoppingProblem):
     @cached_property
     def estimates(self) -> tuple[Array, int]:
         """Points of all denominators by linear algebra, and the evaluations that they took."""
-        points, used = [np.empty((0, self.errors.dimension))], 0
-        for plant in self._plants():
-            if all(np.isfinite(denominator).all() for denominator in plant):
-                candidates, more = self._from_denominators(plant)
-                points.append(candidates)
-                used += more
-        return np.concatenate(points), used
+        plants = [plant for plant in self._plants() if np.isfinite(np.concatenate(plant)).all()]
+        none = np.empty((0, self.errors.dimension)), 0
+        return self._from_denominators(plants) if plants else none
 
     def _plants(self) -> Iterator[list[Array]]:
         """Denominators from each input, by linear algebra on the longest stretch.  One for all
@@ -220,7 +217,7 @@ class PolynomialProblem(BasinHoppingProblem):
         o, points = self.errors.orders, []
         u, y = self.errors.inputs, self.errors.output
         u, y = u - np.mean(u, axis=0), y - np.mean(y)
-        point = self._from_denominators(plant)[0][0]
+        point = self._from_denominators([plant])[0][0]
         outputs = [
             lfilter(
                 np.append(np.zeros(o.nk[i]), point[o.part("b", i)]),
@@ -236,34 +233,32 @@ class PolynomialProblem(BasinHoppingProblem):
             points.append(steps[-1] if steps else denominator)
         return points
 
-    def _from_denominators(self, plant: Sequence[Array]) -> tuple[Array, int]:
+    def _from_denominators(self, plants: Sequence[list[Array]]) -> tuple[Array, int]:
         """Points with denominators as F_i or as A, the noise white and by its own model."""
         o = self.errors.orders
-        white, used = self._with_white_noise(plant)
+        white, used = self._with_white_noise(plants)
         if o.nc == 0 and o.nd == 0:
             return white, used
         coloured = white.copy()
         for point in coloured:
             residuals = self.errors.residuals(point)
             point[self._parts["c"]], point[self._parts["d"]] = noise_model(residuals, o.nc, o.nd)
-        coloured, more = self.completed(coloured)
-        return np.concatenate([white, coloured]), used + more + len(coloured)
+        coloured, more = self.completed(coloured, alone=True)
+        of_plants = [part.reshape(len(plants), -1, part.shape[1]) for part in (white, coloured)]
+        points = np.concatenate(of_plants, axis=1).reshape(-1, white.shape[1])
+        return points, used + more + len(coloured)
 
-    def _with_white_noise(self, plant: Sequence[Array]) -> tuple[Array, int]:
-        """Points with denominators as F_i or as A."""
-        o = self.errors.orders
-        plant = [reflect_into_disc(d[None, :], self.errors.plant_radius)[0] for d in plant]
-        points = []
-        for name in "fa":
-            point = np.zeros(self.errors.dimension)
-            places = range(o.inputs) if name == "f" else range(1)
-            for part, denominator in zip((o.part(name, i) for i in places), plant, strict=False):
-                order = min(part.stop - part.start, len(denominator))
-                point[part][:order] = denominator[:order]
-            if any(o.nf) if name == "f" else o.na:
-                points.append(point)
-        points = points or [np.zeros(self.errors.dimension)]
-        return self.completed(np.array(points))
+    def _with_white_noise(self, plants: Sequence[list[Array]]) -> tuple[Array, int]:
+        """Points with denominators as F_i or as A, as many of each plant."""
+        o, radius = self.errors.orders, self.errors.plant_radius
+        letters = [letter for letter, n in (("f", o.nf), ("a", (o.na,))) if any(n)] or ["a"]
+        points = np.zeros((len(plants) * len(letters), self.errors.dimension))
+        for point, (plant, letter) in zip(points, product(plants, letters), strict=True):
+            for i, denominator in enumerate(plant if letter == "f" else plant[:1]):
+                part = o.part(letter, i)
+                kept = reflect_into_disc(denominator[None], radius)[0, : part.stop - part.start]
+                point[part.start : part.start + len(kept)] = kept
+        return self.completed(points, alone=True)
 
     def adapted(self, model: PolynomialModel) -> Array:
         """A model as points of these orders: coefficients cut off or filled up with zeros."""

@@ -180,9 +180,11 @@ def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
     return np.asarray(damped)
 
 
-def solve_linear(errors: PredictionErrors, points: Array, linear: Flags, steps: int) -> Array:
-    """Points, (M, n), changed in place, whose linear coordinates minimise the objective.  By
-    :data:`LINEAR_STEPS` Newton steps from where they are, given the other coordinates."""
+def solve_linear(
+    errors: PredictionErrors, points: Array, linear: Flags, steps: int, alone: bool = False
+) -> Array:
+    """Points, (M, n), changed in place, whose linear coordinates minimise the objective, given the
+    others, by Newton steps (:data:`LINEAR_STEPS`); ``alone`` with the rounding of each alone."""
     none = size = np.zeros(len(points))
     for _ in range(steps):
         if errors.objective == "absolute":
@@ -194,7 +196,8 @@ def solve_linear(errors: PredictionErrors, points: Array, linear: Flags, steps: 
         else:
             matrices = errors.curvatures(points, size, none)[:, linear][:, :, linear]
         inverses = damped_inverses(matrices)
-        points[:, linear] -= np.einsum("ijk,ik->ij", inverses, gradients[:, linear])
+        slopes = np.asarray(gradients[:, linear], order="C" if alone else None)
+        points[:, linear] -= np.einsum("ijk,ik->ij", inverses, slopes)
     return points
 
 
