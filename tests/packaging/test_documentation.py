@@ -148,8 +148,8 @@ def give(folder, page, identified):
         for file in (folder / "data.csv", folder / "measurements" / "data.csv"):
             np.savetxt(file, table, delimiter=",", header="u,y", comments="")
     if page in ("docs/formats.md", "docs/terminal.md"):
-        for name in ("a", "b"):
-            finished_copy(folder / "results" / name, identified)
+        for name in ("results/a", "results/b", "monday/results/a", "tuesday/results/a"):
+            finished_copy(folder / name, identified)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if left(page)])
