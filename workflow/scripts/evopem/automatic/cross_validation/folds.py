@@ -104,8 +104,11 @@ def arx_residuals(stretch: Segment) -> Array:
 # Designs of folds: number of folds, and blocks of each.  Long blocks show errors of the gain and of
 # slow poles, many folds leave more samples to fit, interleaved blocks compare like with like.
 DESIGNS = ((2, 1), (5, 1), (2, 3))
-# Of several channels, where models take longer to fit, and of large records.
+# Each fold is a fit of every candidate.  For that reason alone several channels, whose fits take
+# longer, have five of them in place of nine, and two where the record is large as well.
 OF_SEVERAL, OF_LARGE = ((5, 1),), ((2, 1),)
+OF_TIME = " Of several channels, whose fits take longer, there are fewer."
+MOVING = "The parts of the record excite different bands, as a chirp does: they are interleaved."
 # For records whose excitation moves over the bands, such as a chirp.
 INTERLEAVED = ((2, 3), (2, 6))
 # For the response to a single blow.
@@ -189,14 +192,10 @@ def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:
     }
     of_response = [d for d in OF_RESPONSE if _response_edges(stretches, d[0]) is not None]
     kept = of_response or [d for d in possible(designs) if overlaps[d] >= LEAST_OVERLAP]
-    sentence = REASON
-    if not of_response:
-        sentence = (
-            "The parts of the record have common input spectra, so the folds are comparable."
-            if kept
-            else "The parts of the record excite different bands, as a chirp does: the folds are "
-            "interleaved stretches."
-        )
+    sentence = "The parts of the record have common input spectra, so the folds are comparable."
+    sentence += OF_TIME * (channels != (1, 1))
+    if of_response or not kept:
+        sentence = REASON if of_response else MOVING
     kept = kept or possible(INTERLEAVED)
     about = Decision(
         *("folds", " and ".join(map(_name, kept))),
