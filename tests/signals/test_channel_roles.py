@@ -83,6 +83,13 @@ def test_what_cannot_be_told_is_refused_in_a_sentence(tmp_path):
         roles_of(path)
 
 
+def test_a_stated_rate_stands_for_a_time(tmp_path):
+    u, y = driven(2)
+    np.savez(tmp_path / "a.npz", b=y, a=u, fs=100.0)
+    roles = roles_of(tmp_path / "a.npz")
+    assert (roles.input, roles.output, roles.time) == ("a", "b", None)
+
+
 def test_a_file_without_a_time_is_read_as_ever(tmp_path):
     assert roles_of(write(tmp_path / "a.csv", "a,b", *driven(1))) is None
 

@@ -125,6 +125,21 @@ def test_dates_as_time(tmp_path, blank, zone):
     assert recording.sampling_rate == pytest.approx(200.0, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("form", "separator"), [("%H:%M:%S.%f", ","), ("%d.%m.%Y %H:%M:%S,%f", ";")]
+)
+def test_times_of_day_and_dates_with_points(tmp_path, form, separator):
+    stamps = pd.date_range("2024-03-12 09:59:59.900", periods=N, freq="5ms")
+    text = separator.join(("when", "u", "y\n")) + "".join(
+        f"{stamp.strftime(form)}{separator}{u!r}{separator}{y!r}\n"
+        for stamp, u, y in zip(stamps, U.tolist(), Y.tolist(), strict=True)
+    )
+    if form[0:2] == "%H":
+        text = text.replace("\n09:", "\n9:")
+    recording = read_recording(write(tmp_path, text), "u", "y", time="when")
+    assert recording.sampling_rate == pytest.approx(200.0, rel=1e-9)
+
+
 def refusal(path: Path, *channels, **settings) -> str:
     with pytest.raises(InputError) as caught:
         read_recording(path, *(channels or (1, 2)), **({"sampling_rate": 1.0} | settings))

@@ -259,6 +259,51 @@ def test_a_missing_input_says_how_there_may_be_none(capsys):
     assert "--input none where only outputs were recorded" in capsys.readouterr().err
 
 
+def test_channels_that_names_or_a_test_tell_need_no_option(folder, handed_over, capsys):
+    """Times and signals, by their names and, renamed and turned, by causality."""
+    table = np.loadtxt("data.csv", delimiter=",", skiprows=1)
+    turned = {"delimiter": ",", "header": "time,b,a", "comments": ""}
+    np.savetxt("turned.csv", table[:, [0, 2, 1]], **turned)
+    for file, said, names in (
+        ("data.csv", "data.csv: input u; output y; time time, by their names.", ("u", "y")),
+        ("turned.csv", "turned.csv: “a” is the input and “b” the output: the past", ("a", "b")),
+    ):
+        assert main([file, "--config", "small.yaml"]) == 130
+        assert capsys.readouterr().err.startswith(said)
+        channels = handed_over.pop().source.channels
+        assert (*channels.inputs, *channels.outputs, channels.time) == (*names, "time")
+    main(["data.csv", "--rate", "50", "--config", "small.yaml"])
+    channels = handed_over[0].source.channels
+    assert (channels.sampling_rate, channels.time) == (50.0, None)
+
+
+@pytest.mark.parametrize(
+    ("heading", "example"),
+    [
+        ("time,a b,c,d", "--input 'a b' --output c."),
+        ("time,acc_1,acc_2,acc_3", "--input none --output acc_1 --output acc_2 --output acc_3."),
+        ("7,1,1,1", "--input 1 --output 2 --rate HZ."),
+    ],
+)
+def test_channels_that_nothing_tells_are_asked_for(folder, capsys, heading, example):
+    signals = np.random.default_rng(1).standard_normal((200, 3))
+    table = np.column_stack([np.arange(200) / 100, signals])
+    np.savetxt("log.csv", table, delimiter=",", header=heading, comments="")
+    assert code_of(["log.csv"]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("log.csv: which of its channels are inputs and outputs is not certain (")
+    assert said.endswith(f"; name them, as in: evopem log.csv {example}\n")
+    assert not Path("results").exists()
+
+
+def test_of_a_folder_is_said_what_would_be_taken(folder, capsys):
+    assert main(["."]) == 0
+    shown = capsys.readouterr().out
+    assert "    input: u\n    output: y\n    time: time  # 100 Hz\n" in shown
+    assert shown.endswith("evopem init . writes this as ./config.yaml.\n")
+    assert not Path("config.yaml").exists()
+
+
 def test_a_single_output_is_identified_without_an_input(folder, undrawn):
     written = {"orders": {"nx": [4, 4]}, "search": {"evaluations": 1}}
     (folder / "small.yaml").write_text(yaml.safe_dump({"defaults": written}))

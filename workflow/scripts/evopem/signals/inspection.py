@@ -121,7 +121,7 @@ def _channels(
 def _is_time(channel: Channel) -> bool:
     values = channel.values
     if values.dtype.kind in "Mm":
-        return values.size > 1
+        return values.size > 1 and values[0] != values[-1]
     if values.dtype.kind not in "fiu" or values.size < 3:
         return False
     return has_even_steps(values.astype(np.float64))
@@ -232,7 +232,7 @@ class ChannelRoles:
 
     input: Reference
     output: Reference
-    time: Reference
+    time: Reference | None  # None where the file states a sampling rate
     test: CausalityTest | None = None  # from the input to the output; None where the names tell
 
     @property
@@ -249,14 +249,14 @@ class ChannelRoles:
 
 
 def roles_of(path: str | Path) -> ChannelRoles | None:
-    """Tell the channels of a file with a time and two signals; None where there is no time.
+    """Tell the channels of a file with a time, or a rate, and two signals; None where it has none.
 
     By the words of their names, else by a test of causality.
     """
     contents = inspect_file(path)
-    if contents.time is None:
+    if contents.time is None and not all(signal.sampling_rate for signal in contents.signals):
         return None
-    source, time = str(path), contents.time.reference
+    source, time = str(path), contents.time.reference if contents.time else None
     if len(contents.signals) != 2:
         names = ", ".join(repr(signal.reference) for signal in contents.signals) or "none"
         problem = (

@@ -41,6 +41,7 @@ and damping ratios with standard errors, and a report that says how far to trust
 """
 _EPILOG = """\
 examples:
+  evopem data.csv      where names, or a test, tell input and output
   evopem data.csv --input u --output y --rate 100
   evopem bench.mat --input iq_adx --output omega_max --rate 2500
   evopem log.csv --input 2 --output 3 --time 1
@@ -101,7 +102,8 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
     """Parse the arguments; a second channel behind one option is told how to be given."""
     parser = argparse.ArgumentParser(
         "evopem",
-        usage="evopem FILE … --input CHANNEL … --output CHANNEL … [--rate HZ | --time CHANNEL] …\n"
+        usage="evopem FILE … [--input CHANNEL … --output CHANNEL … --rate HZ | --time CHANNEL]\n"
+        "       evopem FOLDER\n"
         "       evopem init [FOLDER]\n"
         "       evopem compare FOLDER FOLDER … [--setups] [--page FILE]\n"
         "       evopem merge FOLDER … [--to FOLDER]\n"
@@ -122,7 +124,7 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         ),
         ("output", "the output, likewise"),
     ):
-        add(f"--{role}", action="append", required=role == "output", help=about, **channel)
+        add(f"--{role}", action="append", help=about, **channel)
     rate.add_argument(
         "--rate", type=float, metavar="HZ", help="sampling rate, where the file states none"
     )
@@ -154,11 +156,10 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
             )
     if left:
         parser.error(f"unrecognized arguments: {' '.join(left)}")
-    if not arguments.input:
-        parser.error(
-            "--input is missing: name the input, or write --input none where only outputs were"
-            " recorded"
-        )
+    missing = [role for role in ("input", "output") if not vars(arguments)[role]]
+    if len(missing) == 1 or (missing and arguments.frequency is not None):
+        none = ", or write --input none where only outputs were recorded"
+        parser.error(f"--{missing[0]} is missing: name it{none if missing[0] == 'input' else ''}")
     return arguments
 
 
@@ -179,6 +180,15 @@ def _init(given: Sequence[str]) -> int:
 
     written = write_configuration(folder)
     print(f"Wrote {written}: check the inputs, outputs and sampling rates in it.")
+    return 0
+
+
+def _folder(folder: str) -> int:
+    """Say what would be taken from each recording of a folder."""
+    from evopem.terminal.new_configuration import configuration_text
+
+    print(configuration_text(Path(folder)))
+    print(f"# Nothing was written: evopem init {folder} writes this as {folder}/config.yaml.")
     return 0
 
 
@@ -275,6 +285,8 @@ def _options_for_keys(name: str) -> Iterator[None]:
 
 def _identify(arguments: argparse.Namespace) -> int:
     _prepare("the validation and the report")
+    if Path(arguments.file[0]).is_dir():
+        return _folder(arguments.file[0])
     settings = _settings(arguments)
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
@@ -306,8 +318,13 @@ def _identify(arguments: argparse.Namespace) -> int:
 
 def _settings(arguments: argparse.Namespace) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
-    from evopem.terminal.new_configuration import dataset_name
+    from evopem.terminal.new_configuration import certain_channels, dataset_name
 
+    if not arguments.input:
+        taken, sentence = certain_channels(arguments.file[0])
+        sys.stderr.write(f"{sentence}\n")
+        vars(arguments).update(taken | {"time": arguments.time or taken["time"]})
+        arguments.time = None if arguments.rate else arguments.time
     given = vars(arguments) | {"sampling_rate": arguments.rate}
     keys = {key: one_or_list(given[key]) for key in ("file", "input", "output")}
     keys |= {key: given[key] for key in COLUMNS if given[key] is not None}

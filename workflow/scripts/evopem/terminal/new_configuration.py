@@ -3,9 +3,12 @@
 import json
 import os
 import re
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -22,6 +25,7 @@ from evopem.signals.inspection import (
     TimeColumn,
     inspect_file,
     named,
+    roles_of,
 )
 from evopem.signals.measured_files import FORMATS
 
@@ -151,6 +155,51 @@ def _channels(
     source = sources[0] if sources else next(x for x in signals if x not in targets[:1])
     target = next((target for target in targets if target != source), None)
     return [source], [target or next(signal for signal in signals if signal != source)], False
+
+
+def certain_channels(path: str) -> tuple[dict[str, Any], str]:
+    """Input, output and time of a recording where they are certain, and a sentence about them.
+
+    By the words of the names, else, of two signals with times or a rate, by a test of causality.
+    """
+    contents = inspect_file(path)
+    signals, time = contents.signals, contents.time.reference if contents.time else None
+    keys: dict[str, Any] = {}
+    sources = roles = None
+    if len(signals) > 1:
+        sources, targets, sure = _channels(signals)
+        if sure:
+            keys = {"input": [source.reference for source in sources]}
+            keys |= {"output": [target.reference for target in targets], "time": time}
+            return keys, f"{path}: {_taken(keys)}, by their names."
+        if len(signals) == 2:
+            with suppress(InputError):
+                roles = roles_of(path)
+    if roles is not None:
+        keys = {"input": [roles.input], "output": [roles.output], "time": roles.time}
+        return keys, f"{path}: {roles.sentence}"
+    names = [str(signal.reference) for signal in signals]
+    problem = f"which of its channels are inputs and outputs is not certain ({', '.join(names)})"
+    if len(signals) < 2:
+        problem = contents.unread or f"it holds {len(signals)} channels that can be used"
+    outputs = [str(signal.reference) for signal in named(signals, OUTPUT_NAMES)]
+    few = not sources or set(outputs) == set(names)
+    example = ["none", *(outputs or names[:1])] if few else [names[0], names[1]]
+    options = " ".join(
+        f"--{role} {shlex.quote(name)}"
+        for role, name in zip(["input", *["output"] * len(example)], example, strict=False)
+    )
+    rate = "" if time is not None or (signals and signals[0].sampling_rate) else " --rate HZ"
+    raise InputError(path, problem, f"name them, as in: evopem {path} {options}{rate}")
+
+
+def _taken(keys: Mapping[str, Any]) -> str:
+    """Inputs, outputs and time in words."""
+    words = [
+        f"{role}{'s' if len(keys[role]) > 1 else ''} {', '.join(map(str, keys[role]))}"
+        for role in ("input", "output")
+    ]
+    return "; ".join([*words, *([f"time {keys['time']}"] if keys["time"] is not None else [])])
 
 
 def _rate(source: SignalColumn, target: SignalColumn, time: TimeColumn | None) -> list[str]:

@@ -14,6 +14,7 @@ from evopem.signals.readers.text_dialect import (
     COMMENT_MARKS,
     Table,
     is_date,
+    iso_date,
     read_table,
     refuse_ambiguous_thousands,
     refuse_split_decimals,
@@ -177,7 +178,7 @@ def _values(table: Table, fields: list[str], lines: list[int], column: int) -> N
 
 def _dates(path: Path, fields: list[str], column: int) -> NDArray:
     pandas = library("pandas", path)
-    texts = [text.strip().replace(",", ".") for text in fields]
+    texts = list(map(iso_date, fields))
     try:
         stamps = pandas.to_datetime(texts, format="ISO8601", utc=True)
     except ValueError as error:

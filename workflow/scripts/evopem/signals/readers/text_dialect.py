@@ -32,7 +32,11 @@ _SEPARATOR_LINE = re.compile(r' *"?sep=([^"\s]|\t)"? *\n', re.IGNORECASE)
 """The first line from which Excel takes the separator."""
 _OPENING_QUOTE = re.compile(r'(^|[,;\t])\s*"')
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eEdD][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.I)
-_DATE = re.compile(r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?)?(Z|[+-]\d\d:?\d\d)?")
+_CLOCK = r"\d?\d:\d\d:\d\d([.,]\d+)?"
+_DATE = re.compile(
+    r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d([.,]\d+)?)?)?(Z|[+-]\d\d:?\d\d)?"
+    rf"|(\d\d\.\d\d\.\d{{4}} +)?{_CLOCK}"
+)
 _COMMA_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _POINT_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}")
 _WHOLE = re.compile(r"[+-]?\d+")
@@ -73,8 +77,18 @@ class Dialect(NamedTuple):
 
 
 def is_date(text: str) -> bool:
-    """Whether a field is a date in the notation of ISO 8601."""
+    """Whether a field is a date by ISO 8601, a time of day, or one behind a date with points."""
     return _DATE.fullmatch(text.strip()) is not None
+
+
+def iso_date(text: str) -> str:
+    """A date or time of day in the notation of ISO 8601; a time of day is that of a first day."""
+    text = text.strip().replace(",", ".")
+    *day, clock = text.split()
+    if "-" in text or ":" not in clock:
+        return text
+    date = "-".join(reversed(day[0].split("."))) if day else "1970-01-01"
+    return f"{date}T{clock if clock[2] == ':' else f'0{clock}'}"
 
 
 @dataclass(frozen=True)
