@@ -7,7 +7,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.optimize import approx_fprime
 
 from evopem import InputError, Orders, Recording, SearchSettings, estimate, identify
-from evopem.automatic.varying import held_out_errors
+from evopem.automatic.varying import blocks, held_out_errors
 from evopem.estimation.varying import Scheduled, VaryingProblem, estimate_varying
 from evopem.estimation.varying_choice import choose_varying, undersmoothed
 from evopem.files.json_form import from_json, to_json
@@ -329,3 +329,114 @@ def test_bands_contain_what_the_criterion_leaves_out():
                 covered[is_under].append(deviation < 1.96 * mode.frequency_se_hz)
     assert np.mean(covered[False]) < 0.8
     assert np.mean(covered[True]) > 0.88
+
+
+TEMPERATURES = (5.0, 30.0, 12.0, 18.0, 24.0, 0.0)
+
+
+def denominators_at(temperatures):
+    """Parabolas of the temperature, through modes of 12, 11 and 9.6 Hz at 0, 15 and 30."""
+    ends = np.linalg.inv(np.vander([0.0, 15.0, 30.0])) @ denominators([12.0, 11.0, 9.6])
+    return np.vander(np.atleast_1d(temperatures), 3) @ ends
+
+
+def warm(temperatures):
+    """Natural frequencies (Hz) at some temperatures."""
+    poles = [np.roots([1.0, *a])[0] for a in denominators_at(temperatures)]
+    return np.abs(np.log(poles)) * RATE / (2.0 * np.pi)
+
+
+def recorded_at(structure, temperatures=TEMPERATURES, samples=400, seed=3):
+    """Recordings of one machine, each at a temperature of its own."""
+    return [
+        moving(structure, samples, seed + k, a=np.tile(denominators_at(t), (samples, 1)))
+        for k, t in enumerate(temperatures)
+    ]
+
+
+def pooled(structure, seed=3):
+    """All of them as segments of one recording, by their temperature."""
+    parts = recorded_at(structure, seed=seed)
+    segments = [Segment(part.inputs, part.outputs, k) for k, part in enumerate(parts)]
+    return Scheduled.of(parts[0].with_segments(segments), np.repeat(TEMPERATURES, 400))
+
+
+@pytest.mark.parametrize(("structure", "count"), [("arx", 12), ("armax", 2), ("oe", 2)])
+def test_modes_along_a_condition_are_covered_also_where_nothing_was_recorded(structure, count):
+    deviations, at = [], np.array([2.5, 9.0, 15.0, 27.0])
+    for seed in range(count):
+        scheduled = pooled(structure, 100 * seed)
+        basis = scheduled.basis("legendre", 3)
+        model = estimate_varying(scheduled, ORDERS[structure], basis).model
+        (path,) = model.modes(at)
+        errors = np.array([mode.frequency_se_hz for mode in path])
+        assert errors.max() < 0.1
+        deviations.append((np.array([mode.frequency_hz for mode in path]) - warm(at)) / errors)
+        with pytest.raises(InputError, match="stay within 0 and 30"):
+            model.frozen(30.5)
+    assert np.abs(deviations).max() < 3.5
+    assert np.mean(np.abs(deviations) < 1.96) > 0.8
+
+
+@pytest.fixture(scope="module")
+def machine():
+    """Results of several recordings of one machine, each at a temperature of its own."""
+    parts = recorded_at("arx")
+    signals = [part.inputs[:, 0] for part in parts], [part.output for part in parts]
+    varying = {"condition": "temperature", "values": list(TEMPERATURES)}
+    return identify(*signals, RATE, show_progress=False, structure="arx", varying=varying)
+
+
+def test_one_model_of_recordings_at_several_temperatures_is_reported(machine, tmp_path):
+    found = machine.varying
+    assert found.model.schedule == found.moves.schedule == "temperature"
+    assert found.moves.is_better
+    assert found.moves.error_percent < found.moves.constant_error_percent
+    for temperature in (0.0, 15.0, 30.0):
+        (mode,) = found.model.frozen(temperature).modes()
+        assert abs(mode.frequency_hz - warm(temperature)[0]) < 4.0 * mode.frequency_se_hz
+    with pytest.raises(InputError, match="stay within 0 and 30"):
+        found.model.frozen(-1.0)
+    assert "The machine changes with temperature: mode 1 moves from 1" in str(machine)
+    page = machine.report(tmp_path / "report.html").read_text(encoding="utf-8")
+    for words in ("Modes over temperature", "Gain over temperature", "these, other than at the"):
+        assert words in page
+    assert "Spectrogram" not in page
+    table = pd.read_csv(machine.files.varying_modes)
+    truth = warm(table["condition"])
+    covered = (table["frequency_lower"] < truth) & (truth < table["frequency_upper"])
+    assert covered.mean() > 0.7
+
+
+def test_recordings_are_held_out_whole_and_not_at_the_ends_of_the_condition():
+    scheduled = pooled("arx")
+    of_block = blocks(scheduled)
+    assert sorted(set(scheduled.schedule[of_block < 0])) == [0.0, 30.0]
+    fit = estimate_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", 3))
+    errors = held_out_errors(scheduled, fit)
+    cold = scheduled.schedule == 5.0
+    weights = (of_block != of_block[cold][0]).astype(float)
+    others = Scheduled(scheduled.data, scheduled.schedule, weights)
+    alone = estimate_varying(others, ORDERS["arx"], fit.model.basis)
+    np.testing.assert_allclose(errors[cold], alone.errors[cold])
+    assert np.isnan(errors[scheduled.schedule == 30.0]).all()
+
+
+@pytest.mark.parametrize(
+    ("varying", "sentence"),
+    [
+        ({"condition": "load", "values": [1, 2]}, "there are 2 values of load and 4 recordings"),
+        ({"condition": "load"}, "there are 0 values of load and 4 recordings"),
+        ({"condition": "load", "values": [1, 2, 2, 3]}, "takes 3 different values, and 4 are"),
+        ({"values": [1, 2, 3, 4]}, "values stand without a condition; name it"),
+        ({"condition": "load", "values": [1, 2, 3, 4], "dimension": 3}, "give 2 at most"),
+        ({"condition": "load", "values": [1, 2, 3, "x"]}, "x cannot be used; give a number"),
+        ({"dimension": 3}, "there are several recordings, and coefficients move with the time"),
+    ],
+)
+def test_conditions_that_no_model_can_follow_are_refused(varying, sentence):
+    parts = recorded_at("arx", (1.0, 2.0, 3.0, 4.0), 300)
+    signals = [part.inputs[:, 0] for part in parts], [part.output for part in parts]
+    with pytest.raises(InputError) as raised:
+        identify(*signals, RATE, show_progress=False, structure="arx", varying=varying)
+    assert sentence in str(raised.value)

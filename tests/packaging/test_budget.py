@@ -27,6 +27,7 @@ CAPABILITIES: tuple[str, ...] = (
     "functional-series models",
     "merged fleets and interactive figures",
     "damage index",
+    "pooled models",
 )
 
 BUDGET = {

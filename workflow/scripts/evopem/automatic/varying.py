@@ -59,6 +59,7 @@ class Moves:
     is_better: bool
     is_stable: bool  # at every moment
     modes: tuple[MovingMode, ...]
+    schedule: str = "time"  # what the coefficients move with
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,28 +84,37 @@ def what_moves(
     unfit = ""
     if prepared.estimation.outputs.shape[1] > 1:
         unfit = "there are several outputs, and a moving model has one"
-    elif prepared.transforms.several_recordings:
+    elif prepared.transforms.several_recordings and settings.condition is None:
         unfit = "there are several recordings, and coefficients move with the time of one"
     if unfit and is_asked:
         raise InputError("varying", unfit, "leave the key out")
-    return Varying(unfit) if unfit else _tried(whole(prepared), record, settings)
+    return Varying(unfit) if unfit else _tried(whole(prepared, settings), record, settings)
 
 
-def whole(prepared: PreparedData) -> Scheduled:
-    """All samples of a recording, by their time."""
+def whole(prepared: PreparedData, settings: VaryingSettings) -> Scheduled:
+    """All samples, by their time or by the condition of their recording."""
     parts = [*prepared.estimation.segments, *prepared.validation.segments]
     origins = [*prepared.transforms.estimation, *prepared.transforms.validation]
     data = prepared.estimation.with_segments(parts)
-    times = [
-        origin.start + np.arange(part.samples) / data.sampling_rate
+    schedule = [
+        np.full(part.samples, settings.values[origin.recording])
+        if settings.condition
+        else origin.start + np.arange(part.samples) / data.sampling_rate
         for origin, part in zip(origins, parts, strict=True)
     ]
-    return Scheduled.of(data, np.concatenate(times))
+    return Scheduled.of(data, np.concatenate(schedule))
 
 
 def _tried(scheduled: Scheduled, record: ModelRecord, settings: VaryingSettings) -> Varying:
     kinds = KINDS if settings.basis == "auto" else (settings.basis,)
-    dimensions = DIMENSIONS if settings.dimension == "auto" else (settings.dimension,)
+    dimensions: tuple[int, ...] = DIMENSIONS
+    if settings.dimension != "auto":
+        dimensions = (settings.dimension,)
+    elif settings.condition:
+        # Those of the other recordings determine them, and one more, where some are held out.
+        levels = len(set(settings.values))
+        most_functions = levels - 1 + (2 - levels) // FOLDS
+        dimensions = tuple(n for n in dimensions if n <= most_functions)
     most = min(max(record.plant.order + ORDERS_ABOVE, FEWEST_ORDERS), MOST_ORDERS)
     nk = delays_of(record)
     moving = choose_varying(scheduled, most, nk, kinds, dimensions)
@@ -114,7 +124,7 @@ def _tried(scheduled: Scheduled, record: ModelRecord, settings: VaryingSettings)
     if not np.any(moving.free[:, 1:]):
         return Varying("BIC prefers coefficients that stay as they are")
     error, constant_error, standard_errors = compared(scheduled, moving, constant)
-    model = moving.model
+    model = replace(moving.model, schedule=settings.condition or "time")
     moves = Moves(
         model.text,
         error,
@@ -123,6 +133,7 @@ def _tried(scheduled: Scheduled, record: ModelRecord, settings: VaryingSettings)
         standard_errors > CLEARLY,
         bool(model.radii().max() < 1.0),
         tuple(_ends(path) for path in followed(model)[1]),
+        model.schedule,
     )
     return Varying("", moves, model)
 
@@ -150,14 +161,24 @@ def delays_of(record: ModelRecord) -> tuple[int, ...]:
     return tuple(d + (not np.any(plant.D[:, k])) for k, d in enumerate(delays))
 
 
+def blocks(scheduled: Scheduled) -> Indices:
+    """The fold of each sample, (N,): of its block; of its recording where each has one condition.
+
+    -1 at the ends of the conditions, which no others lie around.
+    """
+    samples, parts = scheduled.data.samples, np.split(scheduled.schedule, scheduled.bounds[1:-1])
+    if any(np.ptp(part) > 0.0 for part in parts):
+        return np.arange(samples) * BLOCKS // samples % FOLDS
+    conditions, rank = np.unique(scheduled.schedule, return_inverse=True)
+    return np.where((rank > 0) & (rank < len(conditions) - 1), rank % FOLDS, -1)
+
+
 def held_out_errors(scheduled: Scheduled, estimate: VaryingEstimate) -> Array:
-    """Errors one step ahead, each by a model that was estimated without its block, (N,)."""
-    model, free = estimate.model, estimate.free
-    samples = scheduled.data.samples
-    of_block: Indices = np.arange(samples) * BLOCKS // samples % FOLDS
-    errors = np.full(samples, np.nan)
+    """Errors one step ahead, each by a model that was estimated without its fold, (N,)."""
+    model, free, of_block = estimate.model, estimate.free, blocks(scheduled)
+    errors = np.full(scheduled.data.samples, np.nan)
     starts = [estimate.point] if len(estimate.point) else []
-    for fold in range(FOLDS):
+    for fold in np.unique(of_block[of_block >= 0]):
         held = of_block == fold
         others = replace(scheduled, weights=np.where(held, 0.0, scheduled.weights))
         fitted = estimate_varying(others, model.orders, model.basis, free, starts=starts)
@@ -166,7 +187,7 @@ def held_out_errors(scheduled: Scheduled, estimate: VaryingEstimate) -> Array:
 
 
 def followed(model: VaryingModel) -> tuple[Array, list[list[Mode | None]]]:
-    """Times, and the modes that are known and oscillate at most of them."""
+    """Values of the schedule, and the modes that are known and oscillate at most of them."""
     times = np.linspace(model.basis.low, model.basis.high, MOMENTS)
 
     def is_known(path: list[Mode | None]) -> bool:
@@ -185,10 +206,22 @@ def _ends(path: list[Mode | None]) -> MovingMode:
     )
 
 
+def along(model: VaryingModel | None) -> str:
+    """The column of a table that holds the schedule."""
+    return "time_s" if model is None or model.schedule == "time" else "condition"
+
+
 def table_of(varying: Varying) -> dict[str, list[float]]:
-    """Frozen modes over time with 95 % intervals; empty columns without a model."""
+    """Frozen modes along the schedule with 95 % intervals; empty columns without a model."""
     frequency = ("frequency_hz", "frequency_lower", "frequency_upper")
-    names = ("mode", "time_s", *frequency, "damping_ratio", "damping_lower", "damping_upper")
+    names = (
+        "mode",
+        along(varying.model),
+        *frequency,
+        "damping_ratio",
+        "damping_lower",
+        "damping_upper",
+    )
     rows = []
     times, paths = followed(varying.model) if varying.model else (np.empty(0), [])
     for number, path in enumerate(paths, start=1):

@@ -36,6 +36,8 @@ IN_TIME = (
 )
 """Keys that a data set of frequency responses does not have."""
 OF_ONE_OUTPUT = ("transforms.box_cox", "varying")
+FEWEST_CONDITIONS = 4
+"""Different values of a condition that coefficients move with: a line, and what checks it."""
 OF_CHAPTER = ("level", "delay.orders", "search.n_initial_discard", "search.prune")
 """Keys that the chapter's recipe alone has."""
 
@@ -204,6 +206,30 @@ def check_settings(settings: DatasetSettings, keys: Keys, at: Place) -> None:
         problem = f"{split.estimation} is a number of samples, and whole recordings are held out"
         remedy = "give a fraction between 0 and 1, or write by: samples beside it to cut each"
         at.refuse("split.estimation", problem, f"{remedy} recording")
+
+    _check_condition(settings, at)
+
+
+def _check_condition(settings: DatasetSettings, at: Place) -> None:
+    """Refuse a condition that is not known of each recording, or takes too few values."""
+    varying, recordings = settings.varying, len(settings.source.all_files)
+    if varying is None or (varying.condition is None and not varying.values):
+        return
+    given, levels = len(varying.values), len(set(varying.values))
+    problem, remedy, key = "", "give one number for each recording", "values"
+    if varying.condition is None:
+        problem, remedy, key = "values stand without a condition", "name it", "condition"
+    elif given != recordings:
+        problem = f"there are {given} values of {varying.condition} and {recordings} recordings"
+    elif levels < FEWEST_CONDITIONS:
+        problem = f"{varying.condition} takes {levels} different values"
+        problem += f", and {FEWEST_CONDITIONS} are needed"
+        remedy = "add recordings at other values, or leave the key out"
+    elif varying.dimension != "auto" and varying.dimension > levels - 2:
+        problem = f"{varying.condition} takes {levels} different values, too few for so many"
+        remedy, key = f"give {levels - 2} at most", "dimension"
+    if problem:
+        at.refuse(f"varying.{key}", problem, remedy)
 
 
 def _check_ranges(keys: Keys, kind: Kind, at: Place) -> None:

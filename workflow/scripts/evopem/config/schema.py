@@ -171,6 +171,15 @@ def _explained(error: Mapping[str, Any], path: list[str | int], schema: Keys) ->
 
 def _below(schema: Keys, path: Iterable[str | int]) -> dict[str, Any]:
     """The part of a JSON schema that is about a value; without a description, what is above it."""
+
+    def resolved(part: Keys) -> dict[str, Any]:
+        of_part = {key: value for key, value in part.items() if key != "$ref"}
+        return (
+            schema["$defs"][part["$ref"].rpartition("/")[2]] | of_part
+            if "$ref" in part
+            else of_part
+        )
+
     node = dict(schema)
     for step in path:
         known = [
@@ -178,14 +187,10 @@ def _below(schema: Keys, path: Iterable[str | int]) -> dict[str, Any]:
             or choice.get("additionalProperties")
             or choice.get("items")
             or (choice.get("prefixItems") or [None])[0]
-            for choice in (node, *node.get("anyOf", []))
+            for choice in (node, *map(resolved, node.get("anyOf", [])))
         ]
-        schema_below = dict(next((choice for choice in known if choice), {}))
-        if "$ref" in schema_below:
-            schema_below = (
-                schema["$defs"][schema_below.pop("$ref").rpartition("/")[2]] | schema_below
-            )
-        node = {"description": node.get("description", "")} | schema_below
+        below = resolved(next((choice for choice in known if choice), {}))
+        node = {"description": node.get("description", "")} | below
     return node
 
 

@@ -134,6 +134,11 @@ class VaryingSettings:
     """the functions of time. Legendre polynomials, cosines or cubic splines; `auto` is by BIC"""
     dimension: Annotated[int, Field(ge=2, le=30)] | Literal["auto"] = "auto"
     """the number of functions. Of splines at least 4"""
+    condition: Annotated[str, Field(min_length=1)] | None = None
+    """the name of a condition, such as temperature. Coefficients of several recordings then move
+    with it, not with time"""
+    values: tuple[Annotated[float, Field(description="a number")], ...] = ()
+    """the condition in each recording. In the order of the files, those for validation last"""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from evopem.arrays import Array
-from evopem.automatic.varying import Varying, table_of
+from evopem.automatic.varying import Varying, along, table_of
 from evopem.figures.chart import TIME, Chart, Panel, family
 from evopem.figures.style import styled, svg_text
 from evopem.models.varying import VaryingModel
@@ -19,7 +19,9 @@ HALFBANDWIDTH, TAPERS = 2.5, 4
 
 
 def moving_modes(varying: Varying) -> Chart:
-    """Natural frequencies and damping ratios over time with 95 % bands."""
+    """Natural frequencies and damping ratios along the schedule with 95 % bands."""
+    assert varying.model is not None
+    column_along, label_along = along(varying.model), axis_of(varying.model)
     table = pd.DataFrame(table_of(varying)).astype({"mode": int})
     rows = {f"mode {n}": (("mode", str(n)),) for n in sorted(set(table["mode"]))}
     panels = []
@@ -29,8 +31,13 @@ def moving_modes(varying: Varying) -> Chart:
     ):
         band = (f"{name}_lower", f"{name}_upper")
         curves = tuple(replace(c, band=band, marker="") for c in family(column, rows))
-        panels.append(Panel("", "time_s", TIME, label, curves, linked="time"))
+        panels.append(Panel("", column_along, label_along, label, curves, linked="time"))
     return Chart(table, tuple(panels))
+
+
+def axis_of(model: VaryingModel) -> str:
+    """What the axis along the schedule is called."""
+    return TIME if model.schedule == "time" else model.schedule.capitalize()
 
 
 def frozen_gains(model: VaryingModel) -> tuple[Array, Array, Array]:
@@ -70,13 +77,15 @@ def picture(data: PreparedData, model: VaryingModel) -> str:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.2, 3.0), layout="constrained")
-    titles = "Gain of the moving model", "Spectrogram of the output"
-    both = zip(titles, (frozen_gains(model), spectrogram(data)), strict=True)
-    for axes, (title, drawn) in zip(figure.subplots(1, 2, sharey=True), both, strict=True):
+    parts = [("Gain of the moving model", frozen_gains(model))]
+    if model.schedule == "time":
+        parts.append(("Spectrogram of the output", spectrogram(data)))
+    row = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
+    for axes, (title, drawn) in zip(row, parts, strict=True):
         top = float(drawn[2].max())
         mesh = axes.pcolormesh(*drawn, vmin=top - RANGE, vmax=top, rasterized=True)
         axes.set_title(title)
-        axes.set_xlabel(TIME)
+        axes.set_xlabel(axis_of(model))
         figure.colorbar(mesh, ax=axes, label="dB")
     figure.axes[0].set_ylabel("Frequency (Hz)")
     return svg_text(figure)

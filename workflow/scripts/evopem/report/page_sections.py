@@ -99,8 +99,11 @@ def _moving(results: DatasetResults) -> dict[str, Any]:
     assert varying.model is not None
     assert results.prepared is not None
     chart, name, files = moving_modes(varying), results.name, ["varying_modes.csv", "varying.json"]
-    modes = "moving_modes", "Modes over time", "Of the model frozen at each moment."
-    gain = "moving_gain", "Gain over time", "Of the model frozen at each moment, and of the data."
+    schedule, beside = varying.model.schedule, ", and of the data"
+    of_frozen = f"Of the model frozen at each {'moment' if schedule == 'time' else schedule}"
+    modes = "moving_modes", f"Modes over {schedule}", f"{of_frozen}."
+    of_gain = f"{of_frozen}{beside if schedule == 'time' else ''}."
+    gain = "moving_gain", f"Gain over {schedule}", of_gain
     drawings = [drawn_figure(chart, modes, name, files)] if len(chart.table) else []
     still, image = replace(chart, panels=()), picture(results.prepared, varying.model)
     drawings.append(drawn_figure(still, gain, name, files, image))

@@ -137,16 +137,24 @@ def moving_sentence(moves: Moves | None) -> str:
     if moves is None:
         return ""
     errors = f"{percent(moves.error_percent, 2)} against {percent(moves.constant_error_percent, 2)}"
+    by_time = moves.schedule == "time"
+    held_out = "samples" if by_time else "recordings"
     if not moves.is_better:
+        response = "The response changes with time, but coefficients that move"
+        moving = response if by_time else f"Coefficients that move with {moves.schedule}"
         return (
-            "The response changes with time, but coefficients that move do not clearly predict"
-            f" held-out samples better: {errors} one step ahead."
+            f"{moving} do not clearly predict held-out {held_out} better: {errors} one step ahead."
         )
     moved = [f"mode {n} {_way(mode)}" for n, mode in enumerate(moves.modes, 1) if mode.moves]
     said = f": {enumeration(moved)}" if moved else ""
-    unstable = "" if moves.is_stable else " At some moments its frozen poles are unstable."
+    unstable = (
+        ""
+        if moves.is_stable
+        else f" At some {'moments' if by_time else 'values'} its frozen poles are unstable."
+    )
     return (
-        f"The machine changes{said}. With coefficients that move, held-out samples are predicted"
+        f"The machine changes{'' if by_time else f' with {moves.schedule}'}{said}. With"
+        f" coefficients that move, held-out {held_out} are predicted"
         f" one step ahead with an error of {errors} with constant ones.{unstable}"
     )
 
