@@ -299,7 +299,7 @@ def test_channels_that_nothing_tells_are_asked_for(folder, capsys, heading, exam
 def test_of_a_folder_is_said_what_would_be_taken(folder, capsys):
     assert main(["."]) == 0
     shown = capsys.readouterr().out
-    assert "    input: u\n    output: y\n    time: time  # 100 Hz\n" in shown
+    assert '    input: u\n    output: "y"\n    time: time  # 100 Hz\n' in shown
     assert shown.endswith("evopem init . writes this as ./config.yaml.\n")
     assert not Path("config.yaml").exists()
 
