@@ -321,7 +321,9 @@ def test_results_of_responses_are_read_and_compared(identified, tmp_path, monkey
         assert (np.abs(model["gain"] - true) / half).max() < 2.0
         assert (half / true).median() < 0.02
     assert main(["compare", str(results), str(results)]) == 0
-    assert "2 models" in Path("comparison.html").read_text()
+    page = Path("comparison.html").read_text()
+    assert "2 models" in page
+    assert "150 frequencies" in page
     assert "frf" in capsys.readouterr().out
 
 

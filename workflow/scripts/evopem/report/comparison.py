@@ -141,7 +141,9 @@ def build_comparison(
     names = dict.fromkeys(name for outcome in outcomes for name in outcome)
     name, data = "-".join(comparison.labels)[:80], ("CSV of each data set",)
     table = comparison.table.assign(
-        verdict=[verdict(model).sentence for model in comparison.models], label=comparison.labels
+        verdict=[verdict(model).sentence for model in comparison.models],
+        label=comparison.labels,
+        of_responses=[model.of_responses for model in comparison.models],
     )
     page = environment(template_directory).get_template("comparison.html.j2")
     return page.render(

@@ -102,17 +102,14 @@ def environment(folder: Path) -> Environment:
         keep_trailing_newline=True,
     )
     words = dict(getmembers(numbers, isfunction))
+    of_sentences = (
+        *(counted_roots, difference_gain, evaluations_to_near, gains_in_words),
+        *(line_spacing, persistent_frequencies, time_constants),
+    )
     environment.filters.update(words)
     environment.tests["finite"] = numbers.is_number
     environment.globals.update(
-        words,
-        counted_roots=counted_roots,
-        difference_gain=difference_gain,
-        evaluations_to_near=evaluations_to_near,
-        gains_in_words=gains_in_words,
-        line_spacing=line_spacing,
-        persistent_frequencies=persistent_frequencies,
-        time_constants=time_constants,
+        words | {function.__name__: function for function in of_sentences},
         persistent_orders=PERSISTENT_ORDERS,
         symbol=symbol,
         p_value=p_text,
