@@ -325,6 +325,9 @@ def test_results_of_responses_are_read_and_compared(identified, tmp_path, monkey
     assert "2 models" in page
     assert "150 frequencies" in page
     assert "frf" in capsys.readouterr().out
+    assert main(["compare", str(results), str(results), "--setups"]) == 0
+    said = capsys.readouterr().out
+    assert "2 set-ups and 2 outputs; force, mid and tip in all set-ups. No set-up contra" in said
 
 
 def test_keys_that_responses_do_not_have():
