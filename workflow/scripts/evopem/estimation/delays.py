@@ -29,7 +29,7 @@ SAMPLES_PER_COEFFICIENT = 5
 # Difference of BIC, times the samples, that decides nothing: the smallest of such delays is taken.
 AS_WELL = 2.0
 # Probability of delays that are called likely together, and score up to which there is little
-# evidence against a delay: odds of 12 to 1.
+# evidence against one of a slow input, whose first coefficients hardly count: odds of 12 to 1.
 LIKELY, LITTLE = 0.95, 5.0
 # Score of all but the best delay and its neighbours that leaves no doubt of ARX models; they are
 # doubted where an input has less than this share of its power in the upper half of the frequencies.
@@ -144,7 +144,8 @@ def likely_delays(
         order, shares = np.argsort(scores), np.exp(-0.5 * np.sort(scores))
         count = int(np.searchsorted(np.cumsum(shares), LIKELY * shares.sum())) + 1
         likely = tuple(sorted((low + order[:count]).tolist()))
-        delays[place] = next(k for k in likely if scores[k - low] <= (LITTLE if k else 0.0))
+        against = LITTLE if _is_slow(segments, place) else AS_WELL
+        delays[place] = next(k for k in likely if scores[k - low] <= (against if k else 0.0))
         decided.append(InputDelay(delays[place], likely, scores))
     return decided
 
