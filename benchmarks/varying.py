@@ -23,8 +23,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "workflow" / "sc
 
 from evopem import Orders, Recording, Scheduled, choose_varying, estimate_varying
 from evopem.automatic.varying import CLEARLY, compared
+from evopem.estimation.varying import VaryingProblem
 from evopem.estimation.varying_choice import choose_autoregression, undersmoothed
-from evopem.models.varying import delayed_inputs, filtered
+from evopem.models.varying import all_free, delayed_inputs, filtered
 
 RATE = 100.0
 HALF_WIDTH = 1.96
@@ -106,7 +107,7 @@ def state(y, order, drift, forgetting):
     return np.column_stack([mean, np.maximum(local, 1e-6)])
 
 
-def spectra(records, _kinds, samples=1500):
+def spectra(records, _kinds, samples=1200):
     errors, seconds = {}, {}
     for number in range(records):
         y, a, c = survey(samples, number)
@@ -129,7 +130,7 @@ def spectra(records, _kinds, samples=1500):
         began, best = time.process_time(), None
         for dimension in (4, 5, 6, 8):
             basis = scheduled.basis(chosen.basis.kind, dimension)
-            fit = estimate_varying(scheduled, Orders(na=6, nc=2), basis)
+            fit = by_descent(scheduled, Orders(na=6, nc=2), basis)
             best = fit if best is None or fit.bic < best.bic else best
         theta, rows = best.model.coefficients(times), best.model.rows
         of_tarma = spectrum(
@@ -184,13 +185,20 @@ ORDERS = {
 }
 
 
+def by_descent(scheduled, orders, basis):
+    """From the estimate by two stages, without a search."""
+    problem = VaryingProblem(scheduled, orders, basis, all_free(orders, basis))
+    starts = [problem.start()] if orders.nc or any(orders.nf) else []
+    return estimate_varying(scheduled, orders, basis, starts=starts)
+
+
 def bands(records, kinds, samples=1000):
     for kind in kinds:
         covered = []
         for number in range(records):
             scheduled, f = system(kind, samples, number, 0.3)
             fits = [
-                estimate_varying(scheduled, ORDERS[kind], scheduled.basis("legendre", n))
+                by_descent(scheduled, ORDERS[kind], scheduled.basis("legendre", n))
                 for n in (2, 3, 4)
             ]
             best = min(fits, key=lambda fit: fit.bic)
