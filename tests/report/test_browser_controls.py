@@ -1,8 +1,10 @@
 """The controls of the pages in a real browser: copying, sorting, searching and saving."""
 
+import csv
 import json
 import math
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 from browsing import needs_chromium, visit
@@ -201,6 +203,38 @@ def test_data_sets_are_filtered_by_check_group_and_frequency(browser, several):
     assert choose(browser, group="", **{"from": "100", "to": "101"}) == ["bench-1"]
     assert choose(browser, **{"from": "", "to": ""}, text="line 7") == ["bench-2"]
     assert len(choose(browser, text="")) == 4
+
+
+def test_what_is_seen_of_a_list_is_chosen_marked_and_saved(browser, several):
+    visit(browser, several)
+    assert len(choose(browser, marked="arm-")) == 4
+    marked = browser.find_elements("css selector", "tr.marked th")
+    assert {cell.text for cell in marked} == {"arm-1", "arm-2"}
+    choose(browser, marked="", group="arm")
+    browser.execute_script(
+        """window.saved = {};
+        HTMLAnchorElement.prototype.click = function () { saved[this.download] = this.href; };
+        document.querySelectorAll('details').forEach(d => d.open = true);
+        [...document.querySelectorAll('.columns label')].find(
+            label => label.textContent.includes('Model')).firstChild.click();"""
+    )
+    settle(browser)
+    saved = browser.execute_async_script(
+        """for (const button of document.querySelectorAll('.tools button')) {
+            if (['CSV', 'SVG', 'PNG'].includes(button.textContent)) button.click();
+        }
+        setTimeout(() => arguments[0](window.saved), 1000);"""
+    )
+    table = unquote(saved["data_sets.csv"]).partition(",")[2]
+    rows = list(csv.reader(table.splitlines()))
+    assert [row[0] for row in rows] == ["Data set", "arm-2", "arm-1"]
+    assert "Checks" in rows[0]
+    assert "Model" not in rows[0]
+    drawing = unquote(saved["checks.svg"])
+    assert "Checks of 2 recordings" in drawing
+    assert drawing.count("arm-2: White residuals, failed") == 1
+    assert "bench" not in drawing
+    assert saved["checks.png"].startswith("data:image/png;base64,")
 
 
 def picture(browser, figure):

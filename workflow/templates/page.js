@@ -107,7 +107,12 @@
     };
     offer("failed", rows.flatMap((each) => each.failed));
     offer("group", rows.map((each) => each.group).filter(Boolean));
+    const mark = () => {
+      const sought = field("marked")?.value.toLowerCase().split(/\s+/).filter(Boolean) ?? [];
+      rows.forEach((each) => each.row.classList.toggle("marked", sought.length > 0 && sought.every((word) => each.text.includes(word))));
+    };
     const apply = () => {
+      mark();
       const sought = field("text").value.toLowerCase().split(/\s+/).filter(Boolean);
       const [failed, group] = [field("failed").value, field("group").value];
       const [from, to] = [field("from").value, field("to").value];
@@ -127,6 +132,116 @@
     };
     place.addEventListener("input", apply);
     place.hidden = false;
+  };
+
+  const save = (name, address) => {
+    const link = document.createElement("a");
+    link.download = name;
+    link.href = address;
+    link.click();
+  };
+  // What is seen of a table, as CSV.
+  const asCsv = (table, head) => {
+    const seen = [...table.rows].filter((row) => !row.hidden && row.cells.length);
+    const quoted = (words) => `"${(/^[=+@\t\r-]/.test(words) && Number.isNaN(Number(words)) ? "'" : "") + words.replaceAll('"', '""')}"`;
+    return seen.map((row) => {
+      const cells = columns(row);
+      return head.flatMap((title, at) => (title.hidden ? [] : [quoted(cells[at] === cells[at - 1] ? "" : cells[at]?.dataset[row.parentElement.tagName === "THEAD" ? "head" : "value"] ?? plain(cells[at]))])).join(",");
+    }).join("\r\n");
+  };
+  // Checks by recording, of the rows that are seen and in their order; colours as of the verdicts.
+  const OUTCOMES = { P: ["passed", "--figure-truth"], C: ["caution", "--figure-fifth"], F: ["failed", "--figure-error"], N: ["note", "--figure-muted"], J: ["not judged", "--rule"] };
+  const heatMap = (table) => {
+    const names = table.dataset.checks.split("|");
+    const rows = [...table.tBodies[0].rows].filter((row) => !row.hidden && row.dataset.outcomes);
+    const style = getComputedStyle(document.documentElement);
+    const colour = (name) => style.getPropertyValue(name).trim();
+    const [left, top, size] = [190, 230, 14];
+    const make = (kind, attributes, words) => {
+      const made = document.createElementNS("http://www.w3.org/2000/svg", kind);
+      Object.entries(attributes).forEach(([key, value]) => made.setAttribute(key, value));
+      if (words !== undefined) made.textContent = words;
+      return made;
+    };
+    const [width, height] = [left + size * names.length + 150, top + size * rows.length + 8];
+    const svg = make("svg", { xmlns: "http://www.w3.org/2000/svg", width, height, viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": `Checks of ${rows.length} recordings`, "font-family": "sans-serif", "font-size": 11, fill: colour("--ink") });
+    svg.append(make("rect", { width, height, fill: colour("--paper") }));
+    Object.values(OUTCOMES).forEach(([words, role], at) => {
+      svg.append(make("rect", { x: 4, y: 8 + 18 * at, width: 12, height: 12, fill: colour(role) }), make("text", { x: 22, y: 18 + 18 * at }, words));
+    });
+    names.forEach((name, at) => {
+      const x = left + size * at + 10;
+      svg.append(make("text", { x, y: top - 6, transform: `rotate(-60 ${x} ${top - 6})` }, name));
+    });
+    rows.forEach((row, at) => {
+      const name = plain(row.cells[0]);
+      svg.append(make("text", { x: left - 8, y: top + size * at + 11, "text-anchor": "end" }, name.length > 28 ? `${name.slice(0, 27)}…` : name));
+      row.dataset.outcomes.trim().split(" ").forEach((each) => {
+        const [words, role] = OUTCOMES[each.at(-1)];
+        const cell = make("rect", { x: left + size * parseInt(each, 10), y: top + size * at, width: size - 2, height: size - 2, fill: colour(role) });
+        if (words !== "passed") cell.append(make("title", {}, `${name}: ${names[parseInt(each, 10)]}, ${words}`));
+        svg.append(cell);
+        if (words === "failed") svg.append(make("text", { x: left + size * parseInt(each, 10) + 3, y: top + size * at + 10, "font-weight": 700, fill: colour("--paper") }, "×"));
+      });
+    });
+    return svg;
+  };
+  const asPicture = (svg) => `data:image/svg+xml;charset=utf-8,${encodeURIComponent(new XMLSerializer().serializeToString(svg))}`;
+  const asPng = (svg, done) => {
+    const picture = new Image();
+    picture.onload = () => {
+      const canvas = document.createElement("canvas");
+      const sharp = Math.min(2, 16000 / picture.height);
+      [canvas.width, canvas.height] = [picture.width * sharp, picture.height * sharp];
+      canvas.getContext("2d").drawImage(picture, 0, 0, canvas.width, canvas.height);
+      done(canvas.toDataURL());
+    };
+    picture.src = asPicture(svg);
+  };
+  // Columns to hide, and the map of checks.
+  const fleet = (table, head, tools) => {
+    tools.append(" ", button("CSV", () => save("data_sets.csv", `data:text/csv;charset=utf-8,${encodeURIComponent(asCsv(table, head))}`)));
+    const folded = (words) => {
+      const made = document.createElement("details");
+      made.append(document.createElement("summary"));
+      made.firstChild.textContent = words;
+      return made;
+    };
+    const shown = folded("Columns");
+    head.slice(1).forEach((cell, at) => {
+      const label = document.createElement("label");
+      const box = document.createElement("input");
+      box.type = "checkbox";
+      box.checked = true;
+      box.addEventListener("change", () => {
+        for (const row of table.rows) {
+          const own = columns(row)[at + 1];
+          if (own?.colSpan === 1) own.hidden = !box.checked;
+        }
+      });
+      label.append(box, " ", plain(cell).replace("↕", ""), " ");
+      shown.append(label);
+    });
+    shown.className = "columns";
+    const map = folded("Checks by recording");
+    const place = document.createElement("div");
+    place.className = "scroll map";
+    place.tabIndex = 0;
+    place.setAttribute("role", "region");
+    place.setAttribute("aria-label", "Map of checks");
+    const draw = () => { if (map.open) place.replaceChildren(heatMap(table)); };
+    const pictures = document.createElement("p");
+    pictures.className = "tools";
+    pictures.append(
+      button("SVG", () => save("checks.svg", asPicture(place.firstChild))), " ",
+      button("PNG", () => asPng(place.firstChild, (address) => save("checks.png", address))),
+    );
+    map.append(place, pictures);
+    map.addEventListener("toggle", draw);
+    document.addEventListener("input", () => setTimeout(draw));
+    table.closest(".scroll").parentElement.addEventListener("click", (event) => { if (event.target.matches("button.sort")) draw(); });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+    tools.after(shown, map);
   };
 
   // The name of its column on every cell, for narrow screens, where a row becomes a list.
@@ -175,6 +290,7 @@
     tools.append(button("Copy", (own) => copy(asText(table, head), own, caption)));
     tools.firstChild.setAttribute("aria-label", `Copy table: ${caption}`);
     table.closest(".scroll").after(tools);
+    if (table.dataset.checks) fleet(table, head, tools);
   }
 
   document.querySelectorAll("[data-filters]").forEach(filter);
