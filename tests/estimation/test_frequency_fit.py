@@ -287,6 +287,7 @@ def test_the_command_writes_results_and_a_report(identified):
     for words in ("continuous time", "Not applied, because they need a recording in time", "tip"):
         assert words in page
     assert 'id="residual_tests"' not in page
+    assert "zero of the noise filter" not in page  # there is no noise model
     for figure in ("gain", "stabilization", "frequency_response", "nyquist"):
         assert f'<section id="{figure}"' in page
     summary = json.loads((results / "summary.json").read_text())

@@ -51,6 +51,7 @@ def evaluations_to_near(history: Sequence[tuple[int, float]]) -> int:
 def counted_roots(results: DatasetResults) -> dict[str, Any]:
     """Numbers of poles and zeros, and how far out the outermost ones are."""
     record, kinds = results.model, results.roots["kind"]
+    zeros_of_noise = record.noise_zeros if record.has_noise_model else np.empty(0)
     slowest = float(np.abs(record.poles).max(initial=0.0))
     zeros = np.concatenate([*record.zeros, np.empty(0)])
     stable = 0 < slowest < 1
@@ -62,7 +63,7 @@ def counted_roots(results: DatasetResults) -> dict[str, Any]:
         "zeros": zeros.size,
         "outside": int(np.sum(np.abs(zeros) > 1)),
         "unknown": int(results.roots["variance_real"].isna().sum() - (kinds == "true pole").sum()),
-        "noise_zero": float(np.abs(record.noise_zeros).max()) if record.noise_zeros.size else None,
+        "noise_zero": float(np.abs(zeros_of_noise).max()) if zeros_of_noise.size else None,
     }
 
 
