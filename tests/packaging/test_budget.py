@@ -39,12 +39,12 @@ BUDGET = {
     "words beside evidence": 6_000,
 }
 REACHED = {
-    "lines": 44_687,
-    "files": 233,
+    "lines": 47_143,
+    "files": 244,
     "files above 400 lines": 0,
     "folders above 20 files": 0,
-    "words of guides": 19_095,
-    "words beside evidence": 3_337,
+    "words of guides": 19_676,
+    "words beside evidence": 3_528,
 }
 
 
