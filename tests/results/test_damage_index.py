@@ -77,8 +77,8 @@ def test_a_table_of_conditions_gives_the_same_and_their_absence_hides_the_damage
     assert damage_sentences(hidden, 0.01)[0].startswith(("None of 30 recordings lies", "1 of 30"))
 
 
-def test_what_is_not_judged_says_why():
-    recordings, conditions = fleet(loss=0.0)
+def test_what_is_not_judged_says_why(tmp_path):
+    recordings, conditions = fleet()
     conditions["bridge-40"]["temperature"] = 40.0
     recordings["bridge-41"] = []
     table = damage_index(results(recordings), "bridge-[012]*", conditions).set_index("dataset")
@@ -86,6 +86,10 @@ def test_what_is_not_judged_says_why():
     assert table["not_judged"]["bridge-41"].startswith("it has no mode")
     told = " ".join(damage_sentences(table.reset_index(), 0.01))
     assert "Not judged, because it has no mode of the others: bridge-41." in told
+    # The same from the file, in which a column with gaps is one of floats.
+    table.to_csv(tmp_path / "damage_index.csv")
+    of_file = damage_sentences(pd.read_csv(tmp_path / "damage_index.csv"), 0.01)
+    assert " ".join(of_file) == told
 
 
 @pytest.mark.parametrize(

@@ -57,4 +57,5 @@ def test_a_drop_of_the_stiffness_is_reported_with_its_recording(folder):
     sentence = "2 of 2 recordings lie above the limit of the damage index"
     assert sentence in page
     assert sentence in told
+    assert "beam-f (mode 1 by" in told
     assert folder.planned() == {}

@@ -48,7 +48,7 @@ def _sentences(table: pd.DataFrame, false_alarms: float) -> Iterator[str]:
 def _named(rows: pd.DataFrame) -> str:
     """Recordings with the mode that lies farthest away."""
     cells = rows[["dataset", "farthest_mode", "change_percent"]].itertuples(index=False)
-    return _listed([f"{n} (mode {m} by {number(change, 2)}{THIN}%)" for n, m, change in cells])
+    return _listed([f"{n} (mode {int(m)} by {number(change, 2)}{THIN}%)" for n, m, change in cells])
 
 
 def _listed(names: list[str]) -> str:
