@@ -331,10 +331,40 @@ def test_the_record_is_not_modified():
     np.testing.assert_array_equal((u, y), before)
 
 
+def of_stretches(objective):
+    """Three stretches of two recordings, of different lengths."""
+    orders = Orders(na=1, nb=(2, 3), nc=1, nd=2, nf=(2, 1), nk=(2, 0))
+    _, u, y = problem(orders, True, samples=400)
+    cuts = [(0, 90, 0), (95, 240, 0), (240, 400, 1)]
+    stretches = [Segment(u[a:b], y[a:b], recording) for a, b, recording in cuts]
+    window = ScoringWindow(START, LOSS_START)
+    return PolynomialErrors(stretches, orders, objective, 0.999, 0.995, True, window)
+
+
+@pytest.mark.parametrize("objective", ["absolute", "quadratic"])
+def test_passes_over_several_stretches_add_up(objective):
+    errors = of_stretches(objective)
+    points, none, ones = population(errors, 11), np.zeros(11), np.ones(11)
+    by_residuals = [errors.loss(errors.residuals(point)) for point in points]
+    values = errors.values(points)
+    np.testing.assert_allclose(values, by_residuals + points**2 @ errors.state_weights(), 1e-10)
+    smoothed, gradients = errors.values_and_gradients(points, 0.1 * ones, none)
+    for k, step in enumerate(1e-6 * np.eye(errors.dimension)):
+        up, _ = errors.values_and_gradients(points + step, 0.1 * ones, none)
+        down, _ = errors.values_and_gradients(points - step, 0.1 * ones, none)
+        np.testing.assert_allclose(gradients[:, k], (up - down) / 2e-6, rtol=1e-5, atol=1e-5)
+    barred, slopes = errors.values_and_gradients(points, 0.1 * ones, 2.0 * ones)
+    of_roots, of_entries, _ = errors.barriers(points)
+    np.testing.assert_allclose(barred - smoothed, 2.0 * of_roots, 1e-7, 1e-9)
+    np.testing.assert_allclose(slopes - gradients, 2.0 * of_entries, 1e-7, 1e-9)
+
+
 @pytest.mark.parametrize("wait", [None, 0.5])
 @pytest.mark.parametrize("objective", ["absolute", "quadratic"])
-def test_descents_are_those_that_python_steps_through(objective, wait):
+@pytest.mark.parametrize("several", [False, True])
+def test_descents_are_those_that_python_steps_through(objective, wait, several):
     errors, _, _ = problem(Orders(na=3, nb=3, nc=3, nk=1), False, objective, samples=400)
+    errors = of_stretches(objective) if several else errors
     starts = population(errors, 11)
     smoothing, barriers = np.full(11, 0.05), np.full(11, 1e-4)
 
@@ -345,7 +375,7 @@ def test_descents_are_those_that_python_steps_through(objective, wait):
         return damped_inverses(errors.curvatures(points, smoothing[rows], barriers[rows]))
 
     stepped = descend(evaluate, starts, inverse_hessians, 200, 1e-9, wait=wait)
-    advance = partial(errors.advance_descents, smoothing, barriers, 1e-9, 200)
+    advance = partial(errors.passes.advance, (smoothing, barriers, 1e-9, 200))
     found = descend_by(advance, starts, inverse_hessians, wait=wait)
     assert found.evaluations == stepped.evaluations > 200
     for own, other in zip(

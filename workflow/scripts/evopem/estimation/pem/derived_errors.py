@@ -57,7 +57,7 @@ class KStepErrors:
     def _jacobian(self, errors: StretchErrors, point: Array) -> Array:
         a, _, d = self._noise_model(point)
         weights, e = self.weights(point), errors.residuals(point)[errors.residual_start :]
-        jacobian = _filtered(weights, errors.jacobian(point))
+        jacobian = _filtered(weights, np.concatenate(list(errors.jacobian_blocks(point))))
         by_c = _divided(_divided(np.eye(1, self.horizon)[0], a), d)
         by_a, by_d = -_divided(weights, a), -_divided(weights, d)
         for name, response in (("a", by_a), ("c", by_c), ("d", by_d)):

@@ -5,16 +5,23 @@ adds to the first equations of ``F_i x_i = -B_i u_i + g_i`` and ``C e = D v + s`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 
 from evopem.arrays import Array, Flags, Indices
 from evopem.config.settings import ScoringWindow
 from evopem.errors import NoModelError
+from evopem.estimation.pem.kernels.gradient import GRADIENTS, VALUES
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.kernels.record import Objective
-from evopem.estimation.pem.stretch_errors import PLANT_STATE_WEIGHT, STATE_WEIGHT, StretchErrors
+from evopem.estimation.pem.stretch_errors import (
+    PLANT_STATE_WEIGHT,
+    STATE_WEIGHT,
+    Passes,
+    StretchErrors,
+)
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import reflect_into_disc
@@ -97,11 +104,6 @@ class PolynomialErrors:
                 np.arange(plant, plant + nf),
                 np.arange(noise, noise + states),
             ].astype(np.intp)
-
-    @property
-    def samples(self) -> int:
-        """Of the longest stretch, which ``inputs`` and ``output`` are of."""
-        return len(self.output)
 
     @property
     def level(self) -> bool:
@@ -200,7 +202,8 @@ class PolynomialErrors:
     def values(self, points: Array) -> Array:
         """Objective of each row of an (M, n) population, in percent; infeasible rows are inf.  The
         weak squares of the states are part of it."""
-        return np.asarray(sum(errors.values(points[:, at]) for errors, at in self.places))
+        none = np.zeros(len(points))
+        return self.passes.passed(VALUES, points, none, none)[0]
 
     def values_and_gradients(
         self, points: Array, smoothing: Array, barriers: Array
@@ -208,20 +211,13 @@ class PolynomialErrors:
         """Smoothed objective of each row and its gradient; infeasible rows are inf and 0.
         Magnitudes are ``sqrt(e**2 + smoothing**2)``; ``barriers``, percent, weigh the edge of the
         stability region."""
-        total, gradients = np.zeros(len(points)), np.zeros(points.shape)
-        # Each stretch counts its share of the barriers.
-        for (errors, at), scale in zip(self.places, self._scales, strict=True):
-            share = scale / self._scale
-            values = errors.values_and_gradients(points[:, at], smoothing, share * barriers)
-            total += values[0]
-            gradients[:, at] += values[1]
-        return total, gradients
+        return self.passes.passed(GRADIENTS, points, smoothing, barriers)
 
-    @property
-    def advance_descents(self) -> Callable[..., tuple[int, int]] | None:
-        """The compiled loop over the trials of descents, which one stretch has."""
-        (errors, _), *others = self.places
-        return None if others else errors.advance_descents
+    @cached_property
+    def passes(self) -> Passes:
+        """Compiled passes, and the loop over the trials of descents."""
+        # Each stretch counts its share of the barriers.
+        return Passes(self.places, self._scales / self._scale)
 
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:
         """Gauss-Newton approximation of the Hessian of the smoothed objective, (M, n, n)."""

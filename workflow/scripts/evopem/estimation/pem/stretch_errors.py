@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
 
-from evopem.arrays import Array
+from evopem.arrays import Array, Indices
 from evopem.config.settings import ScoringWindow
 from evopem.estimation.pem.kernels.bfgs import LINE, State
 from evopem.estimation.pem.kernels.gauss_newton import gauss_newton_matrices
-from evopem.estimation.pem.kernels.gradient import GRADIENTS, RESIDUALS, VALUES, passes
+from evopem.estimation.pem.kernels.gradient import GRADIENTS, RESIDUALS, passes
 from evopem.estimation.pem.kernels.polynomials import filter_rows
 from evopem.estimation.pem.kernels.record import (
     LagSums,
     Objective,
     Record,
+    Stretches,
     Workspace,
     lag_sums_for,
     record_of,
@@ -36,23 +38,21 @@ DENSITY_BANDWIDTH = 0.3
 PLANT_STATE_WEIGHT = 1e-6
 
 
+@dataclass(eq=False)
 class StretchErrors:
     """What one stretch adds to an objective, its gradient and curvature, by compiled passes.
     ``inputs`` (N, m), ``output`` (N,).  Points are those of a problem of this stretch alone."""
 
-    def __init__(
-        self,
-        inputs: Array,
-        output: Array,
-        orders: Orders,
-        window: ScoringWindow,
-        objective: Objective,
-        level: bool,
-    ) -> None:
-        self.inputs, self.output, self.orders = inputs, output, orders
-        self.samples, self.level = len(output), level
-        self.residual_start, self.loss_start = window.residual_start, window.loss_start
-        self.objective = objective
+    inputs: Array
+    output: Array
+    orders: Orders
+    window: ScoringWindow
+    objective: Objective
+    level: bool
+
+    def __post_init__(self) -> None:
+        self.samples = len(self.output)
+        self.residual_start, self.loss_start = self.window.residual_start, self.window.loss_start
 
     # Tables of eight numbers a sample, made when needed: a problem that is only scaled has none.
     @cached_property
@@ -65,52 +65,16 @@ class StretchErrors:
         return workspace_for(self._record)
 
     @cached_property
+    def _alone(self) -> Passes:
+        return Passes([(self, np.arange(np.sum(self._record.entry >= 0)))], np.ones(1))
+
+    @cached_property
     def _lag_sums(self) -> LagSums:
         return lag_sums_for(self._record, linear=False)
 
     @cached_property
     def _linear_lag_sums(self) -> LagSums:
         return lag_sums_for(self._record, linear=True)
-
-    def _passed(
-        self, task: int, points: Array, smoothing: Array, barriers: Array
-    ) -> tuple[Array, Array]:
-        """One pass over the points, for residuals in the workspace, values, or gradients."""
-        state = State(np.ascontiguousarray(points), *_rest(len(points))[1:])
-        given = self._record, self.objective, self._workspace, task, state
-        _, _, values, gradients = passes(*given, smoothing, barriers, 0.0, 0, 0, 0)
-        return values, gradients
-
-    def values(self, points: Array) -> Array:
-        """Losses of each row times their factor, with weak squares of the states; (M,)."""
-        none = np.zeros(len(points))
-        return self._passed(VALUES, points, none, none)[0]
-
-    def values_and_gradients(
-        self, points: Array, smoothing: Array, barriers: Array
-    ) -> tuple[Array, Array]:
-        """Smoothed objective of each row with barriers, and its gradient; else inf and 0."""
-        return self._passed(GRADIENTS, points, smoothing, barriers)
-
-    def advance_descents(
-        self,
-        smoothing: Array,
-        barriers: Array,
-        tolerance: float,
-        max_iterations: int,
-        state: State,
-        trials: int,
-        few: int,
-    ) -> tuple[int, int]:
-        """Trials of descents, as :func:`.batch_bfgs.descend_by` asks for them."""
-        if not trials:
-            passed = self._passed(GRADIENTS, state.x, smoothing, barriers)
-            state.line["value"], state.g[:] = passed
-            return 0, 0
-        given = self._record, self.objective, self._workspace, GRADIENTS, state
-        limits = tolerance, max_iterations, trials, few
-        made, evaluations, _, _ = passes(*given, smoothing, barriers, *limits)
-        return made, evaluations
 
     def curvatures(self, points: Array, smoothing: Array, linear: bool) -> Array:
         """Gauss-Newton matrices, (M, n, n), complete or only where B, level and states meet.  Those
@@ -132,16 +96,12 @@ class StretchErrors:
     def _residuals(self, point: Array) -> Array:
         """Residuals from the first on; x_i and v stand in the workspace as well."""
         none, first = np.zeros(1), self._record.history
-        self._passed(RESIDUALS, point[None, :], none, none)
+        self._alone.passed(RESIDUALS, point[None, :], none, none)
         return self._workspace.e[first : first + self.samples - self.residual_start, 0].copy()
 
-    def jacobian(self, point: Array) -> Array:
-        """Derivatives of the residuals from the first on by the entries of a point, (M, n)."""
-        return np.concatenate(list(self.jacobian_blocks(point)))
-
     def jacobian_blocks(self, point: Array) -> Iterator[Array]:
-        """Consecutive rows of :meth:`jacobian`, which long records need.  Signals and impulses,
-        delayed and filtered through D/C, D/CF_i or 1/C (Ljung 1999, section 10.3)."""
+        """Derivatives of the residuals from the first on by a point, consecutive rows.  Signals and
+        impulses, delayed and filtered through D/C, D/CF_i or 1/C (Ljung 1999, section 10.3)."""
         parts = self._regressors(point)
         for first, stop in chunks(0, self.samples - self.residual_start):
             yield np.concatenate([part.rows(first, stop) for part in parts]).T
@@ -175,6 +135,41 @@ class StretchErrors:
             _Regressors(*_from_rest(impulse, o.noise_states), 0, o.noise_states, none, (c,)),
         ]
         return [regressors for regressors in regressors if regressors.copies]
+
+
+class Passes:
+    """Passes over stretches, each with the place of its point and its share of the barriers."""
+
+    def __init__(self, places: Sequence[tuple[StretchErrors, Indices]], shares: Array) -> None:
+        parts, at = zip(*places, strict=True)
+        longest = max(parts, key=lambda part: part.samples)
+        records = [part._record for part in parts]
+        signals = [r.y for r in records], [r.u for r in records]
+        of_y, of_u = (s[0] if len(s) == 1 else np.concatenate(s) for s in signals)
+        y, u = (np.cumsum([0, *map(len, s)]) for s in signals)
+        ends = np.stack([y[:-1], y[1:], u[:-1], u[1:], [r.loss_stop for r in records]], axis=1)
+        weights = np.array([part.objective[2:4] for part in parts])
+        stretches = Stretches(of_y, of_u, ends, np.stack(at), shares, weights)
+        self._problem = longest._record, stretches, longest.objective, longest._workspace
+
+    def passed(
+        self, task: int, points: Array, smoothing: Array, barriers: Array
+    ) -> tuple[Array, Array]:
+        """One pass over the points, for residuals in the workspace, values, or gradients."""
+        state = State(np.ascontiguousarray(points), *_rest(len(points))[1:])
+        of_pass = passes(self._problem, task, state, smoothing, barriers, 0.0, 0, 0, 0)
+        return of_pass[2], of_pass[3]
+
+    def advance(
+        self, given: tuple[Array, Array, float, int], state: State, trials: int, few: int
+    ) -> tuple[int, int]:
+        """Trials of descents, as :func:`.bfgs.descend_by` asks for them, with given smoothing,
+        barriers, tolerance and iterations at most."""
+        if not trials:
+            state.line["value"], state.g[:] = self.passed(GRADIENTS, state.x, *given[:2])
+            return 0, 0
+        of_passes = passes(self._problem, GRADIENTS, state, *given, trials, few)
+        return of_passes[0], of_passes[1]
 
 
 @lru_cache(maxsize=64)

@@ -131,9 +131,9 @@ def _bfgs(
     def inverse_hessians(at: Array, rows: Indices) -> Array:
         return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
 
-    advance_descents = errors.advance_descents if isinstance(errors, PolynomialErrors) else None
-    if advance_descents is not None:
-        advance = partial(advance_descents, smoothing, barriers, tolerance, MAX_ITERATIONS)
+    if isinstance(errors, PolynomialErrors):
+        given = smoothing, barriers, tolerance, MAX_ITERATIONS
+        advance = partial(errors.passes.advance, given)
         return descend_by(advance, points, inverse_hessians, wait=wait)
     return descend(
         lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),

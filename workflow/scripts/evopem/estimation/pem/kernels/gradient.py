@@ -10,12 +10,11 @@ from evopem.estimation.pem.kernels.polynomials import barrier
 from evopem.estimation.pem.kernels.record import (
     CHUNK,
     PAIR,
-    all_finite,
     fill,
     load_points,
     load_smoothing,
-    marked_rows,
     state_weight,
+    stretch_of,
 )
 from evopem.estimation.pem.kernels.residuals import (
     add_lags,
@@ -157,7 +156,7 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
     count, n = points.shape
     values, gradients = np.full(count, np.inf), np.zeros((count, n))
     of_roots = _barriers(record, objective, points, gradients)
-    allowed = marked_rows((of_roots < np.inf) | (task == RESIDUALS))
+    allowed = np.nonzero((of_roots < np.inf) | (task == RESIDUALS))[0]
     first = record.loss_start - record.residual_start + record.history
     last = record.loss_stop - record.residual_start + record.history
     for i in range(0, allowed.size, LANES):
@@ -181,7 +180,7 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
                     slope[k] *= barriers[r]
                 _unload_gradient(record, objective, workspace.gradient, lane, points[r], slope)
                 value += barriers[r] * of_roots[r]
-                finite = all_finite(slope)
+                finite = np.isfinite(slope).all()
             for k in range(n):
                 square = points[r, k] * points[r, k]
                 value += state_weight(record, objective, n, k) * square
@@ -191,6 +190,21 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
         if not np.isfinite(values[r]):
             for k in range(n):
                 gradients[r, k] = 0.0
+    return values, gradients
+
+
+@inlined
+def _pass_over_all(record, stretches, objective, workspace, task, points, smoothing, barriers):
+    """The sum of what passes over all stretches give for each row."""
+    values, gradients = np.zeros(len(points)), np.zeros(points.shape)
+    for k, at in enumerate(stretches.places):
+        stretch, of_stretch = stretch_of(record, objective, stretches, k)
+        share = stretches.shares[k] * barriers
+        passed = pass_over(stretch, of_stretch, workspace, task, points[:, at], smoothing, share)
+        values += passed[0]
+        for r in range(len(points)):
+            for i in range(at.size):
+                gradients[r, at[i]] += passed[1][r, i]
     return values, gradients
 
 
@@ -221,18 +235,17 @@ def _unload_gradient(record, objective, table, lane, point, gradient):
 
 
 @cached_njit
-def passes(
-    record, objective, workspace, task, state, smoothing, barriers, tolerance, limit, trials, few
-):
+def passes(problem, task, state, smoothing, barriers, tolerance, limit, trials, few):
     """Trials of all descents, until so many are made or no more than ``few`` descents go on.  No
     trials are a pass over the points of the state, so that all is compiled and loaded once.
     Returns trials, evaluations and what the last pass gave."""
+    record, stretches, objective, workspace = problem
     made = evaluations = 0
     while True:
-        rows = marked_rows(state.line["active"])
+        rows = np.nonzero(state.line["active"])[0]
         trial = trial_points(state, rows) if trials else state.x
-        values, gradients = pass_over(
-            record, objective, workspace, task, trial, smoothing[rows], barriers[rows]
+        values, gradients = _pass_over_all(
+            record, stretches, objective, workspace, task, trial, smoothing[rows], barriers[rows]
         )
         if not trials:
             return made, evaluations, values, gradients

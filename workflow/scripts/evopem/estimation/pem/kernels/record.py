@@ -68,6 +68,19 @@ class Record(NamedTuple):
     loss_stop: int
 
 
+class Stretches(NamedTuple):
+    """Records of the same orders: their signals one after the other.  ``ends``: of each the first
+    sample and the end of y and of u, and of the samples that count.  ``places`` of its point in
+    that of all, ``shares`` of the barriers, ``weights`` of the squares of its states."""
+
+    y: Array
+    u: Array
+    ends: Indices
+    places: Indices
+    shares: Array
+    weights: Array
+
+
 class Objective(NamedTuple):
     """The objective of a sum of losses, and the largest radii of A and F_i, of C and D.
     ``absolute`` or else square loss, times ``factor``, plus the weighted squares of the states."""
@@ -259,32 +272,20 @@ def _parts_of_sums(record: Record, linear: bool) -> Indices:
 
 
 @njit
+def stretch_of(record, objective, stretches, k):
+    """A stretch as a record, with tables as long as those of the longest, and its objective."""
+    ends, weights = stretches.ends[k], stretches.weights[k]
+    signals = stretches.y[ends[0] : ends[1]], stretches.u[ends[2] : ends[3]]
+    parts = objective[:2] + (weights[0], weights[1]) + objective[4:]  # noqa: RUF005 - for numba
+    return Record(*(signals + record[2:-1] + (ends[4],))), Objective(*parts)
+
+
+@njit
 def fill(table, begin, end, value):
     """Write one number to all lanes of the rows ``begin ... end - 1`` of a table."""
     lanes = constant(value)
     for row in range(begin, end):
         store(table, row, lanes)
-
-
-@njit
-def marked_rows(marked):
-    """Indices of the true entries of a boolean array."""
-    rows = np.empty(marked.size, dtype=np.intp)
-    count = 0
-    for r in range(marked.size):
-        if marked[r]:
-            rows[count] = r
-            count += 1
-    return rows[:count]
-
-
-@njit
-def all_finite(numbers):
-    """Whether every number of an array is finite."""
-    finite = True
-    for i in range(numbers.size):
-        finite &= np.isfinite(numbers[i])
-    return finite
 
 
 @njit
