@@ -106,6 +106,15 @@ def comparison(results, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def setups(results, tmp_path_factory):
+    """Two set-ups of one structure, their modes merged."""
+    file = tmp_path_factory.mktemp("pages") / "setups.html"
+    compared = Comparison.of([results, results], ("left", "right"), setups=True)
+    file.write_text(build_comparison(compared, TEMPLATES), encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="session")
 def thousand(summary, tmp_path_factory):
     """A list of a thousand data sets, the errors of their models in no order."""
     entries = {

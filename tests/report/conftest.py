@@ -10,6 +10,7 @@ from browsing import (
     hostile,
     index,
     report,
+    setups,
     several,
     summary,
     thousand,
@@ -20,7 +21,17 @@ from evopem.figures.draw import draw as drawn_chart
 from evopem.figures.style import svg_text
 from evopem.report.page import build_report
 
-__all__ = ["browser", "comparison", "hostile", "index", "report", "several", "summary", "thousand"]
+__all__ = [
+    "browser",
+    "comparison",
+    "hostile",
+    "index",
+    "report",
+    "setups",
+    "several",
+    "summary",
+    "thousand",
+]
 
 
 @pytest.fixture(scope="session")

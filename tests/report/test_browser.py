@@ -305,6 +305,8 @@ AXE = importlib.util.find_spec("axe_playwright_python")
         ("index", 1440, "dark"),
         ("comparison", 360, "light"),
         ("comparison", 1440, "dark"),
+        ("setups", 360, "dark"),
+        ("setups", 1440, "light"),
     ],
 )
 def test_no_accessibility_violation(browser, request, name, width, scheme):

@@ -275,6 +275,11 @@ def paths(entry: str, job: StageJob) -> list[str]:
 
 _TITLES = {
     **{name: name.upper() for name in STRUCTURES},
+    "impulse": "impulse-response",
+    "ss": "state-space",
+    "ss_oe": "output-error state-space",
+    "ss_oe_drift": "output-error state-space (with drift)",
+    "ss_bj": "Box-Jenkins state-space",
     "delay": "delay",
     "plant": "plant order",
     "nc": "order of C",
