@@ -36,6 +36,7 @@ from evopem.config.settings import (  # noqa: E402
     SpectrumSettings,
     SplitSettings,
     TransformSettings,
+    VaryingSettings,
 )
 from evopem.report.verdict import Use  # noqa: E402
 from evopem.report.verdict_file import ListedMode, VerdictFile  # noqa: E402
@@ -115,8 +116,9 @@ def table(keys: dict, kinds: tuple[type, ...]) -> str:
     rows = ["| key | meaning | built in |", "|---|---|---|"]
 
     def add(name: str, about: dict, level: str) -> None:
-        reference = about.get("$ref", "").rpartition("/")[2]
-        below = schema["$defs"][reference]["properties"] if name in GROUPS and not level else {}
+        kinds_of = [each["$ref"] for each in (about, *about.get("anyOf", ())) if "$ref" in each]
+        has_table = name in (*GROUPS, "varying") and not level
+        below = schema["$defs"][kinds_of[0].rpartition("/")[2]]["properties"] if has_table else {}
         text = _short(". ".join(filter(None, described(about))))
         if below:
             text = text.partition(", a mapping of ")[0]
@@ -136,7 +138,7 @@ TABLES = {
     "synthesis": (SYNTHESIS, (SyntheticSource,)),
     "analysis": (
         ANALYSIS,
-        (TransformSettings, SplitSettings, SpectrumSettings, SearchSettings),
+        (TransformSettings, SplitSettings, SpectrumSettings, SearchSettings, VaryingSettings),
     ),
 }
 

@@ -133,7 +133,7 @@ class VaryingSettings:
     basis: Literal["auto", "legendre", "cosine", "spline"] = "auto"
     """the functions of time. Legendre polynomials, cosines or cubic splines; `auto` is by BIC"""
     dimension: Annotated[int, Field(ge=2, le=30)] | Literal["auto"] = "auto"
-    """the number of functions. Of splines at least 4"""
+    """the number of functions"""
     condition: Annotated[str, Field(min_length=1)] | None = None
     """the name of a condition, such as temperature. Coefficients of several recordings then move
     with it, not with time"""
