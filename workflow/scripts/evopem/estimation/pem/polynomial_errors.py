@@ -16,12 +16,7 @@ from evopem.errors import NoModelError
 from evopem.estimation.pem.kernels.gradient import GRADIENTS, VALUES
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.kernels.record import Objective
-from evopem.estimation.pem.stretch_errors import (
-    PLANT_STATE_WEIGHT,
-    STATE_WEIGHT,
-    Passes,
-    StretchErrors,
-)
+from evopem.estimation.pem.stretch_errors import PLANT_WEIGHT, STATE_WEIGHT, Passes, StretchErrors
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import reflect_into_disc
@@ -80,7 +75,7 @@ class PolynomialErrors:
             objective = Objective(
                 absolute=absolute,
                 factor=factor,
-                plant_state_weight=PLANT_STATE_WEIGHT * factor / unit,
+                plant_state_weight=PLANT_WEIGHT * factor / unit,
                 noise_state_weight=STATE_WEIGHT * factor / unit,
                 plant_radius=self.plant_radius,
                 noise_radius=self.noise_radius,
@@ -215,8 +210,7 @@ class PolynomialErrors:
 
     @cached_property
     def passes(self) -> Passes:
-        """Compiled passes, and the loop over the trials of descents."""
-        # Each stretch counts its share of the barriers.
+        """Compiled passes, of which each stretch counts its share of the barriers."""
         return Passes(self.places, self._scales / self._scale)
 
     def curvatures(self, points: Array, smoothing: Array, barriers: Array) -> Array:

@@ -35,7 +35,7 @@ STATE_WEIGHT = 1e-2
 DENSITY_BANDWIDTH = 0.3
 # Weight of the square of a plant state against that of a residual.  It only bounds states that the
 # residuals that count do not determine: a prior of a thousand standard deviations.
-PLANT_STATE_WEIGHT = 1e-6
+PLANT_WEIGHT = 1e-6
 
 
 @dataclass(eq=False)
@@ -157,8 +157,7 @@ class Passes:
     ) -> tuple[Array, Array]:
         """One pass over the points, for residuals in the workspace, values, or gradients."""
         state = State(np.ascontiguousarray(points), *_rest(len(points))[1:])
-        of_pass = passes(self._problem, task, state, smoothing, barriers, 0.0, 0, 0, 0)
-        return of_pass[2], of_pass[3]
+        return tuple(passes(self._problem, task, state, smoothing, barriers, 0.0, 0, 0, 0)[2:])
 
     def advance(
         self, given: tuple[Array, Array, float, int], state: State, trials: int, few: int
@@ -168,8 +167,7 @@ class Passes:
         if not trials:
             state.line["value"], state.g[:] = self.passed(GRADIENTS, state.x, *given[:2])
             return 0, 0
-        of_passes = passes(self._problem, GRADIENTS, state, *given, trials, few)
-        return of_passes[0], of_passes[1]
+        return tuple(passes(self._problem, GRADIENTS, state, *given, trials, few)[:2])
 
 
 @lru_cache(maxsize=64)

@@ -133,8 +133,9 @@ def _bfgs(
 
     if isinstance(errors, PolynomialErrors):
         given = smoothing, barriers, tolerance, MAX_ITERATIONS
-        advance = partial(errors.passes.advance, given)
-        return descend_by(advance, points, inverse_hessians, wait=wait)
+        return descend_by(
+            partial(errors.passes.advance, given), points, inverse_hessians, wait=wait
+        )
     return descend(
         lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),
         points,
