@@ -34,6 +34,8 @@ LIKELY, LITTLE = 0.95, 5.0
 # Score of all but the best delay and its neighbours that leaves no doubt of ARX models; they are
 # doubted where an input has less than this share of its power in the upper half of the frequencies.
 CLEAR, SLOW = 20.0, 0.1
+# Delay of slow inputs of several channels up to which ARX models are not doubted.
+CERTAIN_DELAY = 2
 # Shares of a lag's size, and of the outputs' power, that are rounding.
 DEPENDENT, FLOOR = 1e-9, 1e-14
 # BIC removes a coefficient about where its squared t ratio is below ln N.  Up to this many times
@@ -136,16 +138,23 @@ def likely_delays(
     has to be the likeliest: what feedback is left unnoticed acts on the same sample.
     ``limits``: delays tried of each input, in samples, both included.
     """
-    delays = [delay for delay, _ in delays_by_criterion(segments, limits)]
-    decided = []
-    for place, (low, high) in enumerate(limits):
-        scores = delay_scores(segments, delays, place, range(low, high + 1))
-        scores -= scores.min()
+    by_arx = delays_by_criterion(segments, limits)
+    delays, decided = [delay for delay, _ in by_arx], []
+    several = segments[0].inputs.shape[1] * segments[0].outputs.shape[1] > 1
+    for place, ((low, high), (_, criterion)) in enumerate(zip(limits, by_arx, strict=True)):
+        slow = _is_slow(segments, place)
+        # Of several channels ARX models know the past of all outputs.
+        doubted = not several or (slow and delays[place] > CERTAIN_DELAY)
+        scores = np.nan_to_num(total_samples(segments) * criterion)
+        if doubted:
+            scores = delay_scores(segments, delays, place, range(low, high + 1))
+        scores = scores - scores.min()
         order, shares = np.argsort(scores), np.exp(-0.5 * np.sort(scores))
         count = int(np.searchsorted(np.cumsum(shares), LIKELY * shares.sum())) + 1
         likely = tuple(sorted((low + order[:count]).tolist()))
-        against = LITTLE if _is_slow(segments, place) else AS_WELL
-        delays[place] = next(k for k in likely if scores[k - low] <= (against if k else 0.0))
+        if doubted:
+            against = LITTLE if slow else AS_WELL
+            delays[place] = next(k for k in likely if scores[k - low] <= (against if k else 0.0))
         decided.append(InputDelay(delays[place], likely, scores))
     return decided
 
