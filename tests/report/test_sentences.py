@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import identified
 import numpy as np
 import pytest
-from browsing import renamed_channels, told
+from browsing import TEMPLATES, renamed_channels, told
 
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -18,6 +19,7 @@ from evopem.report.page_sections import (
     mode_rows,
     stands_in_for_the_chapter,
 )
+from evopem.report.templates import environment
 from evopem.report.verdict import verdict
 from evopem.signals.peaks import SpectralPeak
 from evopem.signals.recording_info import FileOrigin
@@ -360,3 +362,13 @@ def test_a_band_that_is_wide_where_the_response_is_large_is_not_good(results):
     assert "where the response is large" not in answers[0].reason
     assert answers[1].answer != "good"
     assert "where the response is large" in answers[1].reason
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "words"),
+    [(0, 3, "3 outputs"), (1, 2, "1 input, 2 outputs"), (2, 1, "2 inputs, 1 output")],
+)
+def test_channels_are_counted_where_there_are_any(inputs, outputs, words):
+    results = SimpleNamespace(is_single=False, inputs=[None] * inputs, outputs=[None] * outputs)
+    parts = environment(TEMPLATES).get_template("parts.html.j2").module
+    assert str(parts.channels_of(results)).strip() == words
