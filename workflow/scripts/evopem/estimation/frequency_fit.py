@@ -208,9 +208,7 @@ class ResponseFit:
         A, B, C, D = entries(self.flat)
         silent = np.zeros((outputs * len(A) + outputs, self.flat.size))  # K and level
         slopes = np.vstack([jacobian_of(entries, self.flat), silent])
-        noise = np.mean(
-            np.abs(responses.values - self.response(responses.frequencies)) ** 2, axis=0
-        )
+        noise = np.mean(np.abs(self.misfit) ** 2, axis=0)
         return StateSpaceModel(
             *(A, B, C, D, np.zeros((len(A), outputs)), self.rate, np.zeros(outputs)),
             np.diag(noise.sum(axis=1)),
