@@ -69,8 +69,10 @@ def judged(scheduled: Scheduled, changes: bool) -> tuple[bool, list[tuple[float,
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sets", type=int, default=20)
-    sets, rows = parser.parse_args().sets, []
-    for structure in STRUCTURES:
+    parser.add_argument("--structures", nargs="+", default=STRUCTURES, choices=STRUCTURES)
+    arguments = parser.parse_args()
+    sets, rows = arguments.sets, []
+    for structure in arguments.structures:
         called, inside = {True: 0, False: 0}, []
         for seed in range(sets):
             for changes in (True, False):

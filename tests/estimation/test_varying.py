@@ -422,6 +422,18 @@ def test_recordings_are_held_out_whole_and_not_at_the_ends_of_the_condition():
     assert np.isnan(errors[scheduled.schedule == 30.0]).all()
 
 
+def test_output_error_predicts_recordings_that_are_held_out():
+    """Of their states before the first sample nothing is known: they are taken for at rest."""
+    scheduled, basis = pooled("oe"), pooled("oe").basis("legendre", 2)
+    problem = VaryingProblem(scheduled, ORDERS["oe"], basis, all_free(ORDERS["oe"], basis))
+    start = problem.start()
+    fit = estimate_varying(scheduled, ORDERS["oe"], basis, starts=[start])
+    errors = held_out_errors(scheduled, fit)
+    known = np.isfinite(errors)
+    assert known.sum() > 1500
+    assert np.sqrt(np.mean(errors[known] ** 2)) < 0.5 * np.std(scheduled.data.output)
+
+
 @pytest.mark.parametrize(
     ("varying", "sentence"),
     [
@@ -440,3 +452,17 @@ def test_conditions_that_no_model_can_follow_are_refused(varying, sentence):
     with pytest.raises(InputError) as raised:
         identify(*signals, RATE, show_progress=False, structure="arx", varying=varying)
     assert sentence in str(raised.value)
+
+
+def test_coefficients_of_the_poles_move_together_in_the_bands():
+    """One that stays as it is makes the damping move by more than its standard error."""
+    scheduled, basis = pooled("arx"), pooled("arx").basis("legendre", 3)
+    free = all_free(ORDERS["arx"], basis)
+    free[1:, 1:] = False
+    fit = undersmoothed(scheduled, estimate_varying(scheduled, ORDERS["arx"], basis, free))
+    assert fit.free.sum(axis=1).tolist() == [4, 4, 1, 1, 1]
+    for temperature in (0.0, 15.0, 30.0):
+        (mode,) = fit.model.frozen(temperature).modes()
+        (truth,) = np.roots([1.0, *denominators_at(temperature)[0]])[:1]
+        s = np.log(truth)
+        assert abs(mode.damping_ratio + s.real / abs(s)) < 3.0 * mode.damping_se

@@ -190,7 +190,8 @@ class VaryingProblem:
         if not size < HOPELESS**2 * (1.0 + np.linalg.norm(self._output)):
             return self._hopeless
         rows = columns * self._weight[:, None]
-        scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+        sizes = np.linalg.norm(rows, axis=0)
+        scale = np.where(sizes > 0.0, sizes, np.inf)  # nothing is known before a segment held out
         basis, triangle = np.linalg.qr(rows / scale)
         along = basis.T @ (y * self._weight)
         coefficients = np.linalg.lstsq(triangle, along, 1e-12)[0] / scale

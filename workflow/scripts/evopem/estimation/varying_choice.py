@@ -194,11 +194,12 @@ def pruned(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
 
 
 def undersmoothed(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
-    """The model with a function more in each coefficient that moves.
+    """The model with a function more in each coefficient that moves, or in all that give the poles.
 
     What BIC leaves out is about as large as the standard errors, which do not know of it.
     """
     model, moves = estimate.model, np.any(estimate.free[:, 1:], axis=1)
+    moves[model.rows["a"]] |= np.any(moves[model.rows["a"]])
     basis = replace(model.basis, dimension=model.basis.dimension + 1)
     free = np.zeros((len(moves), basis.dimension), dtype=bool)
     free[:, 0] = True
