@@ -315,8 +315,10 @@ def _listed(delays: Sequence[int]) -> str:
 
 
 def _in_runs(delays: Sequence[int]) -> str:
-    """Ascending numbers, neighbours together: "0, 3 to 5"."""
+    """Ascending numbers, neighbours together: "0, 3 to 5"; with gaps where there are many."""
     ends = [k for k in delays if k - 1 not in delays], [k for k in delays if k + 1 not in delays]
+    if len(ends[0]) > RECORDED:
+        return f"{len(delays)} from {delays[0]} to {delays[-1]}"
     pairs = zip(*ends, strict=True)
     return ", ".join(f"{low} to {high}" if high > low else str(low) for low, high in pairs)
 
