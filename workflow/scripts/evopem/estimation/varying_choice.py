@@ -24,6 +24,8 @@ FEWEST_PER_WEIGHT = 8
 INSIGNIFICANT = 1.5
 # Orders in a row above the best one that end the ladder of a structure.
 PATIENCE = 2
+# Samples above which autoregressions alone are tried: the searches would take minutes.
+MOST_SEARCHED = 20_000
 
 
 class Chosen(NamedTuple):
@@ -102,7 +104,8 @@ def choose_varying(
     best = pruned(scheduled, estimate_varying(scheduled, chosen.orders, chosen.basis))
     basis, lowest = chosen.basis, None
     # What changes the poles of a noisy simulation is seen with more functions than its errors.
-    for dimension in [n for n in dimensions if n >= chosen.basis.dimension]:
+    tried = dimensions if scheduled.data.samples <= MOST_SEARCHED else ()
+    for dimension in [n for n in tried if n >= chosen.basis.dimension]:
         basis = replace(basis, dimension=dimension)
         climbed = _lowest(_climbed(scheduled, most, nk, basis))
         if climbed is None or (lowest is not None and lowest.bic <= climbed.bic):
