@@ -4,6 +4,7 @@ The model of the recipe stays what it is; what moves stands beside it.
 """
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -183,6 +184,9 @@ def held_out_errors(scheduled: Scheduled, estimate: VaryingEstimate) -> Array:
         others = replace(scheduled, weights=np.where(held, 0.0, scheduled.weights))
         fitted = estimate_varying(others, model.orders, model.basis, free, starts=starts)
         errors[held] = fitted.errors[held]
+    if np.any(of_block < 0):  # the state before a whole recording is not known: it has to decay
+        for first, stop in pairwise(scheduled.bounds):
+            errors[first : first + (stop - first) // 3] = np.nan
     return errors
 
 
