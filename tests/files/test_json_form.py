@@ -31,7 +31,7 @@ from evopem.models.orders import Orders, armax_orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
-from evopem.results.fleet import DatasetSummary, ResponseValidation
+from evopem.results.fleet import DatasetSummary
 from evopem.results.identity import MadeFrom
 from evopem.signals.peaks import SpectrumSummary
 from evopem.signals.prepared_data import Transforms
@@ -53,7 +53,6 @@ RESULTS = [
     Orders,
     PhaseSelection,
     PolynomialModel,
-    ResponseValidation,
     SpectrumSummary,
     Transforms,
     Truth,

@@ -40,6 +40,7 @@ def test_a_run_makes_every_promised_file(finished):
     files = finished.files_of("truth")
     promised = [name for name, each in vars(DatasetFiles).items() if type(each).__name__ == "_File"]
     of_others = {"validation_recording", "validation_recording_info", "decisions", "details"}
+    of_others |= {"varying", "varying_modes"}
     for name in {*promised, "figures"} - of_others:
         paths = getattr(files, name)
         for path in map(Path, paths if isinstance(paths, list) else [paths]):

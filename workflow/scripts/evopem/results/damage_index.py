@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from evopem.validation.damage_index import Distance, Frequencies
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from evopem.notebook.results import Results
 
 # Columns of the table; the last ones say which mode lies farthest away, and what is not judged.
 _TYPES = (
@@ -33,6 +31,15 @@ _REASONS = {
     "reference": "too few recordings of the reference have its modes",
     "condition": "its conditions lie outside those of the reference",
 }
+
+
+class Results(Protocol):
+    """What the index takes of the results of a recording."""
+
+    @property
+    def summary(self) -> DatasetSummary:
+        """With its modes, and which of them to trust."""
+        ...
 
 
 @dataclass(frozen=True)
