@@ -282,6 +282,9 @@ def test_a_chirping_resonance_is_reported(chirp, tmp_path):
     truth = np.interp(table["time_s"], np.arange(1200) / RATE, frequency(np.arange(1200) / RATE))
     covered = (table["frequency_lower"] < truth) & (truth < table["frequency_upper"])
     assert covered.mean() > 0.7
+    percent = 100.0 * ZETA
+    covered = (table["damping_lower"] < percent) & (percent < table["damping_upper"])
+    assert covered.mean() > 0.7
 
 
 def test_a_constant_system_has_no_moving_model():

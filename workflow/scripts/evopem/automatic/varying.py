@@ -222,7 +222,7 @@ def table_of(varying: Varying) -> dict[str, list[float]]:
         "mode",
         along(varying.model),
         *frequency,
-        "damping_ratio",
+        "damping_percent",
         "damping_lower",
         "damping_upper",
     )
@@ -231,8 +231,8 @@ def table_of(varying: Varying) -> dict[str, list[float]]:
     for number, path in enumerate(paths, start=1):
         for time, mode in zip(times, path, strict=True):
             if mode is not None:
-                f, z = NORMAL_95 * mode.frequency_se_hz, NORMAL_95 * mode.damping_se
-                values = (mode.frequency_hz, f), (mode.damping_ratio, z)
+                f, z = NORMAL_95 * mode.frequency_se_hz, NORMAL_95 * 100.0 * mode.damping_se
+                values = (mode.frequency_hz, f), (100.0 * mode.damping_ratio, z)
                 rows.append([number, time, *(x for v, w in values for x in (v, v - w, v + w))])
     columns = np.reshape(rows, (-1, len(names))).T
     return {name: column.tolist() for name, column in zip(names, columns, strict=True)}

@@ -27,7 +27,7 @@ def moving_modes(varying: Varying) -> Chart:
     panels = []
     for name, label, column in (
         ("frequency", "Natural frequency (Hz)", "frequency_hz"),
-        ("damping", "Damping ratio", "damping_ratio"),
+        ("damping", "Damping ratio (%)", "damping_percent"),
     ):
         band = (f"{name}_lower", f"{name}_upper")
         curves = tuple(replace(c, band=band, marker="") for c in family(column, rows))
