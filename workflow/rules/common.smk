@@ -33,14 +33,8 @@ from evopem.pipeline.planning.provider import FILES, LIST, Provider, modules_of
 from evopem.pipeline.planning.stages import WHOLE
 from evopem.pipeline.planning.stage import module_of
 from evopem.config.structures import PHASES
-from evopem.results.layout import (
-    BATCH,
-    BATCH_CHECKSUMS,
-    DAMAGE,
-    FOLDER,
-    OVERVIEW,
-    SETUPS,
-)
+from evopem.results.layout import BATCH, BATCH_CHECKSUMS, DAMAGE, FOLDER
+from evopem.results.layout import OVERVIEW, SETUPS
 from evopem.results.layout import DatasetFiles, check_folders, lists_of
 from evopem.results.identity import forget_incomplete_batches
 from evopem.results.identity import mark_replaced_recordings
