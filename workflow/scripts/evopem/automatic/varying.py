@@ -15,6 +15,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.varying import Scheduled, VaryingEstimate, estimate_varying
 from evopem.estimation.varying_choice import DIMENSIONS, choose_varying
 from evopem.models.modes import Mode
+from evopem.models.response_tables import NORMAL_95
 from evopem.models.varying import KINDS, VaryingModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.validation.model_class import REJECTED, ResidualTest
@@ -28,7 +29,6 @@ ORDERS_ABOVE, FEWEST_ORDERS, MOST_ORDERS = 2, 4, 12
 # Moments at which modes are followed, the share of them at which one must oscillate, and its
 # largest standard error relative to its frequency.
 MOMENTS, SHARE, DOUBTFUL = 41, 0.8, 0.1
-NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True)
@@ -158,8 +158,7 @@ def delays_of(record: ModelRecord) -> tuple[int, ...]:
     if record.orders is not None:
         return record.orders.nk
     plant = record.plant
-    delays = plant.input_delays or (0,) * plant.inputs
-    return tuple(d + (not np.any(plant.D[:, k])) for k, d in enumerate(delays))
+    return tuple(d + (not np.any(plant.D[:, k])) for k, d in enumerate(plant.delays))
 
 
 def blocks(scheduled: Scheduled) -> Indices:

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, qr
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from evopem.arrays import Array
 from evopem.config.settings import Hold, SearchSettings
@@ -205,15 +205,15 @@ class ContinuousProblem:
             along = self.jacobian(point, fit)
             return fit.basis @ (fit.basis.T @ along) - along
 
-        stops = {"ftol": tolerance, "xtol": tolerance, "gtol": None, "max_nfev": steps}
         ends = [
-            least_squares(lambda x: self.projection(x).errors, start, slopes, self._limits, **stops)
+            least_squares(
+                lambda x: self.projection(x).errors,
+                *(start, slopes, self._limits),
+                **stops_of(steps, tolerance),
+            )
             for start in self.repair(points)
         ]
-        values = np.array([2.0 * end.cost / self.data.samples for end in ends])
-        converged = np.array([end.status > 0 for end in ends])
-        used = sum(end.nfev + end.njev for end in ends)
-        return Descent(np.array([end.x for end in ends]), values, converged, used)
+        return descent_of(ends, self.data.samples)
 
     def polish(self, points: Array) -> Descent:
         """Descents to the last digits."""
@@ -247,6 +247,19 @@ class ContinuousProblem:
         covariance = covariance and covariance.through(jacobian_of(self.matrices, values))
         about = self.data.sampling_rate, covariance, self.data.input_names, self.data.output_names
         return ContinuousModel(A, B, C, D, fit.coefficients[-1:], delays, self.hold, *about)
+
+
+def stops_of(steps: int, tolerance: float) -> dict[str, Any]:
+    """When descents by SciPy's ``least_squares`` end."""
+    return {"ftol": tolerance, "xtol": tolerance, "gtol": None, "max_nfev": steps}
+
+
+def descent_of(ends: Sequence[OptimizeResult], samples: int) -> Descent:
+    """Where such descents ended, with mean squares of so many errors."""
+    values = np.array([2.0 * end.cost / samples for end in ends])
+    converged = np.array([end.status > 0 for end in ends])
+    used = sum(end.nfev + end.njev for end in ends)
+    return Descent(np.array([end.x for end in ends]), values, converged, used)
 
 
 def _later(u: Array, lag: int) -> Array:
@@ -303,7 +316,7 @@ def in_continuous_time(
     kept = z[(z.imag != 0.0) | (z.real > AT_ZERO)]
     poles = rate * (np.log(kept) if len(kept) else -np.ones(1))
     paths = []
-    for lag, count in zip(form.input_delays or (0,) * form.inputs, counts, strict=True):
+    for lag, count in zip(form.delays, counts, strict=True):
         taps = count > len(z)
         free = hold == "zero-order" and (lag > 0 or taps)
         paths.append(Path(min(len(poles), count), lag + 0.5 * taps, free))

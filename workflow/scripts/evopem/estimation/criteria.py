@@ -190,7 +190,7 @@ def check_returned(
     coordinates may spoil poles that nearly coincide.
     """
     first = len(outputs) - len(errors)
-    u = delayed(inputs, model.input_delays or (0,) * model.inputs)[first:][:FIRST_SAMPLES]
+    u = delayed(inputs, model.delays)[first:][:FIRST_SAMPLES]
     y, errors = outputs[first:][:FIRST_SAMPLES], errors[:FIRST_SAMPLES]
     searched = np.sum(errors**2, axis=0) + ROUNDING * np.sum(outputs**2, axis=0)
     searched += np.finfo(float).tiny  # of samples at rest

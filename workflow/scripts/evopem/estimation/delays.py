@@ -138,16 +138,19 @@ def likely_delays(
     has to be the likeliest: what feedback is left unnoticed acts on the same sample.
     ``limits``: delays tried of each input, in samples, both included.
     """
-    by_arx = delays_by_criterion(segments, limits)
-    delays, decided = [delay for delay, _ in by_arx], []
     several = segments[0].inputs.shape[1] * segments[0].outputs.shape[1] > 1
+    # Of one channel each way the scores below hold those of ARX models.
+    nothing = [(low, np.zeros(1)) for low, _ in limits]
+    by_arx = delays_by_criterion(segments, limits) if several else nothing
+    delays, decided = [delay for delay, _ in by_arx], []
     for place, ((low, high), (_, criterion)) in enumerate(zip(limits, by_arx, strict=True)):
         slow = _is_slow(segments, place)
         # Of several channels ARX models know the past of all outputs.
         doubted = not several or (slow and delays[place] > CERTAIN_DELAY)
-        scores = np.nan_to_num(total_samples(segments) * criterion)
         if doubted:
             scores = delay_scores(segments, delays, place, range(low, high + 1))
+        else:
+            scores = np.nan_to_num(total_samples(segments) * criterion)
         scores = scores - scores.min()
         order, shares = np.argsort(scores), np.exp(-0.5 * np.sort(scores))
         count = int(np.searchsorted(np.cumsum(shares), LIKELY * shares.sum())) + 1

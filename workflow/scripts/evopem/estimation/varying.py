@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from evopem.arrays import Array, Flags, Indices
 from evopem.config.settings import SearchSettings
-from evopem.estimation.continuous import Fit
+from evopem.estimation.continuous import Fit, descent_of, stops_of
 from evopem.estimation.criteria import log_variance_of
 from evopem.estimation.pem.covariance import coloured_covariance, pseudo_inverse_factor
 from evopem.estimation.pem.kernels.bfgs import Descent
@@ -149,8 +149,7 @@ class VaryingProblem:
     @cached_property
     def _regressors(self) -> Array:
         """What the weights that are solved for multiply, (K, q), those of the level last."""
-        data, n = self.scheduled.data, denominator_order(self.orders)
-        bounds = self.scheduled.bounds
+        data, bounds, n = self.scheduled.data, self.scheduled.bounds, denominator_order(self.orders)
         past = -lagged(data.output, range(1, n + 1), bounds)
         signals = [past, delayed_inputs(self.orders, data.inputs, bounds)]
         if not self.is_output_error:
@@ -218,11 +217,9 @@ class VaryingProblem:
     @cached_property
     def _impulses(self) -> Array:
         """Impulses at the first samples of each segment: what was before it, (K, n segments)."""
-        n = denominator_order(self.orders)
-        rows = [
-            k for first in self.bounds[:-1] for k in range(first, min(first + n, len(self.kept)))
-        ]
-        impulses = np.zeros((len(self.kept), len(rows)))
+        n, stop = denominator_order(self.orders), len(self.kept)
+        rows = [k for first in self.bounds[:-1] for k in range(first, min(first + n, stop))]
+        impulses = np.zeros((stop, len(rows)))
         impulses[rows, np.arange(len(rows))] = 1.0
         return impulses
 
@@ -288,9 +285,15 @@ class VaryingProblem:
 
     def values(self, points: Array) -> Array:
         """Mean squares of the weighted errors, (M,)."""
-        count = max(int(np.count_nonzero(self._weight)), 1)
-        errors = [self._weighed(self.projection(point).errors) for point in points]
-        return np.array([e @ e for e in errors]) / count
+        return np.array([e @ e for e in map(self._errors, points)]) / self._count
+
+    @cached_property
+    def _count(self) -> int:
+        """How many errors count."""
+        return max(int(np.count_nonzero(self._weight)), 1)
+
+    def _errors(self, point: Array) -> Array:
+        return self._weighed(self.projection(point).errors)
 
     def _weighed(self, values: Array) -> Array:
         return np.asarray((values.T * self._weight).T)
@@ -303,16 +306,10 @@ class VaryingProblem:
             along = self._weighed(self.jacobian(point, fit))
             return np.asarray(along - fit.basis @ (fit.basis.T @ along))
 
-        def errors(point: Array) -> Array:
-            return self._weighed(self.projection(point).errors)
-
-        stops = {"ftol": tolerance, "xtol": tolerance, "gtol": None, "max_nfev": steps}
+        options = {"x_scale": "jac", **stops_of(steps, tolerance)}
         starts = self.repair(points)
-        ends = [least_squares(errors, start, slopes, x_scale="jac", **stops) for start in starts]
-        reached = np.array([end.x for end in ends])
-        converged = np.array([end.status > 0 for end in ends])
-        used = sum(end.nfev + end.njev for end in ends)
-        return Descent(reached, self.values(reached), converged, used)
+        ends = [least_squares(self._errors, start, slopes, **options) for start in starts]
+        return descent_of(ends, self._count)
 
     def polish(self, points: Array) -> Descent:
         """Descents to the last digits."""
@@ -386,7 +383,9 @@ def estimate_varying(
             search = SearchDiagnostics.of_descents(value, ended.evaluations, len(starts))
         else:
             few = replace(settings, mu=POPULATION, lambda_=OFFSPRING, nu=REFINED)
-            lowest = memetic_search(problem, few, np.random.default_rng(settings.seed))
+            key = (orders.na, *orders.nb, orders.nc, *orders.nf, *orders.nk, basis.dimension)
+            generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
+            lowest = memetic_search(problem, few, generator)
             point, search = lowest.point, lowest.diagnostics
     first = problem.estimate(point, search)
     if not np.any(first.model.log_variance[1:]):

@@ -273,7 +273,7 @@ def _table(rows: Sequence[Array]) -> Array:
 def _state_space(model: StateSpaceModel) -> dict[str, Any]:
     """The matrices and delays."""
     names = "A", "B", "C", "D", "K", "level"
-    delays = model.input_delays or (0,) * model.inputs
+    delays = model.delays
     return {
         **{name: getattr(model, name) for name in names},
         "noise": bool(np.any(model.K)),

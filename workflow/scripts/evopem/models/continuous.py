@@ -361,7 +361,7 @@ def continuous_of(
         rank, moved = 1 + covariance.factor.shape[1], np.array(derivatives).T * sizes
         covariance = ParameterCovariance(moved[:, 1:rank], moved[:, rank:])
     A, B, C, D = (value for value, _ in halves)
-    delays = np.array(later or (0,) * nu) + np.array(model.input_delays or (0,) * nu)
+    delays = np.array(later or (0,) * nu) + np.array(model.delays)
     about = hold, model.sampling_rate, covariance, model.input_names, model.output_names
     return ContinuousModel(A, B, C, D, model.level, step * delays, *about)
 

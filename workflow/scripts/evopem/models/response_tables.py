@@ -119,7 +119,7 @@ def response_slopes(model: StateSpaceModel, frequencies: Array, noise: bool) -> 
     of_input = n * n + n * (nu + ny) + ny * nu if noise else n * n
     of_output = n * n + n * nu
     of_direct = of_output + ny * n
-    turned = np.ones(columns) if noise else z[:, None] ** -np.array(model.input_delays or [0] * nu)
+    turned = np.ones(columns) if noise else z[:, None] ** -np.array(model.delays)
     for i in range(ny):
         slopes[:, i, :, of_output + i * n : of_output + (i + 1) * n] = np.swapaxes(right, 1, 2)
     for j in range(columns):

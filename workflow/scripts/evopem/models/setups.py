@@ -77,7 +77,7 @@ def _linearised(
     d_scaled = (d_shape - np.outer(shape / scale, d_shape[largest])) / scale
     d_scaled[largest] = 0.0
     # A held input drives the mode by (z - 1) / s times its continuous drive, later by its delay.
-    delays, s = np.array(model.input_delays or (0,) * model.inputs), np.log(pole) * rate
+    delays, s = np.array(model.delays), np.log(pole) * rate
     factor = scale * pole**-delays * s / (pole - 1.0)
     relative = -delays / pole + rate / (pole * s) - 1.0 / (pole - 1.0)
     d_factor = np.outer(factor * relative, d_pole) + np.outer(factor / scale, d_shape[largest])

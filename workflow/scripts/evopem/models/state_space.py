@@ -90,7 +90,8 @@ class StateSpaceModel:
         return self.B.shape[1]
 
     @property
-    def _delays(self) -> tuple[int, ...]:
+    def delays(self) -> tuple[int, ...]:
+        """Samples that each input is delayed, 0 where none was stated."""
         return self.input_delays or (0,) * self.inputs
 
     @property
@@ -266,7 +267,7 @@ class StateSpaceModel:
     def frequency_response(self, frequencies: ArrayLike) -> Complex:
         """``G = C (zI - A)^-1 B + D`` with its delays at frequencies in Hz, (..., ny, nu)."""
         z = self._circle(frequencies)
-        delays = np.asarray(self._delays, dtype=float)
+        delays = np.asarray(self.delays, dtype=float)
         shift = z[..., None, None] ** -delays
         return (self.resolvent(z, self.B) + self.D) * shift
 
@@ -304,7 +305,7 @@ class StateSpaceModel:
 
     def without_delays(self) -> Self:
         """The same plant with delays as further states; without covariance."""
-        delays = self._delays
+        delays = self.delays
         n, extra = self.order, sum(delays)
         A = np.zeros((n + extra, n + extra))
         B = np.zeros((n + extra, self.inputs))
@@ -356,7 +357,7 @@ class StateSpaceModel:
             "K": self.K,
             "Ts": np.array(1.0 / self.sampling_rate),
             "NoiseVariance": self.noise_covariance,
-            "InputDelay": np.asarray(self._delays, dtype=float)[:, None],
+            "InputDelay": np.asarray(self.delays, dtype=float)[:, None],
             "Level": self.level[:, None],
         }
 
@@ -366,7 +367,7 @@ class StateSpaceModel:
         u = u[:, None] if u.ndim == 1 else u
         if u.ndim != 2 or u.shape[1] != self.inputs:
             raise ValueError(f"inputs must be (N, {self.inputs}), not {u.shape}")
-        return delayed(u, self._delays)
+        return delayed(u, self.delays)
 
     def _signals(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[Array, Array]:
         u, y = self._delayed(inputs), np.asarray(outputs, dtype=float)

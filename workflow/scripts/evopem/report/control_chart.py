@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from evopem.report.numbers import THIN, count, enumeration, number, plural
@@ -11,6 +11,7 @@ from evopem.report.numbers import THIN, count, enumeration, number, plural
 if TYPE_CHECKING:
     import pandas as pd
 
+# Size of the charts of recordings, and what is left free at their edges.
 WIDTH, HEIGHT, EDGE = 640, 90, 4
 # Lowest index that is drawn; names that a sentence lists.
 LOWEST, LISTED = 0.1, 20
@@ -63,15 +64,19 @@ def damage_charts(table: pd.DataFrame) -> list[dict[str, str]]:
     return [_chart(str(group), rows, groups.ngroups > 1) for group, rows in groups]
 
 
+def across(places: Sequence[float]) -> list[str]:
+    """Where recordings stand across a chart, of ascending places."""
+    scale = (WIDTH - 2 * EDGE) / ((places[-1] - places[0]) or 1.0)
+    return [f"{EDGE + scale * (place - places[0]):.1f}" for place in places]
+
+
 def _chart(group: str, rows: pd.DataFrame, several: bool) -> dict[str, str]:
     indices = rows["damage_index"].clip(lower=LOWEST)
     high, low = max(2.0, float(indices.max())), min(0.5, float(indices.min()))
     up = (HEIGHT - 2 * EDGE) / math.log(high / low)
-    first, last = float(rows["place"].min()), float(rows["place"].max())
-    across = (WIDTH - 2 * EDGE) / ((last - first) or 1.0)
     points = [
-        f"M{EDGE + across * (place - first):.1f} {EDGE + up * math.log(high / index):.1f}h0"
-        for place, index in zip(rows["place"], indices, strict=True)
+        f"M{x} {EDGE + up * math.log(high / index):.1f}h0"
+        for x, index in zip(across(rows["place"].tolist()), indices, strict=True)
     ]
     above = (rows["damage_index"] > 1.0).tolist()
     names = [f"{rows['dataset'].iloc[k]} ({number(rows['place'].iloc[k])})" for k in (0, -1)]

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from evopem.config.conditions import Following
-from evopem.report.control_chart import damage_charts, damage_sentences
+from evopem.report import control_chart
 from evopem.report.numbers import THIN, enumeration, number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
@@ -22,8 +22,8 @@ from evopem.results.identity import IncompleteDataset
 # Size of a row's plot of the gain, and the decibels that it shows at most.
 WIDTH, HEIGHT, DEEPEST = 120, 30, 80.0
 NOT_COMPARED = Following()
-# Size of the chart of a followed mode; with fewer recordings it says no more than the table.
-CHART_WIDTH, CHART_HEIGHT, EDGE, FEWEST = 640, 90, 4, 3
+# With fewer recordings the chart of a followed mode says no more than the table.
+FEWEST = 3
 
 
 def build_index(
@@ -57,8 +57,10 @@ def build_index(
         varying=[sentence for group in followed for sentence in variation(group)],
         ordered_by=following.order.name if following.order else "",
         corrected=enumeration([*following.corrected]),
-        control_charts=[] if damage is None else damage_charts(damage),
-        damage=[] if damage is None else damage_sentences(damage, following.false_alarms),
+        control_charts=[] if damage is None else control_chart.damage_charts(damage),
+        damage=[]
+        if damage is None
+        else control_chart.damage_sentences(damage, following.false_alarms),
         setups=setups,
     )
 
@@ -175,12 +177,11 @@ def _chart(followed: FollowedMode, several: bool) -> dict[str, str]:
     ends = [(v - half, v + half) for v, half in zip(values, halves, strict=True)]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
     places = followed.places
-    across = (CHART_WIDTH - 2 * EDGE) / ((places[-1] - places[0]) or 1.0)
-    up = (CHART_HEIGHT - 2 * EDGE) / ((high - low) or 1.0)
-    xs = [f"{EDGE + across * (place - places[0]):.1f}" for place in places]
+    up = (control_chart.HEIGHT - 2 * control_chart.EDGE) / ((high - low) or 1.0)
+    xs = control_chart.across(places)
 
     def ys(of: Sequence[float]) -> list[str]:
-        return [f"{EDGE + up * (high - value):.1f}" for value in of]
+        return [f"{control_chart.EDGE + up * (high - value):.1f}" for value in of]
 
     bars = zip(xs, *map(ys, zip(*ends, strict=True)), strict=True)
     points = [f"M{x} {y}h0" for x, y in zip(xs, ys(values), strict=True)]

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from evopem.automatic.varying import NORMAL_95, Moves, MovingMode
+from evopem.automatic.varying import Moves, MovingMode
 from evopem.files.json_form import load
+from evopem.models.response_tables import NORMAL_95
 from evopem.report.numbers import (
     aligned,
     count,

@@ -131,11 +131,9 @@ def damage_table(
         frequencies = _frequencies(modes, ordered, following)
         for number, name in enumerate(ordered):
             distance = frequencies.distance(number, following.false_alarms)
-            place, is_reference = (
-                places.get(name, number + 1.0),
-                bool(frequencies.is_reference[number]),
-            )
-            rows.append((group, name, place, is_reference, *_cells(distance, frequencies, number)))
+            place, is_reference = places.get(name, number + 1.0), frequencies.is_reference[number]
+            cells = _cells(distance, frequencies, number)
+            rows.append((group, name, place, bool(is_reference), *cells))
     return pd.DataFrame(rows, columns=list(_TYPES)).astype(_TYPES)
 
 

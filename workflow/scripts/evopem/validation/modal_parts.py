@@ -41,8 +41,7 @@ class ModalParts:
         """Divide the outputs of a stretch whose validation samples are held out."""
         model, outputs = record.model, record.outputs
         # Participations are those of inputs one sample before, beyond further delays.
-        delays = model.input_delays or (0,) * model.inputs
-        drives = delayed(record.inputs, [delay + 1 for delay in delays])
+        drives = delayed(record.inputs, [delay + 1 for delay in model.delays])
         innovations = outputs - record.predicted_from_start()
         past = delayed(innovations, (1,) * innovations.shape[1])
         return cls(

@@ -103,7 +103,7 @@ class _Stretch:
         first, model, u = unscored_samples(record.model), record.plant, record.inputs
         outputs = record.outputs
         residuals = outputs - record.predicted_from_start()
-        delays = model.input_delays or (0,) * model.inputs
+        delays = model.delays
         direct = np.any(model.D, axis=0) & (np.array(delays) == 0)
         if not model.inputs:
             past = np.vstack([outputs[:1], outputs[:-1]])
