@@ -34,7 +34,7 @@ def run(folder, *arguments):
     """Run the command in a process of its own."""
     paths = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     return subprocess.run(
-        [sys.executable, "-m", "evopem.terminal.command", *arguments],
+        [sys.executable, "-m", "evopem", *arguments],
         cwd=folder,
         env=os.environ | paths,
         capture_output=True,

@@ -367,7 +367,3 @@ def _digests_read(files: DatasetFiles) -> list[str]:
         content = json.loads(Path(files.recording_info).read_text(encoding="utf-8"))
         return [file["sha256"] for file in content["files"]]
     return []
-
-
-if __name__ == "__main__":
-    sys.exit(main())
