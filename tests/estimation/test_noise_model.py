@@ -11,8 +11,7 @@ from evopem.estimation.state_space.estimate import (
     noise_models,
 )
 from evopem.estimation.state_space.local_estimates import StateSpaceTask, descend_from
-from evopem.models.continuous import plant_of
-from evopem.models.conversions import side_by_side
+from evopem.models.conversions import plant_of, side_by_side
 from evopem.signals.recording import Recording
 
 N = 700

@@ -15,7 +15,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.varying import Scheduled, VaryingEstimate, estimate_varying
 from evopem.estimation.varying_choice import DIMENSIONS, choose_varying
 from evopem.models.modes import Mode
-from evopem.models.response_tables import NORMAL_95
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.varying import KINDS, VaryingModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.validation.model_class import REJECTED, ResidualTest

@@ -21,7 +21,8 @@ from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 from evopem.files.json_form import load
 from evopem.files.unfinished import check_result
-from evopem.models.continuous import ContinuousRecord, plant_of
+from evopem.models.continuous import ContinuousRecord
+from evopem.models.conversions import plant_of
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
 from evopem.models.polynomial import Model, PolynomialModel

@@ -30,6 +30,7 @@ from evopem.figures.style import (
     stems,
     styled,
 )
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.polynomial_roots import ellipse_outline
 
 if TYPE_CHECKING:
@@ -41,7 +42,6 @@ DASHED = (0, (4, 2))
 DOTTED = (0, (1.2, 1.6))
 # Half the side of the frame around the unit circle.
 FRAME = 1.3
-NORMAL_95 = 1.96
 # Points of all curves of a figure, about; extremes are kept.
 POINTS = 6_000
 FEWEST_BINS, MOST_BINS = 30, 1000

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,9 +14,6 @@ from evopem.arrays import Array, Complex
 from evopem.config.settings import Hold
 from evopem.errors import InputError
 from evopem.models.parameter_covariance import ParameterCovariance
-
-if TYPE_CHECKING:
-    from evopem.models.state_space import StateSpaceModel
 
 # Angle of the first point of interpolation, so that none is a pole on an axis.
 TURN = 0.37
@@ -296,50 +292,31 @@ def phi_functions(matrix: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     return power[:, :n], power[:, n : 2 * n], power[:, 2 * n :]
 
 
-def plant_of(model: StateSpaceModel, states: int) -> StateSpaceModel:
-    """A model without the states of noise alone behind so many, with its part of the covariance."""
-    if states == model.order:
-        return model
-    plant = _first_states(model, states)
-    if model.covariance is None:
-        return plant
-    numbered = model.with_parameters(np.arange(model.parameters.size, dtype=float))
-    places = _first_states(numbered, states).parameters.astype(int)
-    return replace(plant, covariance=model.covariance.part(places))
-
-
-def _first_states(model: StateSpaceModel, n: int) -> StateSpaceModel:
-    return replace(
-        model,
-        A=model.A[:n, :n],
-        B=model.B[:n],
-        C=model.C[:, :n],
-        K=model.K[:n],
-        structure="ss_oe",
-        covariance=None,
-    )
-
-
 def continuous_of(
-    model: StateSpaceModel, hold: Hold = "zero-order", later: Sequence[int] = ()
-) -> ContinuousModel:
-    """The plant of a model in continuous time, its inputs by some samples later each.
+    parts: tuple[Array, ...],
+    covariance: ParameterCovariance | None,
+    sampling_rate: float,
+    hold: Hold,
+) -> tuple[list[Array], ParameterCovariance | None]:
+    """The plant of A, B, C, D in continuous time, without states of noise alone behind its own.
 
     Each direction of the covariance is carried as the upper right block of ``[[M, dM], [0, M]]``,
-    where a function of matrices has its derivative (Higham 2008, section 3.2).
+    where a function of matrices has its derivative (Higham 2008, section 3.2).  Returns the four
+    matrices and the covariance of their entries and of the delays.
 
     Raises
     ------
     InputError
         When no continuous-time model of the same order has these samples.
     """
-    driven = np.flatnonzero(np.any(model.B != 0.0, axis=1))
-    n = int(driven[-1]) + 1 if len(driven) else model.order
-    if not np.any(model.A[:n, n:]) and not np.any(model.A[n:, :n]):
-        model = plant_of(model, n)  # without states of noise alone
-    _check_continuous(model)
-    step, nu, covariance = 1.0 / model.sampling_rate, model.inputs, model.covariance
-    parts = [model.A, model.B, model.C, model.D]
+    A, B, _, D = parts
+    driven, n, nu = np.flatnonzero(np.any(B != 0.0, axis=1)), len(A), D.shape[1]
+    last = int(driven[-1]) + 1 if len(driven) else n
+    if not np.any(A[:last, last:]) and not np.any(A[last:, :last]):
+        n = last
+    plant, every = slice(n), slice(None)
+    cuts = (plant, plant), (plant, every), (every, plant), (every, every)
+    _check_continuous(A[cuts[0]], nu)
     ends = np.cumsum([part.size for part in parts])
     directions = np.zeros((int(ends[-1]), 1))
     if covariance is not None:
@@ -350,28 +327,26 @@ def continuous_of(
     derivatives = []
     for column in (directions / sizes).T:
         duals = [
-            np.block([[part, move.reshape(part.shape)], [np.zeros_like(part), part]])
-            for part, move in zip(parts, np.split(column, ends[:-1]), strict=True)
+            np.block([[part[cut], move.reshape(part.shape)[cut]], [0.0 * part[cut], part[cut]]])
+            for part, move, cut in zip(parts, np.split(column, ends[:-1]), cuts, strict=True)
         ]
         halves = [
-            np.hsplit(part[: len(part) // 2], 2) for part in _in_continuous_time(duals, step, hold)
+            np.hsplit(part[: len(part) // 2], 2)
+            for part in _in_continuous_time(duals, 1.0 / sampling_rate, hold)
         ]
         derivatives.append(np.concatenate([*(move.ravel() for _, move in halves), np.zeros(nu)]))
     if covariance is not None:
         rank, moved = 1 + covariance.factor.shape[1], np.array(derivatives).T * sizes
         covariance = ParameterCovariance(moved[:, 1:rank], moved[:, rank:])
-    A, B, C, D = (value for value, _ in halves)
-    delays = np.array(later or (0,) * nu) + np.array(model.delays)
-    about = hold, model.sampling_rate, covariance, model.input_names, model.output_names
-    return ContinuousModel(A, B, C, D, model.level, step * delays, *about)
+    return [value for value, _ in halves], covariance
 
 
-def _check_continuous(model: StateSpaceModel) -> None:
+def _check_continuous(dynamics: Array, inputs: int) -> None:
     """Refuse what no continuous-time model of the same order has."""
-    poles = model.poles()
+    poles = np.linalg.eigvals(dynamics)
     real = poles[(np.abs(poles.imag) <= 1e-9 * np.abs(poles)) & (poles.real <= 0.0)].real
     remedy = "estimate it in continuous time, `continuous_time: zero-order`, or with other orders"
-    if not model.inputs:
+    if not inputs:
         problem, remedy = "a model without input has no plant", "take its modes, which are in s"
     elif np.all(np.abs(poles) < AT_ZERO):
         problem = "the model has no pole but a response of finite length"

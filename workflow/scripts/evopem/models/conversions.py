@@ -137,3 +137,27 @@ def _stacked(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceModel:
         structure="ss",
         covariance=None,
     )
+
+
+def plant_of(model: StateSpaceModel, states: int) -> StateSpaceModel:
+    """A model without the states of noise alone behind so many, with its part of the covariance."""
+    if states == model.order:
+        return model
+    plant = _first_states(model, states)
+    if model.covariance is None:
+        return plant
+    numbered = model.with_parameters(np.arange(model.parameters.size, dtype=float))
+    places = _first_states(numbered, states).parameters.astype(int)
+    return replace(plant, covariance=model.covariance.part(places))
+
+
+def _first_states(model: StateSpaceModel, n: int) -> StateSpaceModel:
+    return replace(
+        model,
+        A=model.A[:n, :n],
+        B=model.B[:n],
+        C=model.C[:, :n],
+        K=model.K[:n],
+        structure="ss_oe",
+        covariance=None,
+    )

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from evopem.arrays import Array, Complex
 from evopem.config.settings import Hold
 from evopem.files.atomic import atomic_write
-from evopem.models.continuous import ContinuousModel, ContinuousRecord, continuous_of
+from evopem.models.continuous import ContinuousModel, ContinuousRecord
 from evopem.models.conversions import block_sizes, has_own_noise, innovations_form
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
@@ -172,9 +172,9 @@ class PolynomialModel(Polynomials):
         InputError where no continuous-time model of the same order has these samples.
         """
         if hold == "zero-order":
-            return continuous_of(self.plant().state_space())
+            return self.plant().state_space().to_continuous()
         now = replace(self.plant(), nk=(0,) * self.inputs)
-        return continuous_of(now.state_space(), hold, self.nk)
+        return now.state_space().to_continuous(hold, self.nk)
 
     def matlab_arguments(self) -> dict[str, ArrayLike]:
         """Arguments of MATLAB's ``idpoly(A,B,C,D,F,NoiseVariance,Ts)``, and a level.

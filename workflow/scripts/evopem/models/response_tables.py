@@ -9,11 +9,9 @@ from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Complex
 from evopem.models.modes import Mode
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.polynomial import Model, state_space_of
 from evopem.models.state_space import StateSpaceModel
-
-NORMAL_95 = 1.959963984540054
-"""97.5 % point of the standard normal distribution."""
 
 Column = list[float] | list[str] | list[int] | Array
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, Self
 
@@ -12,7 +13,7 @@ from evopem.arrays import Array, Complex
 from evopem.models.continuous import ContinuousModel, continuous_of
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.states import delayed, fitted, states_of
+from evopem.models.states import delayed, fitted, probable, states_of
 
 if TYPE_CHECKING:
     from evopem.config.settings import Hold
@@ -242,7 +243,6 @@ class StateSpaceModel:
         """
         form = self.without_delays()
         u, y = form._signals(inputs, outputs)
-        n, ny = form.order, form.outputs
         with np.errstate(all="ignore"):
             driven = states_of(form.A, u @ form.B.T, None)
             rest = driven @ form.C.T + u @ form.D.T + form.level
@@ -250,19 +250,10 @@ class StateSpaceModel:
             power = driven.T @ driven / len(driven)
         if not all(np.isfinite(part).all() for part in (rest, free, power)):
             return np.full(y.shape, np.inf)
-        target, columns = (y - rest)[:known], free[:known]
+        target, columns, spread = (y - rest)[:known], free[:known], np.std(y[:known], axis=0)
         if known is None:
-            return np.asarray(rest + free @ fitted(free, target, np.std(y, axis=0), robust))
-        left = target - columns @ fitted(columns, target, np.std(y[:known], axis=0))
-        freedom = known - free.shape[2] / ny
-        squares = left**2 * known / freedom if ny * freedom >= n else target**2
-        least = 1e-20 * np.mean(target**2, axis=0)
-        noise = np.sqrt(np.maximum(np.mean(squares, axis=0), least))
-        noise[noise == 0.0] = 1.0
-        moments, directions = np.linalg.eigh(power)
-        free[:, :, :n] = free[:, :, :n] @ (directions * np.sqrt(np.maximum(moments, 0.0)))
-        state = fitted(free[:known], target, noise, robust, np.eye(n, free.shape[2]))
-        return np.asarray(rest + free @ state)
+            return np.asarray(rest + free @ fitted(columns, target, spread, robust))
+        return np.asarray(rest + free @ probable(columns, target, spread, power, robust))
 
     def frequency_response(self, frequencies: ArrayLike) -> Complex:
         """``G = C (zI - A)^-1 B + D`` with its delays at frequencies in Hz, (..., ny, nu)."""
@@ -326,9 +317,18 @@ class StateSpaceModel:
         K = np.vstack([self.K, np.zeros((extra, self.outputs))])
         return replace(self, A=A, B=B, C=C, D=D, K=K, input_delays=(), covariance=None)
 
-    def to_continuous(self, hold: Hold = "zero-order") -> ContinuousModel:
-        """The plant in s, its input held between samples, with its covariance; or InputError."""
-        return continuous_of(self, hold)
+    def to_continuous(
+        self, hold: Hold = "zero-order", later: Sequence[int] = ()
+    ) -> ContinuousModel:
+        """The plant in s, its input held between samples, with its covariance; or InputError.
+
+        ``later``: samples by which the inputs act later, besides their delays.
+        """
+        parts = self.A, self.B, self.C, self.D
+        (A, B, C, D), covariance = continuous_of(parts, self.covariance, self.sampling_rate, hold)
+        delays = 1.0 / self.sampling_rate * np.add(later or 0, self.delays)
+        about = hold, self.sampling_rate, covariance, self.input_names, self.output_names
+        return ContinuousModel(A, B, C, D, self.level, delays, *about)
 
     def to_control(self):  # type: ignore[no-untyped-def]
         """``G`` as a discrete-time ``control.StateSpace``; needs python-control."""

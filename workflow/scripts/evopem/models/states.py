@@ -48,6 +48,26 @@ def fitted(
     return np.asarray(coefficients)
 
 
+def probable(
+    columns: Array, target: Array, spread: Array, moments: Array, robust: bool = False
+) -> Array:
+    """The most probable coefficients, (k,), of columns, (N, ny, k), that leave noise of a target.
+
+    The first n are normal with second moments (n, n), and the noise has the size of what
+    :func:`fitted` leaves.  Other arguments as there.
+    """
+    (samples, ny, count), n = columns.shape, len(moments)
+    left = target - columns @ fitted(columns, target, spread)
+    freedom = samples - count / ny
+    squares = left**2 * samples / freedom if ny * freedom >= n else target**2
+    noise = np.sqrt(np.maximum(np.mean(squares, axis=0), 1e-20 * np.mean(target**2, axis=0)))
+    noise[noise == 0.0] = 1.0
+    powers, directions = np.linalg.eigh(moments)
+    scaled = np.eye(count)
+    scaled[:n, :n] = directions * np.sqrt(np.maximum(powers, 0.0))
+    return np.asarray(scaled @ fitted(columns @ scaled, target, noise, robust, np.eye(n, count)))
+
+
 def _least_squares(columns: Array, goal: Array) -> Array:
     try:
         return np.asarray(np.linalg.lstsq(columns, goal, STATE_RANK)[0])

@@ -15,10 +15,10 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.atomic import write_table, write_text
 from evopem.files.checksums import sha256_of_file
 from evopem.files.json_form import save
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.polynomial import save_model_mat
 from evopem.models.response_tables import (
     FREQUENCIES,
-    NORMAL_95,
     Column,
     resolving_frequencies,
     time_response_table,

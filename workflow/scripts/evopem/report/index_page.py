@@ -12,11 +12,12 @@ import numpy as np
 import pandas as pd
 
 from evopem.config.conditions import Following
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.report import control_chart
 from evopem.report.numbers import THIN, enumeration, number
 from evopem.report.templates import environment
 from evopem.results.fleet import DatasetSummary, Entry
-from evopem.results.followed_modes import NORMAL_95, FollowedMode, group_of
+from evopem.results.followed_modes import FollowedMode, group_of
 from evopem.results.identity import IncompleteDataset
 
 # Size of a row's plot of the gain, and the decibels that it shows at most.

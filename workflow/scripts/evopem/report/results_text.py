@@ -9,7 +9,7 @@ from pathlib import Path
 
 from evopem.automatic.varying import Moves, MovingMode
 from evopem.files.json_form import load
-from evopem.models.response_tables import NORMAL_95
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.report.numbers import (
     aligned,
     count,

@@ -17,6 +17,7 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.models.modes import Mode, assurance
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.results.fleet import MODE_COLUMNS, mode_values
 from evopem.validation.damage_index import regressors
 from evopem.validation.level_changes import (
@@ -46,8 +47,6 @@ FOUND_IN = 0.2
 LENIENT = 0.5
 # Columns of the frequency at mean conditions, and of its level, trend or oscillation.
 FITTED = ("corrected_hz", "level_hz")
-# Factor of a standard error for a 95 % interval.
-NORMAL_95 = 1.959964
 
 
 @dataclass(frozen=True)

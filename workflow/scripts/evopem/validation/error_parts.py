@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from scipy.special import chdtrc, chdtri, fdtrc
 
 from evopem.arrays import Array, Complex, Flags
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.signals.best_linear_approximation import (
     best_linear_approximation,
     excited_lines,
@@ -30,7 +31,7 @@ MOST_LEVELS = 100
 # Rounding, as a share of the variance of the output.
 ROUNDING = 1e-20
 # Degrees of freedom of an estimated power from which on its interval is that of chi-square.
-NORMAL95, FEWEST_FREEDOM = 1.96, 10.0
+FEWEST_FREEDOM = 10.0
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def bounds_of(power: float, variance: float) -> tuple[float, float]:
     if power > 0.0 and freedom >= FEWEST_FREEDOM:
         low, high = (power * freedom / chdtri(freedom, tail) for tail in (0.025, 0.975))
         return low, high
-    deviation = NORMAL95 * math.sqrt(variance)
+    deviation = NORMAL_95 * math.sqrt(variance)
     return power - deviation, power + deviation
 
 
@@ -183,7 +184,7 @@ def parts_of(
     # The rest has the error of the distortion, and varies with it at lines where both are.
     linear = np.maximum((power - noise)[on] - at_lines, 0.0)
     cross = 2.0 * linear * (at_lines + noise[on]) + noise[on] ** 2
-    beyond = NORMAL95 * math.sqrt(float(w[on] ** 2 @ cross) / count)
+    beyond = NORMAL_95 * math.sqrt(float(w[on] ** 2 @ cross) / count)
     up, down = (math.hypot(distortion - bound, beyond) for bound in of_distortion)
     if not lines.by_realisations and lines.levels is None:
         at_lines = np.interp(np.flatnonzero(on), np.flatnonzero(off), level[off])

@@ -23,6 +23,7 @@ from evopem.models.mode_matching import (
     stabilization,
 )
 from evopem.models.modes import Mode, assurance
+from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import NO_TEST, HeldOutTest
@@ -374,7 +375,7 @@ def doubts(
         reasons.append(
             f"is not in all of the last orders, up to {PERSISTENT_ORDERS}; there is no larger one"
         )
-    half_width = 1.96 * mode.frequency_se_hz
+    half_width = NORMAL_95 * mode.frequency_se_hz
     if not math.isfinite(half_width):
         reasons.append("has no known standard error")
     elif half_width > WIDEST_INTERVAL * mode.frequency_hz:

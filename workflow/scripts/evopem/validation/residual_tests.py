@@ -14,8 +14,7 @@ from scipy.special import chdtrc
 
 from evopem.arrays import Array, Flags, Integers
 from evopem.estimation.pem.covariance import density_at_zero
-from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.response_tables import NORMAL_95
+from evopem.models.parameter_covariance import NORMAL_95, ParameterCovariance
 from evopem.signals import spectra as signals
 from evopem.validation.responses import HeldOut, unscored_samples
 

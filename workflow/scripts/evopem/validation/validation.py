@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from evopem.validation.checks.check import Check
 from evopem.validation.distortion import NOT_TESTED, Distortion
 from evopem.validation.held_out_tests import HeldOutTest
 from evopem.validation.mode_evidence import ModeTable
@@ -18,6 +17,30 @@ from evopem.validation.spectra import PeakEvidence, SplitSpectra
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check of a model."""
+
+    name: str
+    """what is checked, a name that stays the same"""
+    passed: bool | None
+    """null where the check could not be judged"""
+    statement: str
+    """what was found, with its numbers"""
+    advice: str = ""
+    """what to do about it; empty for a check that passed"""
+    grade: Literal["defect", "caution", "note"] = "defect"
+    """what it means where the check failed. defect: the model or its numbers are wrong for a use;
+    caution: they hold with a reservation; note: it is no statement about the model"""
+
+    @property
+    def word(self) -> str:
+        """What a reader is told of the outcome: "Passed", "Failed", "Caution", "Note"."""
+        if self.passed is not False:
+            return "Passed" if self.passed else "Not judged"
+        return "Failed" if self.grade == "defect" else self.grade.capitalize()
 
 
 @dataclass(frozen=True)

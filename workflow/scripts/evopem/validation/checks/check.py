@@ -11,39 +11,17 @@ from typing import TYPE_CHECKING, Literal
 
 from scipy.special import ndtri
 
+from evopem.models.parameter_covariance import NORMAL_95
+from evopem.validation.validation import Check, Validation
+
 if TYPE_CHECKING:
     from evopem.estimation.model_record import ModelRecord
     from evopem.signals.recording_info import RecordingInfo
-    from evopem.validation.validation import Validation
 
 # Level of the joint tests. At 5 % each, one of a dozen tests would fail in half of all good models.
 SIGNIFICANCE = 0.01
 # Names that a sentence lists at most.
 LISTED = 6
-
-
-@dataclass(frozen=True)
-class Check:
-    """One check of a model."""
-
-    name: str
-    """what is checked, a name that stays the same"""
-    passed: bool | None
-    """null where the check could not be judged"""
-    statement: str
-    """what was found, with its numbers"""
-    advice: str = ""
-    """what to do about it; empty for a check that passed"""
-    grade: Literal["defect", "caution", "note"] = "defect"
-    """what it means where the check failed. defect: the model or its numbers are wrong for a use;
-    caution: they hold with a reservation; note: it is no statement about the model"""
-
-    @property
-    def word(self) -> str:
-        """What a reader is told of the outcome: "Passed", "Failed", "Caution", "Note"."""
-        if self.passed is not False:
-            return "Passed" if self.passed else "Not judged"
-        return "Failed" if self.grade == "defect" else self.grade.capitalize()
 
 
 @dataclass(frozen=True)
@@ -113,9 +91,7 @@ def largest_by_chance(count: int) -> float:
 
     Bonferroni's inequality needs no independence.
     """
-    return (
-        float("inf") if count == 0 else float(ndtri(1 - SIGNIFICANCE / (2 * count)) / ndtri(0.975))
-    )
+    return float("inf") if count == 0 else float(ndtri(1 - SIGNIFICANCE / (2 * count))) / NORMAL_95
 
 
 def listed(names: Sequence[str]) -> str:
