@@ -1,6 +1,7 @@
 """`evopem.identify` on signals in memory, and what its results show, compare and keep."""
 
 import io
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,7 +16,8 @@ from scipy.signal import lfilter
 import evopem
 from evopem.config.defaults import complete
 from evopem.files.json_form import load
-from evopem.pipeline.identification import ProgressLine, identify_dataset, progress
+from evopem.pipeline.identification import ProgressLine, identify_dataset, jobs, progress
+from evopem.pipeline.planning.stages import left_in_words, seconds_left
 from evopem.report.numbers import THIN
 from evopem.report.verdict import verdict
 from evopem.results.dataset import read_results
@@ -273,24 +275,44 @@ def test_a_bad_signal_is_named_as_it_was_handed_over():
         evopem.identify(u, y, RATE, show_progress=False)
 
 
-def test_progress_is_shown_in_lines(capsys):
+@pytest.fixture
+def listed():
+    """The jobs of a small recording."""
+    keys = {"file": "a.csv", "input": "u", "output": "y", "sampling_rate": RATE}
+    settings = complete({"datasets": {"a": keys}}).datasets["a"]
+    return jobs(settings, DatasetFiles("a"))
+
+
+def test_progress_is_shown_in_lines(capsys, listed):
     with progress(shown=False) as announce:
         assert announce is None
     with progress(shown=True) as announce:
-        announce("searching the orders of OE models", 3, 20)
-    assert "[3/20]" in (lines := capsys.readouterr().err)
-    assert "searching the orders of OE models" in lines
+        announce(listed, 3)
+    assert f"[4/{len(listed)}]" in (lines := capsys.readouterr().err)
+    assert listed[3].words in lines
 
 
-def test_a_line_of_progress_is_overwritten_and_removed():
+def test_a_line_of_progress_is_overwritten_and_removed(listed):
     line = ProgressLine(stream := io.StringIO(), overwrites=True)
-    line.announce("reading the recording", 1, 2)
-    line.announce("report", 2, 2)
+    line.announce(listed, 0)
+    line.announce(listed, len(listed) - 1)
+    line.tell("a long tale " * 20)
     line.close()
-    _, first, second, blank, end = stream.getvalue().split("\r")
-    assert "[1/2]" in first
-    assert len(second) == len(first)
+    _, first, _, last, blank, end = stream.getvalue().split("\r")
+    assert f"[1/{len(listed)}]" in first
+    assert "about" not in first
+    assert re.search(r" s, about 1 s left  \w", last)
+    assert len(last) < 80
     assert (blank.strip(), end) == ("", "")
+
+
+def test_the_time_left_is_that_of_jobs_done_by_the_weight_of_their_stages():
+    done, left = ["prepare", "search_structure"], ["choose", "report"]
+    assert seconds_left(14.0, done, left) == pytest.approx(26.0)
+    assert seconds_left(1.0, ["read_recording"], [*done, *left]) is None
+    words = [left_in_words(seconds) for seconds in (0.2, 26.0, 100.0, 4000.0, 9000.0, None)]
+    ends = ["1 s", "26 s", "2 min", "67 min", "2 h"]
+    assert words == [*(f"about {end} left" for end in ends), ""]
 
 
 def test_several_channels_are_identified_in_one_call(tmp_path):

@@ -1,5 +1,6 @@
 """What a run shows: a line for each job, and what came out, instead of lists of files."""
 
+import re
 import zipfile
 from pathlib import Path
 
@@ -8,7 +9,8 @@ def test_a_run_ends_with_its_results(copy):
     printed = copy.finish("--forcerun", "report", drawn=False)
     assert "report truth" in printed
     assert "input: results/" not in printed
-    end = printed.partition("steps (100%) done\n")[2]
+    before, _, end = printed.partition("steps (100%) done\n")
+    assert re.search(r"steps \(\d+%\) done, about \d+ s left\n", before)
     assert end.lstrip().startswith("truth: ")
     assert "errors  one step ahead" in end
     assert "report  results/truth/report.html" in end

@@ -1,23 +1,39 @@
-"""What a run shows: a line for each job while it works, and the results at its end.
+"""What a run shows: a line for each job, the time left, and the results at its end.
 
 A dry run shows what Snakemake shows. The log file of a run, and `--verbose`, keep every detail.
 """
 
 import logging
+import time
 
 from snakemake_interface_logger_plugins.common import LogEvent
 
+from evopem.pipeline.planning.stages import left_in_words, seconds_left
+
 
 class JobLine(logging.Formatter):
-    """Snakemake's messages, with one line in place of a job's lists of files."""
+    """Snakemake's messages, a job's in one line and those of progress with the time left."""
 
     def __init__(self, default):
         super().__init__()
         self.default = default
+        self.began = time.time()
+        self.finished = set()
 
     def format(self, record):
-        if getattr(record, "event", None) is not LogEvent.JOB_INFO:
-            return self.default.format(record)
+        event, text = getattr(record, "event", None), self.default.format(record)
+        if event is LogEvent.JOB_FINISHED:
+            self.finished.add(record.job_id)
+        if event is LogEvent.PROGRESS and record.done < record.total:
+            jobs = list(workflow.dag.needrun_jobs(exclude_finished=False))
+            done, left = (
+                [job.rule.name for job in jobs if (job.jobid in self.finished) is ended]
+                for ended in (True, False)
+            )
+            words = left_in_words(seconds_left(time.time() - self.began, done, left))
+            return f"{text}{words and f', {words}'}"
+        if event is not LogEvent.JOB_INFO:
+            return text
         values = ", ".join((record.wildcards or {}).values())
         return f"Job {record.jobid}: {record.rule_name} {values}".rstrip()
 

@@ -7,7 +7,7 @@ checksums and the record of an unfinished job, fails alone, and is passed over w
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,11 +23,11 @@ from evopem.files.json_form import save
 from evopem.files.unfinished import unfinished_record
 from evopem.pipeline.call import Log
 from evopem.pipeline.planning.stage import StageJob
-from evopem.pipeline.planning.stages import stages_of
+from evopem.pipeline.planning.stages import left_in_words, seconds_left, stages_of
 from evopem.results.identity import MADE_FROM, is_finished, made_from
 from evopem.results.layout import IDENTIFICATION, DatasetFiles
 
-Announce = Callable[[str, int, int], None]
+Announce = Callable[[Sequence[StageJob], int], None]
 
 # Seconds between two lines about one stage where there is no terminal.
 PAUSE = 30.0
@@ -42,11 +42,15 @@ class ProgressLine:
     _started: float = field(default_factory=time.monotonic)
     _shown: float = 0.0
     _stage: tuple[str, str] = ("", "")
+    _end: float | None = None  # when all stages are expected to be done
     _width: int = 0
 
-    def announce(self, words: str, number: int, count: int) -> None:
-        """Say that a stage begins: what it does, its number from 1, and how many there are."""
-        self._stage = f"[{number}/{count}]", words
+    def announce(self, listed: Sequence[StageJob], done: int) -> None:
+        """Say that a job begins, what it does, and about how long it and those behind it take."""
+        self._stage = f"[{done + 1}/{len(listed)}]", listed[done].words
+        now, names = time.monotonic(), [job.stage.name for job in listed]
+        left = seconds_left(now - self._started, names[:done], names[done:])
+        self._end = None if left is None else now + left
         self._show("")
 
     def tell(self, words: str) -> None:
@@ -57,7 +61,10 @@ class ProgressLine:
     def _show(self, words: str) -> None:
         self._shown = time.monotonic()
         number, title = self._stage
-        text = f"{number} {self._shown - self._started:5.1f} s  {title}{words}"
+        left = left_in_words(None if self._end is None else self._end - self._shown)
+        text = (
+            f"{number} {self._shown - self._started:5.1f} s{left and f', {left}'}  {title}{words}"
+        )
         if not self.overwrites:
             self.stream.write(f"{text}\n")
         else:
@@ -76,7 +83,7 @@ class ProgressLine:
 
 @contextmanager
 def progress(shown: bool) -> Iterator[Announce | None]:
-    """A function that receives each stage before it begins; None where nothing is shown."""
+    """A function that is told of each job before it begins; None where nothing is shown."""
     if not shown:
         yield None
         return
@@ -117,9 +124,9 @@ def identify_dataset(
 ) -> None:
     """Take one data set from its recording to its results."""
     listed = jobs(settings, files, with_report)
-    for number, job in enumerate(listed, start=1):
+    for done, job in enumerate(listed):
         if announce is not None:
-            announce(job.words, number, len(listed))
+            announce(listed, done)
         job.run(log, cores, folder)
     remove_parts(listed)
 

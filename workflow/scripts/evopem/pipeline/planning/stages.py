@@ -5,6 +5,7 @@ A rule of the workflow runs the stage of its name for one data set. Without Snak
 Nothing here imports numpy, pandas or Snakemake.
 """
 
+from collections.abc import Iterable
 from functools import partial
 
 from evopem.config import order_grid
@@ -64,6 +65,7 @@ STAGES = (
         "prepare",
         "preparation:prepare_samples",
         "preparing the samples",
+        seconds=4.0,
         inputs=("recording", _OTHER),
         outputs=_SCORED,
         given=("is_validated", "given", "requirements"),
@@ -87,6 +89,7 @@ STAGES = (
         "search_structure",
         "structure_search:search_structure",
         "searching the orders of {structure} models",
+        seconds=3.0,
         inputs=("search:{nested}", *_SCORED),
         outputs=("search:{structure}", "models_of_orders:{structure}"),
         given=("fits", "nested"),
@@ -97,6 +100,7 @@ STAGES = (
         "choose",
         "structure_search:choose",
         "comparing the structures",
+        seconds=9.0,
         inputs=("search:{wanted}", *_SCORED),
         outputs=_CHOSEN,
         given=("fits",),
@@ -109,6 +113,7 @@ STAGES = (
         "estimate_candidates",
         "order_search:estimate_candidates",
         "searching the orders: {phase}",
+        seconds=2.0,
         inputs=(*_PREPARED, "phase:{previous}", "{resonances}"),
         outputs=("part:{phase},{part}",),
         given=("parts", "search", "window"),
@@ -120,6 +125,7 @@ STAGES = (
         "select_candidate",
         "order_search:select_candidate",
         "selecting the orders: {phase}",
+        seconds=2.0,
         inputs=("part:{phase},{parts}", *_PREPARED),
         outputs=("phase:{phase}",),
         given=("parts", "search", "window"),
@@ -130,6 +136,7 @@ STAGES = (
         "complete_model",
         "complete_model:complete_model",
         "model and its uncertainty",
+        seconds=4.0,
         inputs=(*_SCORED, *_CHOSEN, "phase:{last}"),
         outputs=(
             *("model", "model_mat", "frequency_response", "time_response"),
@@ -147,6 +154,7 @@ STAGES = (
         "validate",
         "validation:complete_results",
         "validation",
+        seconds=2.0,
         inputs=(
             *("truth if not source.all_files", "recording", "recording_info", _OTHER_INFO),
             *("model", "other_model:{purposes}", "frequency_response", "time_response"),
@@ -174,6 +182,7 @@ STAGES = (
         "report",
         "report:write_report",
         "figures and report",
+        seconds=4.0,
         inputs=(
             *("truth if not source.all_files", "decisions if automatic", "config", "recording"),
             *("recording_info", _OTHER_INFO, *_PREPARED, "spectrum", "spectrum_summary"),
@@ -187,6 +196,7 @@ STAGES = (
         "identify_responses",
         "frequency_responses:identify_responses",
         "fitting the frequency responses",
+        seconds=4.0,
         applies=_OF_RESPONSES,
         outputs=("model_mat", "summary", "verdict", *_OF_PAGE),
         settings={"settings": ""},
@@ -197,6 +207,7 @@ STAGES = (
         "report_responses",
         "report:write_report",
         "figures and report",
+        seconds=2.0,
         applies=_OF_RESPONSES,
         inputs=_OF_PAGE,
         outputs=("figures", "report"),
@@ -224,6 +235,27 @@ def stages_of(settings: DatasetSettings, with_report: bool = True) -> list[Stage
         and of.holds(stage.applies, settings)
         and (with_report or not stage.is_page)
     ]
+
+
+_TOLD_FROM = 0.15
+
+
+def seconds_left(elapsed: float, done: Iterable[str], left: Iterable[str]) -> float | None:
+    """About how long the jobs of stages will take, from the time that others took.
+
+    None while those done are too little of all work.
+    """
+    of_stage = {stage.name: stage.seconds for stage in STAGES}
+    worked, ahead = (sum(of_stage.get(name, 1.0) for name in names) for names in (done, left))
+    return elapsed * ahead / worked if worked > _TOLD_FROM * (worked + ahead) else None
+
+
+def left_in_words(seconds: float | None) -> str:
+    """Such as ``about 40 s left``; empty where it is not known."""
+    if seconds is None:
+        return ""
+    unit, size = ("h", 3600) if seconds > 5400 else ("min", 60) if seconds > 90 else ("s", 1)
+    return f"about {max(1, round(seconds / size))} {unit} left"
 
 
 def results_of(settings: DatasetSettings, files: DatasetFiles, with_report: bool) -> list[str]:
