@@ -37,7 +37,7 @@ def redone(keys, changed):
     ("keys", "changed", "unchanged"),
     [
         (RECORDED, {"spectrum": {"nfft": 512}}, {"prepare", *SEARCHES, "complete_model"}),
-        (RECORDED, {"purpose": "prediction"}, {*PREPARED, "search_structure"}),
+        (RECORDED, {"purpose": "prediction"}, {*PREPARED, *SEARCHES}),
         (RECORDED, {"search": {"seed": 2}}, PREPARED),
         (RECORDED, {"focus": "prediction"}, {*PREPARED, *SEARCHES, "complete_model"}),
         (RECORDED, {"focus": "simulation"}, {*PREPARED, "search_structure"}),

@@ -116,7 +116,7 @@ def test_nothing_is_left_to_do_until_a_key_changes(again):
     """Which jobs a key changes is tested in tests/pipeline/test_changed_keys.py."""
     assert again.planned() == {}
     again.configure(configuration(**GIVEN, purpose="prediction"))
-    assert set(again.planned()) == {"choose", "complete_model", "validate"}
+    assert set(again.planned()) == {"complete_model", "validate"}
 
 
 def test_a_key_overrides_its_decision(staged):

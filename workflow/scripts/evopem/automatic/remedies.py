@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import Self
 
 from evopem.automatic.candidates import Candidate, Scorer
-from evopem.automatic.decision import Trial
+from evopem.automatic.decision import Decision, Trial
 from evopem.automatic.fold_errors import AS_GOOD, as_good, score_of
 from evopem.automatic.remedy_orders import (
     DELAY,
@@ -26,7 +27,7 @@ from evopem.validation.checks.roots import INSIDE_BOUND
 
 @dataclass(frozen=True)
 class Remedied:
-    """The choice after all remedies, what was tried, and what stays failed."""
+    """The choice after all remedies and a search, what was tried, and what stays failed."""
 
     choice: Choice
     trials: tuple[Trial, ...]
@@ -34,6 +35,18 @@ class Remedied:
     statements: tuple[str, ...]  # of what stays failed: what was tried, and why it stays
     # Whether the noise model was fitted to errors of simulation of a plant estimated without one.
     plant_kept: bool = False
+    search: Decision | None = None  # of the model of this choice, once it is searched
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether the choice has other orders or another structure than before."""
+        return any(trial.taken for trial in self.trials) and not self.plant_kept
+
+    def given_up(self, choice: Choice, failed: tuple[str, ...], reason: str) -> Self:
+        """The choice before all remedies, with its failed checks, and why none is taken."""
+        trials = tuple(replace(trial, taken=False) for trial in self.trials)
+        statements = (f"No remedy is taken: {reason}",)
+        return type(self)(choice, trials, failed, statements)
 
 
 def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] = ()) -> Remedied:
@@ -46,7 +59,7 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
     structures with a noise model, of those that were ``searched``.
     """
     first = current = choice.candidate
-    scorer.remember([current])
+    scorer.remember([current, *searched])
     left = MOST_TRIALS
     trials: list[Trial] = []
     tried: list[tuple[str, Candidate]] = []

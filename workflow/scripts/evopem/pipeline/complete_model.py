@@ -4,10 +4,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
-from evopem.automatic.chosen_model import estimate_choice
+from evopem.automatic.chosen_model import COMPARED, estimate_choice
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import PLANT_RADIUS, CommonSettings
-from evopem.automatic.remedies import Remedied
+from evopem.automatic.remedies import Remedied, act_on_checks
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose, rivals_of
 from evopem.blas_threads import one_blas_thread
@@ -83,6 +83,32 @@ def _record_of(
     ), about
 
 
+def _remedied(
+    files: DatasetFiles,
+    comparison: Comparison,
+    scored: Scored,
+    search: SearchSettings,
+    settings: AutomaticSettings,
+    fit: FitSettings,
+    log: Log | None,
+) -> tuple[ModelRecord, Remedied]:
+    """The choice for the purpose after remedies until its checks hold or nothing helps.
+
+    Where its search finds a lower minimum that does worse on held-out samples, a remedy was taken
+    for scores of a local one: the choice before it remains.
+    """
+    choice, scorer = comparison.choice(settings.purpose), scored.scorer
+    with errors_name_dataset(files), one_blas_thread():
+        remedied = act_on_checks(scorer, choice, comparison.candidates)
+    given = scored, search, settings, fit
+    record, about = _record_of(files, remedied.choice, *given, remedied.plant_kept, log)
+    if about.choice == COMPARED and remedied.is_changed:
+        failed = scorer.checks(choice.candidate).failed
+        remedied = remedied.given_up(choice, failed, about.sentence)
+        record, about = _record_of(files, choice, *given, log=log)
+    return record, replace(remedied, search=about)
+
+
 def _level_of(level: LevelOfSimulation, data: Recording) -> LevelOfSimulation:
     """The level of other samples: of several recordings each has its own, and so have others."""
     several = len(set(data.segment_recordings)) > 1
@@ -105,20 +131,18 @@ def complete_model(
 
     With a ``hold`` of the input in continuous time as well.
 
-    With a focus or constraints, the model of its orders is estimated for these.  That of an
-    automatic recipe, which has no phases, is searched globally; models for ``others`` of its
-    purposes are kept beside it as the comparison of structures found them.
+    With a focus or constraints, the model of its orders is estimated for these.  To that of an
+    automatic recipe, which has no phases, remedies are applied, and it is searched globally; models
+    for ``others`` of its purposes are kept beside it as the comparison of structures found them.
     """
     rivals: list[Model] = []
     if window is not None:
         record = _selected(files, search, window, phases[-1], fit)
     else:
-        remedied = load(Remedied, files.decision("remedies"))
-        scored = Scored.load(files, settings, fits)
-        arguments = search, settings, fit, remedied.plant_kept, log
-        record, about = _record_of(files, remedied.choice, scored, *arguments)
-        save(about, files.decision("search"))
         comparison = load(Comparison, files.decision("comparison"))
+        scored = Scored.load(files, settings, fits, of_choice=True)
+        record, remedied = _remedied(files, comparison, scored, search, settings, fit, log)
+        save(remedied, files.decision("remedies"))
         known = rivals_of(scored.scorer, remedied.choice, comparison)
         rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
         modes = with_spread(record.modes, [rival.modes() for rival in rivals])

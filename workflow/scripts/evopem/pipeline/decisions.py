@@ -101,7 +101,7 @@ def _reason(candidate: Candidate, choice: Choice) -> str:
 
 def _remedy(trial: Trial, choice: Choice) -> Row:
     """A model that was tried against failed checks; one that is selected replaces the choice."""
-    outcome = "fewer checks fail" if trial.taken else "no fewer checks fail, or larger errors"
+    outcome = "fewer checks fail" if trial.taken else "no fewer checks fail, or worse errors"
     return {
         "step": "remedy",
         "model": trial.model,
@@ -132,7 +132,7 @@ def decision_record(
         delay.decision,
         *(search.decision for search in searches),
         *comparison.decisions,
-        load(Decision, files.decision("search")),
+        *filter(None, [remedied.search]),
     )
     return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),

@@ -1,4 +1,4 @@
-"""Orders, structure and acting on failed checks: one file for each decision."""
+"""Orders and structure: one file for each decision."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,7 +17,6 @@ from evopem.automatic.fit import CommonSettings
 from evopem.automatic.orders import DelayChoice
 from evopem.automatic.orders import search_structure as search
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
-from evopem.automatic.remedies import act_on_checks
 from evopem.automatic.structures import compare_structures
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings
@@ -109,15 +108,9 @@ def choose(
     settings: AutomaticSettings,
     fits: CommonSettings,
 ) -> None:
-    """Choose a model for each purpose among the candidates of all structures.
-
-    Remedies are applied to the one for the purpose until its checks hold or nothing helps.
-    """
+    """Choose a model for each purpose among the candidates of all structures."""
     searches = [load(StructureSearch, files.search(structure)) for structure in structures]
     scorer = Scored.load(files, settings, fits, of_choice=True).scorer
     with errors_name_dataset(files), one_blas_thread():
         comparison = compare_structures(scorer, searches)
-        choice = comparison.choice(settings.purpose)
-        remedied = act_on_checks(scorer, choice, comparison.candidates)
     save(comparison, files.decision("comparison"))
-    save(remedied, files.decision("remedies"))

@@ -29,8 +29,9 @@ _VALIDATION = (
 )
 _DECIDED = _automatic("decision:preparation", "decision:folds", "decision:delay")
 _SCORED = (*_PREPARED, *_DECIDED)
-_CHOSEN = _automatic("decision:comparison", "decision:remedies")
-_SEARCHED = ("phase:{phases}", *_automatic("search:{structures}", "decision:search"))
+_COMPARED = _automatic("decision:comparison")
+_CHOSEN = (*_COMPARED, *_automatic("decision:remedies"))
+_SEARCHED = ("phase:{phases}", *_automatic("search:{structures}"))
 _OTHER = "validation_recording if source.validation_files"
 _OF_RESPONSES = "channels.frequency"
 _OF_PAGE = (
@@ -100,14 +101,11 @@ STAGES = (
         "choose",
         "structure_search:choose",
         "comparing the structures",
-        seconds=9.0,
+        seconds=6.0,
         inputs=("search:{wanted}", *_SCORED),
-        outputs=_CHOSEN,
+        outputs=_COMPARED,
         given=("fits",),
-        settings={
-            "structures": of.wanted,
-            "settings": of.choices("purpose", "structure", "orders"),
-        },
+        settings={"structures": of.wanted, "settings": of.choices("structure", "orders")},
     ),
     _searched(
         "estimate_candidates",
@@ -136,15 +134,17 @@ STAGES = (
         "complete_model",
         "complete_model:complete_model",
         "model and its uncertainty",
-        seconds=4.0,
-        inputs=(*_SCORED, *_CHOSEN, "phase:{last}"),
+        seconds=7.0,
+        inputs=(*_SCORED, *_COMPARED, "phase:{last}"),
         outputs=(
             *("model", "model_mat", "frequency_response", "time_response"),
-            *("other_model:{purposes}", "decision:search if automatic"),
+            *("other_model:{purposes}", "decision:remedies if automatic"),
         ),
         given=("search", "window", "phases", "fit", "fits"),
         settings={
-            "settings": of.choices("purpose", "orders", "evaluations", "max_root_radius"),
+            "settings": of.choices(
+                *("purpose", "structure", "orders", "evaluations", "max_root_radius")
+            ),
             "others": of.purposes,
             "hold": "continuous_time",
         },
