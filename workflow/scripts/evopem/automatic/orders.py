@@ -34,8 +34,15 @@ from evopem.signals.recording import Segment
 # Orders tried one after the other, as long as one of the last PATIENCE has brought something.
 PATH = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, LARGEST_ORDER)
 LONG_PATH = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
-# Lengths of regularised responses.
-RESPONSES = (16, 32, 70, 125)
+# Finite responses beside a noise model, without which their noise draws poles or lags.
+FINITE = "finite response"
+# The paths of a structure, if not one over its poles: forms of its orders, with their sizes.
+PATHS: Mapping[str, Mapping[str, Sequence[int]]] = {
+    "fir": {"fir": LONG_PATH},
+    "impulse": {"impulse": (16, 32, 70, 125)},
+    "arx": {"arx": (*PATH, 30, 40)},
+    "bj": {FINITE: LONG_PATH, "bj": PATH},
+}
 PATIENCE = 3
 # The BIC of one-step and of simulation errors must fall by this much to count as a gain.
 LEAST_GAINS = 0.002, 0.01
@@ -56,10 +63,10 @@ def search_structure(
     for nested in smaller.values():
         scorer.remember(nested.candidates)
     if is_polynomial(structure):
-        paths = [(smaller, _path(structure, scorer.delays))]
-        if structure == "bj" and scorer.limits.ranges.plant is None:
-            paths.insert(0, ({}, _without_poles(scorer.delays)))
-        candidates = [c for path in paths for c in _along_path(scorer, structure, *path, log)]
+        paths = _paths(scorer, structure)
+        candidates = [
+            c for path in paths for c in _along_path(scorer, structure, smaller, path, log)
+        ]
     else:
         candidates = _by_states(scorer, structure, smaller, log)
     too_short = not candidates and (is_polynomial(structure) or not numbers_of_states(scorer))
@@ -159,25 +166,20 @@ def _decision(structure: str, candidates: Sequence[Candidate], too_short: bool) 
     return Decision(f"orders of {structure}", name, alternatives, "BIC", sentence)
 
 
-def _path(structure: str, delays: Sequence[int]) -> Iterator[list[Orders]]:
-    """Orders from small to large; those of a step are alternatives of about the same size."""
-    for n in {"fir": LONG_PATH, "impulse": RESPONSES}.get(structure, PATH):
-        yield orders_of_size(structure, n, delays)
-    if structure == "arx":
-        yield from (orders_of_size(structure, n, delays)[:1] for n in (30, 40))
+def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
+    """Orders from small to large; those of a step are alternatives of about the same size.
+
+    One without poles is left out where limits ask for some.
+    """
+    for form, sizes in PATHS.get(structure, {structure: PATH}).items():
+        path = [orders_of_size(form, n, scorer.delays) for n in sizes]
+        smallest = path[0][0]
+        if any(smallest.nf) or not any(scorer.limits.clamped(structure, smallest).nf):
+            yield path
 
 
-def _without_poles(delays: tuple[int, ...]) -> Iterator[list[Orders]]:
-    """Finite responses beside a noise model, without which their noise draws poles or lags."""
-    for n in LONG_PATH:
-        yield [
-            Orders("bj", nb=(n,) * len(delays), nk=delays, nc=2, nd=nd, nf=(0,) * len(delays))
-            for nd in (0, 1)
-        ]
-
-
-def orders_of_size(structure: str, n: int, delays: Sequence[int]) -> list[Orders]:
-    """Orders of a structure with n poles, or coefficients of each B without poles."""
+def orders_of_size(form: str, n: int, delays: Sequence[int]) -> list[Orders]:
+    """Orders of a structure, or form of it, with n poles, or coefficients of each B without."""
 
     def o(nb: int, less: int = 0, **others: Any) -> Orders:
         nk = [max(delay - less, 0) for delay in delays]
@@ -186,20 +188,21 @@ def orders_of_size(structure: str, n: int, delays: Sequence[int]) -> list[Orders
     return {
         "fir": lambda: [o(n)],
         "impulse": lambda: [o(n)],
-        "arx": lambda: [o(n, na=n), o(2 * n, less=1, na=n)],
+        "arx": lambda: [o(n, na=n), o(2 * n, less=1, na=n)][: 1 + (n <= LARGEST_ORDER)],
         **dict.fromkeys(("arma", "armax"), lambda: [o(n, na=n, nc=n)]),
         "ararx": lambda: [o(n, na=n, nd=max(n // 2, 1))],
         "ararmax": lambda: [o(n, na=n, nc=max(n // 2, 1), nd=1)],
         "oe": lambda: [o(n, nf=n), o(n + 1, less=1, nf=n)],
         "bj": lambda: [o(n, nd=1, nf=n), o(n, nc=2, nd=2, nf=n)],
+        FINITE: lambda: [o(n, nc=2), o(n, nc=2, nd=1)],
         "general": lambda: [o(n, na=1, nc=min(n, 4), nd=min(n, 4), nf=n)],
-    }[structure]()
+    }[form]()
 
 
 def _same_plant(orders: Orders, smaller: Mapping[str, StructureSearch]) -> list[PolynomialModel]:
     """Models of nested structures with as many poles."""
     nested = chain(*(search.candidates for search in smaller.values()))
-    return [_polynomials(c) for c in nested if c.orders.plant == orders.plant]
+    return [_polynomials(c) for c in nested if c.orders.poles == orders.poles]
 
 
 def _polynomials(candidate: Candidate) -> PolynomialModel:

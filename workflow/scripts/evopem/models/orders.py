@@ -122,8 +122,13 @@ class Orders:
 
     @property
     def plant(self) -> int:
-        """The largest degree of A and F_i; without poles the largest number of B's coefficients."""
-        return max((self.na, *self.nf)) or max(self.nb)
+        """The number of poles; without them the largest number of B's coefficients."""
+        return self.poles or max(self.nb)
+
+    @property
+    def poles(self) -> int:
+        """The largest degree of A and F_i."""
+        return max((self.na, *self.nf))
 
     def part(self, letter: str, place: int = 0) -> slice:
         """Where the coefficients of a, c, d, or of b or f of an input, stand in the parameters.
