@@ -1,6 +1,7 @@
 """How often each statement of a report is true, on random recordings; writes docs/evidence.
 
     python benchmarks/calibration.py [--cases 500] [--first 0] [--processes 2] [--single]
+    python benchmarks/calibration.py --first 5000    # several channels, and outputs alone
 
 Every case goes through the whole automatic recipe with nothing given but the signals and the
 sampling rate. What the report then says is compared with the system that made the recording. One
@@ -25,7 +26,7 @@ import numpy as np
 import pandas as pd
 from evidence import write_section
 from numpy.typing import NDArray
-from random_systems import Case, draw_case
+from random_systems import SEVERAL, Case, draw_case
 from scipy.stats import binomtest
 from threadpoolctl import threadpool_limits
 
@@ -91,11 +92,12 @@ def _is_single(case: Case) -> bool:
 
 def judged(case: Case, found: Any) -> Line:
     """What a report says, and what is true of it."""
-    uses = {use.name: use.answer for use in verdict(found.results).uses}
+    uses = {str(use.key): use.answer for use in verdict(found.results).uses}
     named = {
-        "simulation": next((uses[key] for key in uses if key.startswith("simulation")), ""),
-        "response": uses.get("the frequency response", ""),
-        "errors": uses.get("standard errors", ""),
+        "simulation": uses.get("simulation", ""),
+        "response": uses.get("frequency_response", ""),
+        "spectrum": uses.get("spectrum", ""),
+        "errors": uses["standard_errors"],
     }
     line: Line = {
         "chosen": str(found.summary.orders),
@@ -105,6 +107,7 @@ def judged(case: Case, found: Any) -> Line:
     }
     if not case.outside:
         line["modes"] = modes_of(case, found)
+        line["shapes"] = shapes_of(case, found)
         if case.inputs.shape[1]:
             line |= response_of(case, found)
             # Samples of the recording, which may be decimated for the model.
@@ -137,6 +140,9 @@ def response_of(case: Case, found: Any) -> Line:
     frequencies = angles * RATE / (2.0 * np.pi)
     true = case.system.frequency_response(angles) * case.output_scales[:, None] / case.input_scale
     estimate = model.frequency_response(frequencies)
+    bound = np.nan
+    if case.system.structure != "fir":
+        bound = case.response_error(angles)
     gain, off = np.abs(np.log(np.abs(true / estimate))), np.abs(np.angle(true / estimate))
     widths = [bands(frequencies, pair) for pair in pairs_of(found.results.frequency_response)]
     shape = true.shape[1:]
@@ -144,6 +150,7 @@ def response_of(case: Case, found: Any) -> Line:
     pairs = [(j, i) for j in range(shape[0]) for i in range(shape[1])]
     return {
         "response_error": _mean(_relative(estimate[:, j, i], true[:, j, i]) for j, i in pairs),
+        "bound": bound,
         "gain": float(np.mean(gain <= of_gain)),
         "phase": float(np.mean(off <= of_phase)),
     }
@@ -172,8 +179,8 @@ def _mean(values: Iterable[float]) -> float:
 
 def modes_of(case: Case, found: Any) -> Line:
     """Which modes that can be trusted are true, and which true ones are trusted."""
-    true = [(mode.angle * RATE / (2.0 * np.pi), mode.damping, mode.share) for mode in case.modes]
-    trusted = found.modes[found.modes["trusted"]]
+    true = _true_modes(case)
+    trusted = _first_rows(found.modes[found.modes["trusted"]])
     names = ("frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent")
     rows = [tuple(map(float, row)) for row in trusted[list(names)].to_numpy()]
     near = [_nearest(frequency, damping / 100.0, true) for frequency, _, damping, _ in rows]
@@ -189,7 +196,7 @@ def modes_of(case: Case, found: Any) -> Line:
     if case.signal_to_noise < VISIBLE_RATIO:
         visible = []
     told = visible
-    if visible and case.inputs.shape[1]:
+    if visible:
         errors = case.mode_errors()
         limits = TOLD_FREQUENCY, TOLD_DAMPING
         told = [k for k in visible if np.all(np.array(errors[k]) < limits)]
@@ -207,6 +214,52 @@ def modes_of(case: Case, found: Any) -> Line:
         "frequency": [sum(bool(each[0]) for each in covered), len(covered)],
         "damping": [sum(bool(each[1]) for each in covered), len(covered)],
     }
+
+
+def shapes_of(case: Case, found: Any) -> list[Line]:
+    """Of each trusted shape: its MAC with the true one, what was expected, and entries covered.
+
+    Where one entry is 1 by definition, the true shape is scaled alike.
+    """
+    if case.outputs.shape[1] == 1:
+        return []
+    lines, true = [], _true_modes(case)
+    table = found.modes[found.modes["trusted"]]
+    for _, rows in table.groupby("mode", sort=False):
+        first = rows.iloc[0]
+        at = _nearest(first["frequency_hz"], first["damping_percent"] / 100.0, true)
+        if at is None or not np.isfinite(case.modes[at].shape).all():
+            continue
+        shape = (rows["shape_real"] + 1j * rows["shape_imag"]).to_numpy()
+        scaled = case.modes[at].shape / case.modes[at].shape[np.argmax(np.abs(shape))]
+        off = scaled - shape
+        errors = rows[["shape_se_real", "shape_se_imag"]].to_numpy()
+        inside = np.abs(np.column_stack([off.real, off.imag])) <= NORMAL_95 * errors
+        own = np.arange(len(shape)) != np.argmax(np.abs(shape))
+        lines.append(
+            {
+                "trusted": str(first["shape_trusted"]) == "True",
+                "mac": assurance(shape, case.modes[at].shape),
+                "expected": float(first["shape_assurance"]),
+                "covered": [int(inside[own].sum()), 2 * int(own.sum())],
+            }
+        )
+    return lines
+
+
+def assurance(one: Complex, other: Complex) -> float:
+    """Modal assurance criterion of two shapes."""
+    return float(abs(np.vdot(one, other)) ** 2 / (np.vdot(one, one) * np.vdot(other, other)).real)
+
+
+def _true_modes(case: Case) -> list[tuple[float, float, float]]:
+    """Frequency in Hz, damping and share of each mode."""
+    return [(mode.angle * RATE / (2.0 * np.pi), mode.damping, mode.share) for mode in case.modes]
+
+
+def _first_rows(modes: pd.DataFrame) -> pd.DataFrame:
+    """The first row of each mode, where there is one for each output."""
+    return modes.drop_duplicates("mode") if "output" in modes else modes
 
 
 def _nearest(

@@ -1,13 +1,15 @@
 """Random linear systems and recordings of them, with everything that goes wrong when measuring.
 
 A case is drawn from its number alone. It is wide on purpose: more structures, orders, delays,
-lengths, inputs and faults than any rule of the package was made with.
+lengths, inputs and faults than any rule of the package was made with. Those from number 5000 on
+have several channels, or no input, and are short.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,9 @@ Random = np.random.Generator
 STRUCTURES = ("fir", "arx", "armax", "ararx", "oe", "bj", "state space")
 INPUTS = ("white", "coloured", "PRBS", "multisine", "swept", "steps", "feedback")
 OUTSIDE = ("drifting", "switching", "nonlinear", "unrelated")
+# First number of the cases of several channels or without an input, the structures of these, and the
+# share without an input, as of an operational modal analysis.
+SEVERAL, SEVERAL_STRUCTURES, SHARE_WITHOUT_INPUT = 5000, ("arx", "armax", "oe", "bj"), 0.55
 WARM_UP = 2000
 NOISE_LAGS = 30  # of the autoregression that describes the noise
 
@@ -39,6 +44,7 @@ class Mode(NamedTuple):
     angle: float  # rad per sample, undamped
     damping: float
     share: float
+    shape: Array = np.ones(1)  # (l,), complex, of recorded outputs; NaN where the mode has several
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +86,12 @@ class System:
             for k, a in enumerate(self.sections)
         ]
 
+    @property
+    def noises(self) -> int:
+        """Number of sources of noise: of each output, and of driven states one more."""
+        outputs = self.gains.shape[0]
+        return outputs + (self.structure == "state space" and outputs > 1)
+
     def disturb(self, e: Array) -> Array:
         """Filtered noise (N, l); of driven states the first column passes every section."""
         if self.structure != "state space":
@@ -91,8 +103,8 @@ class System:
             ],
             axis=0,
         )
-        own = e[:, :1] if e.shape[1] == 1 else e[:, 1:]
-        return driven[:, None] / driven.std() + 0.3 * np.resize(own.T, (e.shape[1], len(e))).T
+        own = e if e.shape[1] == 1 else e[:, 1:]
+        return driven[:, None] / driven.std() + 0.3 * own
 
     def frequency_response(self, angles: Array) -> Array:
         """Response (F, l, m) at angles in rad per sample."""
@@ -160,25 +172,17 @@ class Case:
     def mode_errors(self) -> list[tuple[float, float]]:
         """Least relative standard errors of frequency and damping of each mode (Cramér-Rao).
 
-        Of the sections of the true orders, from noise whose colour is known.  NaN where rounding
-        makes 20,000 samples of the noise grow, as of many slow poles.
+        NaN where they are not known.  Without an input, those of one mode under a white force in a
+        long record (Au 2014, Mech. Syst. Signal Process. 48:15).
         """
-        s, (u, y) = self.system, self.clean
-        late = np.vstack([np.zeros((s.nk, u.shape[1])), u])[: len(u)]
-        try:
-            whitenings = self._whitenings(y.std(axis=0) / np.hypot(1.0, self.signal_to_noise))
-        except np.linalg.LinAlgError:
-            return [(np.nan, np.nan)] * sum(len(a) == 3 for a in s.sections)
-        columns = [
-            np.concatenate(
-                [lfilter(w, [1.0], part) for w, part in zip(whitenings, each, strict=True)]
-            )
-            for each in _derivatives(s, late)
-        ]
-        matrix = np.column_stack(columns)
-        sizes = np.linalg.norm(matrix, axis=0)
-        sizes[sizes == 0.0] = 1.0
-        inverse = np.linalg.pinv(matrix / sizes, rcond=1e-12) / sizes[:, None]
+        s = self.system
+        if not self.inputs.shape[1]:
+            periods = [mode.angle * len(self.outputs) for mode in self.modes]
+            return [
+                (np.sqrt(mode.damping / count), np.sqrt(1.0 / (mode.damping * count)))
+                for mode, count in zip(self.modes, periods, strict=True)
+            ]
+        inverse = self.spread
         found, first = [], 0
         for a in s.sections:
             n = len(a) - 1
@@ -190,9 +194,59 @@ class Case:
             first += n * (1 + s.gains.shape[0] * s.gains.shape[1])
         return found
 
+    def response_error(self, angles: Array) -> float:
+        """Least relative error of the response at some angles (Cramér-Rao), the mean of all pairs.
+
+        Root mean square over the angles; NaN where it is not known.
+        """
+        s, z = self.system, np.exp(-1j * angles)
+        true = s.frequency_response(angles)
+        rows = []
+        for k, a in enumerate(s.sections):
+            numerators = s.gains[:, :, k, 0] + s.gains[:, :, k, 1] * z[:, None, None]
+            of_section = z[:, None, None] ** s.nk / np.polyval(a[::-1], z)[:, None, None]
+            own = numerators * of_section / np.polyval(a[::-1], z)[:, None, None]
+            rows += [-own * z[:, None, None] ** lag for lag in range(1, len(a))]
+            for j, i in np.ndindex(true.shape[1:]):
+                for lag in range(len(a) - 1):
+                    row = np.zeros_like(true)
+                    row[:, j, i] = (of_section * z[:, None, None] ** lag)[:, 0, 0]
+                    rows.append(row)
+        spread = self.spread
+        covariance = spread @ spread.T
+        jacobian = np.array(rows)
+        variance = np.einsum("pflm,pq,qflm->lm", jacobian, covariance, jacobian.conj()).real
+        return float(np.mean(np.sqrt(variance) / np.linalg.norm(true, axis=0)))
+
+    @cached_property
+    def spread(self) -> Array:
+        """A square root of the least covariance of the coefficients of all sections (Cramér-Rao).
+
+        Of the true orders, from noise whose colour is known.  NaN where rounding makes 20,000
+        samples of the noise grow, as of many slow poles.
+        """
+        s, (u, y) = self.system, self.clean
+        late = np.vstack([np.zeros((s.nk, u.shape[1])), u])[: len(u)]
+        columns = list(_derivatives(s, late))
+        try:
+            whitenings = self._whitenings(y.std(axis=0) / np.hypot(1.0, self.signal_to_noise))
+        except np.linalg.LinAlgError:
+            return np.full((len(columns), 1), np.nan)
+        matrix = np.column_stack(
+            [
+                np.concatenate(
+                    [lfilter(w, [1.0], part) for w, part in zip(whitenings, column, strict=True)]
+                )
+                for column in columns
+            ]
+        )
+        sizes = np.linalg.norm(matrix, axis=0)
+        sizes[sizes == 0.0] = 1.0
+        return np.linalg.pinv(matrix / sizes, rcond=1e-12) / sizes[:, None]
+
     def _whitenings(self, spread: Array) -> list[Array]:
         """Filters that make the noise of each output white, of variance 1."""
-        e = np.random.default_rng(0).standard_normal((20_000, len(spread)))
+        e = np.random.default_rng(0).standard_normal((20_000, self.system.noises))
         found = []
         for v, size in zip(self.system.disturb(e)[WARM_UP:].T, spread, strict=True):
             v = v / v.std() * size
@@ -275,6 +329,8 @@ def draw_system(g: Random, structure: str, inputs: int, outputs: int, samples: i
             # Sections of like energy: impulse responses of one norm.
             impulse = lfilter([1.0], a, np.r_[1.0, np.zeros(4000)])
             gains[:, :, k] *= g.uniform(0.3, 1.0) / np.linalg.norm(impulse)
+            if structure == "state space" and len(gains) > 1:
+                gains[:, :, k] = _of_one_shape(a, gains[:, :, k])
     whole = product(sections)
     roots = g.uniform(-0.9, 0.9, 2)
     own = np.poly(roots[:1]) if g.random() < 0.5 else np.poly(roots)
@@ -289,6 +345,28 @@ def draw_system(g: Random, structure: str, inputs: int, outputs: int, samples: i
         "state space": (np.ones(1), whole),
     }[structure]
     return System(structure, sections, gains, taps, nk, np.asarray(c, float), d)
+
+
+def _residues(denominator: Array, gains: Array) -> tuple[complex, Array]:
+    """A pole, and the numerators of a section, (l, m, 2), there."""
+    pole = np.roots(denominator)[0]
+    return pole, gains[..., 0] + gains[..., 1] / pole
+
+
+def _of_one_shape(denominator: Array, gains: Array) -> Array:
+    """Numerators of a single pole or pair, whose residue is of rank one, with a real shape."""
+    pole, residues = _residues(denominator, gains)
+    left, _, right = np.linalg.svd(residues.real)
+    residues = np.outer(left[:, 0], right[0]) * (left[:, 0] @ residues @ right[0])
+    slopes = residues.imag / (1.0 / pole).imag if len(denominator) == 3 else 0.0 * residues.real
+    return np.stack([residues.real - slopes * (1.0 / pole).real, slopes], axis=-1)
+
+
+def _shape(denominator: Array, gains: Array, scales: Array) -> Array:
+    """Shape of a section's mode at the recorded outputs; NaN where the residue is not of rank one."""
+    left, sizes, _ = np.linalg.svd(_residues(denominator, gains)[1])
+    alone = len(sizes) == 1 or sizes[1] < 1e-9 * sizes[0]
+    return left[:, 0] * scales if alone else np.full(len(scales), np.nan + 0j)
 
 
 def draw_input(
@@ -382,6 +460,8 @@ def _faster(a: Array, factor: float) -> Array:
 def draw_case(number: int) -> Case:
     """The case of a number."""
     g = np.random.default_rng(np.random.SeedSequence(20, spawn_key=(number,)))
+    if number >= SEVERAL:
+        return _several_channels(g, number)
     outside = str(g.choice(OUTSIDE)) if g.random() < 0.2 else ""
     structure, kind = str(g.choice(STRUCTURES)), str(g.choice(INPUTS))
     outputs = int(g.choice([1, 2, 3], p=[0.8, 0.1, 0.1]))
@@ -394,10 +474,49 @@ def draw_case(number: int) -> Case:
     system = draw_system(g, structure, max(inputs, 1), outputs, samples)
     if kind == "feedback" and system.nk == 0:
         system = replace(system, nk=1)
+    return _recorded(g, number, system, kind, outside, inputs, samples)
+
+
+def _several_channels(g: Random, number: int) -> Case:
+    """A short recording of several channels, or of outputs alone whose forces are white."""
+    samples = round(log_uniform(g, 500.0, 2000.0))
+    if g.random() < SHARE_WITHOUT_INPUT:
+        outputs, modes = int(g.integers(1, 9)), int(g.integers(2, 7))
+        system = draw_structure(g, modes, outputs, int(g.choice([1, outputs])))
+        return _recorded(g, number, system, "white", "", 0, samples)
+    outputs, inputs = ((2, 1), (1, 2), (2, 2), (3, 2))[int(g.integers(4))]
+    outside = str(g.choice(OUTSIDE)) if g.random() < 0.15 else ""
+    structure = "state space" if g.random() < 0.5 else str(g.choice(SEVERAL_STRUCTURES))
+    kind = str(g.choice(INPUTS[:-1]))
+    system = draw_system(g, structure, inputs, outputs, min(samples, 1000))
+    return _recorded(g, number, system, kind, outside, inputs, samples)
+
+
+def draw_structure(g: Random, modes: int, outputs: int, forces: int) -> System:
+    """A vibrating structure: lightly damped modes of real shapes under unknown forces."""
+    angles = np.sort([2.0 * np.pi / log_uniform(g, 2.5, 50.0) for _ in range(modes)])
+    dampings = np.array([log_uniform(g, 0.003, 0.05) for _ in angles])
+    poles = np.exp((-dampings + 1j * np.sqrt(1.0 - dampings**2)) * angles)
+    sections = tuple(np.array([1.0, -2.0 * pole.real, abs(pole) ** 2]) for pole in poles)
+    gains = g.standard_normal((outputs, forces, modes, 2))
+    for k, a in enumerate(sections):
+        impulse = lfilter([1.0], a, np.r_[1.0, np.zeros(4000)])
+        gains[:, :, k] = _of_one_shape(a, gains[:, :, k])
+        gains[:, :, k] *= g.uniform(0.3, 1.0) / np.linalg.norm(gains[:, :, k])
+        gains[:, :, k] /= np.linalg.norm(impulse)
+    none, whole = np.zeros((outputs, forces, 0)), product(sections)
+    return System("state space", sections, gains, none, 1, np.ones(1), whole)
+
+
+def _recorded(
+    g: Random, number: int, system: System, kind: str, outside: str, inputs: int, samples: int
+) -> Case:
+    """The recording of a system; without inputs its forces are not recorded."""
+    outputs, forces = system.gains.shape[:2]
     angles = [abs(np.log(np.roots(a)[0] + 0j)) for a in system.sections if len(a) > 1] or [1.0]
-    u, top = draw_input(g, kind, samples + WARM_UP, max(inputs, 1), max(angles))
+    u, top = draw_input(g, kind, samples + WARM_UP, forces, max(angles))
     ratio = log_uniform(g, 0.5, 100.0)
-    e = g.standard_normal((samples + WARM_UP, outputs))
+    e = g.standard_normal((samples + WARM_UP, system.noises))
     y = outside_of_class(g, outside, system, u) if outside else system.respond(u)
     v = system.disturb(e)
     v *= y[WARM_UP:].std(axis=0) / ratio / v[WARM_UP:].std(axis=0)
@@ -405,13 +524,13 @@ def draw_case(number: int) -> Case:
     fed_back = 0.0
     if inputs == 0:
         # The forces are not measured, and the noise is that of the sensor.
-        y = y + y.std(axis=0) / ratio * e
+        y = y + y.std(axis=0) / ratio * e[:, :outputs]
     elif looped is None:
         y, kind = y + v, "white" if kind == "feedback" else kind
     else:
         u, y, fed_back = looped
+    late = np.vstack([np.zeros((system.nk, forces)), u[WARM_UP:]])
     u, y = u[WARM_UP:, :inputs], y[WARM_UP:]
-    late = np.vstack([np.zeros((system.nk, max(inputs, 1))), u if inputs else e[WARM_UP:, :1]])
     energies = [float(np.sum(np.var(part, axis=1))) for part in system.parts(late)]
     modes = tuple(
         _mode(a, energy / sum(energies))
@@ -463,9 +582,16 @@ def _measured(g: Random, case: Case) -> Case:
         else:
             first = int(g.integers(count // 10, count - count // 10))
             y[first : first + max(1, count // 50)] = np.nan
+    pairs = [k for k, a in enumerate(case.system.sections) if len(a) == 3]
     return replace(
         case,
         faults=tuple(faults),
+        modes=tuple(
+            mode._replace(
+                shape=_shape(case.system.sections[k], case.system.gains[:, :, k], output_scales)
+            )
+            for k, mode in zip(pairs, case.modes, strict=True)
+        ),
         inputs=u,
         outputs=y,
         input_scale=input_scale,
