@@ -35,6 +35,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 import evopem  # noqa: E402
 from evopem.errors import InputError  # noqa: E402
+from evopem.models.modes import assurance  # noqa: E402
 from evopem.report.verdict import verdict  # noqa: E402
 
 COMMAND = "benchmarks/calibration.py"
@@ -180,7 +181,7 @@ def _mean(values: Iterable[float]) -> float:
 def modes_of(case: Case, found: Any) -> Line:
     """Which modes that can be trusted are true, and which true ones are trusted."""
     true = _true_modes(case)
-    trusted = _first_rows(found.modes[found.modes["trusted"]])
+    trusted = found.modes[found.modes["trusted"]]
     names = ("frequency_hz", "frequency_se_hz", "damping_percent", "damping_se_percent")
     rows = [tuple(map(float, row)) for row in trusted[list(names)].to_numpy()]
     near = [_nearest(frequency, damping / 100.0, true) for frequency, _, damping, _ in rows]
@@ -219,47 +220,35 @@ def modes_of(case: Case, found: Any) -> Line:
 def shapes_of(case: Case, found: Any) -> list[Line]:
     """Of each trusted shape: its MAC with the true one, what was expected, and entries covered.
 
-    Where one entry is 1 by definition, the true shape is scaled alike.
+    The true shape is scaled to 1 where the other is 1 by definition.
     """
-    if case.outputs.shape[1] == 1:
-        return []
     lines, true = [], _true_modes(case)
-    table = found.modes[found.modes["trusted"]]
-    for _, rows in table.groupby("mode", sort=False):
-        first = rows.iloc[0]
-        at = _nearest(first["frequency_hz"], first["damping_percent"] / 100.0, true)
-        if at is None or not np.isfinite(case.modes[at].shape).all():
+    for evidence in found.results.validation.modes.modes:
+        mode = evidence.mode
+        at = _nearest(mode.frequency_hz, mode.damping_ratio, true) if evidence.trusted else None
+        if at is None or len(mode.shape) == 1 or not np.isfinite(case.modes[at].shape).all():
             continue
-        shape = (rows["shape_real"] + 1j * rows["shape_imag"]).to_numpy()
-        scaled = case.modes[at].shape / case.modes[at].shape[np.argmax(np.abs(shape))]
-        off = scaled - shape
-        errors = rows[["shape_se_real", "shape_se_imag"]].to_numpy()
-        inside = np.abs(np.column_stack([off.real, off.imag])) <= NORMAL_95 * errors
-        own = np.arange(len(shape)) != np.argmax(np.abs(shape))
+        largest = int(np.argmax(np.abs(mode.shape)))
+        off = case.modes[at].shape / case.modes[at].shape[largest] - mode.shape
+        inside = [
+            np.abs(part) <= NORMAL_95 * error
+            for part, error in ((off.real, mode.shape_se_real), (off.imag, mode.shape_se_imag))
+        ]
+        covered = int(np.sum(np.delete(inside, largest, axis=1)))
         lines.append(
             {
-                "trusted": str(first["shape_trusted"]) == "True",
-                "mac": assurance(shape, case.modes[at].shape),
-                "expected": float(first["shape_assurance"]),
-                "covered": [int(inside[own].sum()), 2 * int(own.sum())],
+                "trusted": evidence.shape_trusted,
+                "mac": assurance(mode.shape, case.modes[at].shape),
+                "expected": mode.shape_assurance,
+                "covered": [covered, 2 * (len(mode.shape) - 1)],
             }
         )
     return lines
 
 
-def assurance(one: Complex, other: Complex) -> float:
-    """Modal assurance criterion of two shapes."""
-    return float(abs(np.vdot(one, other)) ** 2 / (np.vdot(one, one) * np.vdot(other, other)).real)
-
-
 def _true_modes(case: Case) -> list[tuple[float, float, float]]:
     """Frequency in Hz, damping and share of each mode."""
     return [(mode.angle * RATE / (2.0 * np.pi), mode.damping, mode.share) for mode in case.modes]
-
-
-def _first_rows(modes: pd.DataFrame) -> pd.DataFrame:
-    """The first row of each mode, where there is one for each output."""
-    return modes.drop_duplicates("mode") if "output" in modes else modes
 
 
 def _nearest(
