@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 from evidence import write_section
 from numpy.typing import NDArray
-from random_systems import SEVERAL, Case, draw_case
+from random_systems import Case, draw_case
 from scipy.stats import binomtest
 from threadpoolctl import threadpool_limits
 

@@ -23,8 +23,8 @@ Random = np.random.Generator
 STRUCTURES = ("fir", "arx", "armax", "ararx", "oe", "bj", "state space")
 INPUTS = ("white", "coloured", "PRBS", "multisine", "swept", "steps", "feedback")
 OUTSIDE = ("drifting", "switching", "nonlinear", "unrelated")
-# First number of the cases of several channels or without an input, the structures of these, and the
-# share without an input, as of an operational modal analysis.
+# First number of the cases of several channels or without an input, their structures, and the share
+# without an input, as of an operational modal analysis.
 SEVERAL, SEVERAL_STRUCTURES, SHARE_WITHOUT_INPUT = 5000, ("arx", "armax", "oe", "bj"), 0.55
 WARM_UP = 2000
 NOISE_LAGS = 30  # of the autoregression that describes the noise
@@ -363,7 +363,7 @@ def _of_one_shape(denominator: Array, gains: Array) -> Array:
 
 
 def _shape(denominator: Array, gains: Array, scales: Array) -> Array:
-    """Shape of a section's mode at the recorded outputs; NaN where the residue is not of rank one."""
+    """Shape of a section's mode at the recorded outputs; NaN of a residue above rank one."""
     left, sizes, _ = np.linalg.svd(_residues(denominator, gains)[1])
     alone = len(sizes) == 1 or sizes[1] < 1e-9 * sizes[0]
     return left[:, 0] * scales if alone else np.full(len(scales), np.nan + 0j)
