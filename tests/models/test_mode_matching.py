@@ -1,6 +1,7 @@
 """Modes paired by frequency, and grouped over models of several orders."""
 
 import math
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -107,6 +108,22 @@ def test_standard_errors_contain_the_spread_of_models_that_do_as_well():
     assert wide.frequency_se_hz == pytest.approx(np.hypot(mode.frequency_se_hz, 0.2 / np.sqrt(2)))
     assert wide.damping_se == mode.damping_se
     assert with_spread([mode], [[shaped(30.0)]]) == (mode,)
+
+
+def test_standard_errors_of_shapes_contain_the_spread_of_models_as_well():
+    """The other shape is scaled by -2j and has 0.1 more at its second output."""
+    mode = replace(
+        shaped(10.0, shape=np.array([1.0, 0.5])),
+        shape_se_real=np.array([0.0, 0.02]),
+        shape_se_imag=np.array([0.0, 0.03]),
+        shape_assurance=0.999,
+    )
+    other = shaped(10.0, shape=-2j * np.array([1.0, 0.6]))
+    (wide,) = with_spread([mode], [[mode], [other]])
+    np.testing.assert_allclose(wide.shape_se_real, [0.0, np.hypot(0.02, 0.1 / np.sqrt(2.0))])
+    np.testing.assert_allclose(wide.shape_se_imag, [0.0, 0.03], atol=1e-15)
+    loss = (1.0 - 1.3**2 / (1.25 * 1.36)) / 2.0
+    assert wide.shape_assurance == pytest.approx(0.999 - loss)
 
 
 def test_no_modes_make_no_groups():

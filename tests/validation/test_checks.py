@@ -257,6 +257,9 @@ def test_several_outputs_and_pairs_are_judged_together(good):
     check = good.with_("validation", pairs=(pair, large)).check("Residuals")
     assert check.passed is False
     assert check.statement.endswith("Dependent: b with v.")
+    few = replace(pair, output="b", share_inside95=0.898)
+    for pairs, passed in (((few,), False), ((pair, few), True)):
+        assert good.with_("validation", pairs=pairs).check("Residuals").passed is passed
 
 
 def test_a_pole_of_several_inputs_cancels_where_each_has_a_zero_there():

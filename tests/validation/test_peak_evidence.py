@@ -1,5 +1,7 @@
 """Peaks of the output's spectrum against the spectrum that a model gives the output."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -48,6 +50,20 @@ def test_a_model_without_the_mode_lacks_its_power(noise):
     evidence = peak_evidence(model(ONE_MODE, noise), record(1, noise), 0, SPECTRUM)
     (missed,) = [peak for peak in evidence if peak.excess > peak.chance]
     assert missed.frequency_hz == pytest.approx(1.9 * RATE / (2 * np.pi), abs=0.3)
+
+
+def test_the_limit_counts_the_peaks_of_all_outputs():
+    alone, recorded = model(TWO_MODES, 1.0), record(1, 1.0)
+    both = replace(
+        alone,
+        C=np.vstack([alone.C, alone.C]),
+        D=np.vstack([alone.D, alone.D]),
+        K=np.hstack([alone.K, 0.0 * alone.K]),
+        level=np.zeros(2),
+        noise_covariance=np.eye(2),
+    )
+    chances = [peak_evidence(each, recorded, 0, SPECTRUM)[0].chance for each in (alone, both)]
+    assert chances[1] > 1.02 * chances[0]
 
 
 def test_of_an_unstable_model_there_is_no_density():

@@ -134,6 +134,33 @@ def test_fitted_states_gain_as_much_where_noise_passes_through_slow_poles():
     assert min(gained) < 0.4
 
 
+def test_what_fitted_states_gain_of_noise_does_not_depend_on_units():
+    """The noise of the first output passes through a slow mode, that of the second is white."""
+    one, (u, y) = lightly_damped(1).state_space(), response(lightly_damped(1), 360, noise=0.3)
+    both = replace(
+        one,
+        C=np.vstack([one.C, one.C]),
+        D=np.vstack([one.D, one.D]),
+        K=np.hstack([one.K, 0.0 * one.K]),
+        level=np.zeros(2),
+        noise_covariance=np.eye(2),
+    )
+    outputs = np.column_stack([y, y + np.random.default_rng(1).normal(size=360)])
+    shares = []
+    for unit in (1.0, 1e4):
+        scales = np.array([1.0, unit])
+        scaled = replace(
+            both,
+            C=scales[:, None] * both.C,
+            D=scales[:, None] * both.D,
+            K=both.K / scales,
+            noise_covariance=np.diag(scales**2),
+        )
+        result, _ = validate(scaled, prepared(u, scales * outputs, 320))
+        shares.append(result.share_of_noise)
+    assert shares[1] == pytest.approx(shares[0], rel=1e-6)
+
+
 @pytest.mark.parametrize("contiguous", [True, False])
 def test_predictions_of_an_output_error_model_start_from_the_state_of_the_record(contiguous):
     """A slow mode that moves before the first sample: a predictor at rest would be 100 % wrong."""

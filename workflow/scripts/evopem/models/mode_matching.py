@@ -135,6 +135,9 @@ def mode_distance(first: Mode, second: Mode) -> float:
 def with_spread(modes: Sequence[Mode], rivals: Sequence[Sequence[Mode]]) -> tuple[Mode, ...]:
     """Modes whose standard errors contain the mean squared difference to those of other models.
 
+    That of their shapes as well, scaled alike; the assurance that a shape is expected to have is
+    less by what those of the others lack.
+
     ``rivals``: of models that could have been chosen as well, where they have the mode.
     """
 
@@ -143,10 +146,16 @@ def with_spread(modes: Sequence[Mode], rivals: Sequence[Sequence[Mode]]) -> tupl
         same = [near for near in nearest if mode_distance(mode, near) <= OF_RIVAL] or [mode]
         frequency = np.mean([(near.frequency_hz - mode.frequency_hz) ** 2 for near in same])
         damping = np.mean([(near.damping_ratio - mode.damping_ratio) ** 2 for near in same])
+        largest = int(np.argmax(np.abs(mode.shape)))
+        apart = np.array([near.shape / near.shape[largest] - mode.shape for near in same])
+        loss = np.mean([1.0 - assurance(near.shape, mode.shape) for near in same])
         return replace(
             mode,
             frequency_se_hz=math.hypot(mode.frequency_se_hz, math.sqrt(frequency)),
             damping_se=math.hypot(mode.damping_se, math.sqrt(damping)),
+            shape_se_real=np.hypot(mode.shape_se_real, np.sqrt(np.mean(apart.real**2, axis=0))),
+            shape_se_imag=np.hypot(mode.shape_se_imag, np.sqrt(np.mean(apart.imag**2, axis=0))),
+            shape_assurance=float(np.maximum(mode.shape_assurance - loss, 0.0)),
         )
 
     return tuple(map(widened, modes))

@@ -198,7 +198,7 @@ class StateSpaceModel:
         Least squares, each output relative to its noise; (N, nu) inputs and (N, ny) outputs.
         """
         errors = self.residuals(inputs, outputs)
-        free = self._free_responses(self.predictor, len(errors))
+        free = self.free_responses(self.predictor, len(errors))
         return fitted(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
 
     def simulate_on(self, inputs: ArrayLike, outputs: ArrayLike, known: int) -> Array:
@@ -219,7 +219,7 @@ class StateSpaceModel:
         errors, nothing = model.residuals(inputs, outputs), np.zeros_like(inputs, dtype=float)
         ones = np.eye(self.outputs)[:, None].repeat(len(errors), axis=1)
         levels = np.stack([model.residuals(nothing, unit) for unit in ones], axis=2)
-        columns = np.concatenate([levels, self._free_responses(self.predictor, len(errors))], 2)
+        columns = np.concatenate([levels, self.free_responses(self.predictor, len(errors))], 2)
         spread = np.sqrt(np.abs(np.diag(self.noise_covariance)))
         level, state = np.split(fitted(columns, errors, spread), [self.outputs])
         return replace(self, level=level), state
@@ -246,7 +246,7 @@ class StateSpaceModel:
         with np.errstate(all="ignore"):
             driven = states_of(form.A, u @ form.B.T, None)
             rest = driven @ form.C.T + u @ form.D.T + form.level
-            free = form._free_responses(form.A, len(y), fit_level)
+            free = form.free_responses(form.A, len(y), fit_level)
             power = driven.T @ driven / len(driven)
         if not all(np.isfinite(part).all() for part in (rest, free, power)):
             return np.full(y.shape, np.inf)
@@ -376,7 +376,7 @@ class StateSpaceModel:
             raise ValueError(f"outputs must be ({len(u)}, {self.outputs}), not {y.shape}")
         return u, y
 
-    def _free_responses(self, dynamics: Array, samples: int, fit_level: bool = False) -> Array:
+    def free_responses(self, dynamics: Array, samples: int, fit_level: bool = False) -> Array:
         """Outputs after an initial state of one at each state, and levels of one, (N, ny, ...)."""
         nothing = np.zeros((samples, self.order))
         of_states = [states_of(dynamics.T, nothing, row) for row in self.C]

@@ -147,7 +147,7 @@ def peak_evidence(
     That is the multitaper estimate of the simulated output plus ``2 H Λ H* / fs`` averaged over ±
     W. Where the model is right and the noise prevails, the ratio is a chi-square variable over its
     degrees of freedom (Percival & Walden 1993, section 7.4).  The limit counts every resolution
-    cell (Bonferroni).  By rising frequency; empty where no spectrum can be estimated.
+    cell of all outputs (Bonferroni).  By rising frequency; empty where there is no spectrum.
     """
     from scipy.stats import chi2
 
@@ -165,7 +165,7 @@ def peak_evidence(
     modelled = modelled + _noise_density(model, output, spectrum, index)
     cells = max(1.0, spectrum.frequencies[-1] / spectrum.resolution_hz)
     freedom = spectrum.degrees_of_freedom[index]
-    limits = chi2.isf(CHANCE_LEVEL / cells, freedom) / freedom
+    limits = chi2.isf(CHANCE_LEVEL / (cells * model.outputs), freedom) / freedom
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = spectrum.density[index] / modelled
     excess[~np.isfinite(modelled)] = math.nan

@@ -167,12 +167,11 @@ def validate(
 def validation_errors(held_out: Sequence[HeldOut], fit_level: bool = False) -> tuple[float, float]:
     """Errors one step ahead and of the simulation in percent, means over the outputs."""
     responses = responses_of(held_out, fit_level)
-    scored = responses.scored
-    measured = responses.outputs[scored]
-    return (
-        _mean(_errors(measured, responses.predicted[scored])),
-        _mean(_errors(measured, responses.simulated[scored])),
+    measured, predicted, simulated = (
+        series[responses.scored]
+        for series in (responses.outputs, responses.predicted, responses.simulated)
     )
+    return _mean(_errors(measured, predicted)), _mean(_errors(measured, simulated))
 
 
 def _estimation_stretches(model: StateSpaceModel, estimation: Recording) -> Sequence[HeldOut]:
@@ -244,25 +243,30 @@ def _outputs(
 
 
 def _share_left(held_out: Sequence[HeldOut]) -> float:
-    """Smallest share of records of the model's own noise that fitted states of the plant leave.
+    """Smallest share of the error by the model's own noise that fitted states of the plant leave.
 
     Noise that passes through slow poles of the plant moves their states before and during a record.
+    Errors of the outputs count as those of a simulation, relative to each output's deviation.
     """
-    generator, left, total = np.random.default_rng(0), np.zeros(DRAWN), np.zeros(DRAWN)
+    generator = np.random.default_rng(0)
+    spread = np.std(np.concatenate([stretch.recording.outputs for stretch in held_out]), axis=0)
+    left, total = np.zeros((2, len(spread), DRAWN))
     with np.errstate(all="ignore"):
         for stretch in held_out:
             model, samples, count = stretch.model, stretch.recording.samples, stretch.model.outputs
             noise = replace(model, B=model.K, D=np.eye(count), input_delays=(), input_names=())
             noise = replace(noise, level=np.zeros(count))
-            spread = np.sqrt(np.diag(model.noise_covariance))
+            sizes = np.sqrt(np.diag(model.noise_covariance))
             drawn = min(max(stretch.first, samples), MOST_PAST) + samples
-            e = spread * generator.standard_normal((DRAWN, drawn, count))
-            v = np.stack([noise.simulate(draws)[-samples:] for draws in e], axis=1)
-            free = free_responses(stretch.plant.poles(), samples)
-            total += np.sum(v**2, axis=(0, 2))
-            rest = left_by(free, v.reshape(samples, -1)).reshape(v.shape)
-            left += np.sum(rest**2, axis=(0, 2))
-        return float(np.sqrt(np.min(left / total)))
+            e = sizes * generator.standard_normal((DRAWN, drawn, count))
+            v = np.stack([noise.simulate(draws)[-samples:] for draws in e], axis=-1)
+            v = v / spread[:, None]
+            free = stretch.plant.free_responses(stretch.plant.A, samples) / spread[:, None]
+            rest = left_by(free.reshape(-1, free.shape[2]), v.reshape(-1, DRAWN))
+            total += np.sum(v**2, axis=0)
+            left += np.sum(rest.reshape(v.shape) ** 2, axis=0)
+        errors = [np.sum(np.sqrt(squares), axis=0) for squares in (left, total)]
+        return float(np.min(errors[0] / errors[1]))
 
 
 def _ahead(held_out: Sequence[HeldOut], horizon: int) -> Array:

@@ -154,11 +154,6 @@ class Validation:
         return bool(self.floors) and all(floor.reached for floor in self.floors)
 
     @property
-    def simulation_fit_percent(self) -> float:
-        """Fit of the simulation."""
-        return 100.0 - self.simulation_error_percent
-
-    @property
     def horizon_errors_percent(self) -> tuple[float, ...]:
         """Errors of predictions by horizon, means over the outputs."""
         errors = [output.horizon_errors_percent for output in self.outputs]

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from evopem.validation.validation import Validation
 
 # With a coloured input, cross-correlations at neighbouring lags are dependent, so the share inside
-# the bounds varies more than a binomial one.
-MIN_CROSS_CORRELATION_SHARE = 0.90
+# the bounds varies more than a binomial one: standard deviation.
+CROSS_CORRELATION_SHARE = 0.05 / 3.0
 # Probability that the share of white autocorrelations inside their bounds is too small by chance:
 # three standard deviations.
 SHARE_LEVEL = 0.00135
@@ -77,7 +77,8 @@ def are_independent(largest: float, share: float, lags: int, pairs: int = 1) -> 
     ``pairs`` of outputs and inputs, judged together by Bonferroni's bound.
     """
     allowed = largest_by_chance((2 * lags + 1) * pairs)
-    return largest <= allowed and share >= MIN_CROSS_CORRELATION_SHARE
+    least = 0.95 + float(ndtri(SHARE_LEVEL / pairs)) * CROSS_CORRELATION_SHARE
+    return largest <= allowed and share >= least
 
 
 def _least_share(lags: int, outputs: int) -> float:
@@ -171,8 +172,9 @@ def input_independence(evidence: Evidence) -> Found | None:
     keys = "“orders.nb” or “orders.plant”" if evidence.model.orders else STATES
     return (
         not dependent,
-        f"{100 * share:.1f} % of {count} cross-correlations (lags −{lags} to"
-        f" {lags}) lie inside their 95 % bounds. The largest{of_pair} is"
+        f"{100 * share:.1f} % of {2 * lags + 1} cross-correlations (lags −{lags} to {lags}"
+        f"{', of the pair with the fewest' if pairs[1:] else ''}) lie inside their 95 % bounds."
+        f" The largest{of_pair} is"
         f" {worst.max_in_bounds:.2f} times its bound; up to {largest_by_chance(count):.2f} times is"
         f" not significant (Bonferroni, {100 * SIGNIFICANCE:g} %)."
         + (f" Dependent: {listed(dependent)}." if dependent and pairs[1:] else ""),
