@@ -140,7 +140,7 @@ def test_poles_with_ellipses_and_modes_with_intervals(results):
     np.testing.assert_allclose(found, np.sort_complex(model.poles()), atol=1e-9)
     assert len(circle.patches) > 0
     bars = [each.get_segments() for each in damping.collections[:2]]
-    half = {1.96 * mode.frequency_se_hz for mode in modes}
+    half = {1.959963984540054 * mode.frequency_se_hz for mode in modes}
     drawn_halves = {np.ptp(bar[:, 0]) / 2 for bar in bars[0]} | {
         np.ptp(bar[:, 0]) / 2 for bar in bars[1]
     }

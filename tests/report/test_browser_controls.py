@@ -359,6 +359,17 @@ def test_every_figure_can_be_zoomed(browser, report):
     assert browser.get_log("browser") == []
 
 
+def test_a_logarithmic_axis_begins_anywhere(browser, report):
+    visit(browser, report)
+    browser.execute_script(
+        """const figure = document.querySelector('#spectrum figure');
+        const [panel] = JSON.parse(figure.dataset.panels);
+        figure.dataset.panels = JSON.stringify([{...panel, limits: [0.0096, 166]}]);"""
+    )
+    bring(browser, "spectrum")
+    assert browser.get_log("browser") == []
+
+
 def test_a_click_in_the_complex_plane_tells_the_root(browser, report, results):
     visit(browser, report)
     bring(browser, "poles_zeros")

@@ -108,7 +108,8 @@ def test_the_scripts_are_the_project_s_and_uplot_with_its_licence_allowed_by_dig
     assert second.startswith(f"/*\n{licence}")
     assert "Permission is hereby granted" in licence
     assert library in second
-    assert second.endswith((TEMPLATES / "figures.js").read_text())
+    drawn = [(TEMPLATES / name).read_text() for name in ("panels.js", "figures.js")]
+    assert second.endswith("\n".join(drawn))
     for script in (first, second):
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
         assert f"'sha256-{digest}'" in html

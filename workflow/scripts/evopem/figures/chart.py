@@ -173,7 +173,7 @@ def columns_of(results: DatasetResults, panels: Sequence[Panel]) -> int:
 
 def across(panels: Sequence[Panel]) -> int:
     """Panels of a row where each is of one channel."""
-    return 1 if len(panels) == 1 else 2 if len(panels) <= 4 else 3
+    return 2 if len(panels) == 4 else min(len(panels), 3)
 
 
 def small(panels: Sequence[object], height: int) -> int:

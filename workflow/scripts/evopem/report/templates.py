@@ -117,6 +117,7 @@ def environment(folder: Path) -> Environment:
         page_script=_script(folder / "page.js"),
         figures_script=_script(
             folder / "uplot" / "uPlot.iife.min.js",
+            folder / "panels.js",
             folder / "figures.js",
             licence=folder / "uplot" / "LICENSE",
         ),
