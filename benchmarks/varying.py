@@ -7,7 +7,8 @@ noise numerator, TARMA(6,2); the aggregate error of the frozen spectrum beside s
 autoregressions, recursive least squares with forgetting, and a smoothness-prior autoregression
 (Kitagawa & Gersch 1985), each with the best setting of a grid in view of the truth.  ``bands``:
 coverage of frozen frequencies and damping ratios by their 95 % bands, orders known, dimension by
-BIC.  ``choice``: how often constant and moving systems are called moving, all chosen by BIC.
+BIC.  ``choice``: how often constant and moving systems are called moving, all chosen by BIC, and
+without the samples that judge it.
 """
 
 from __future__ import annotations
@@ -15,17 +16,23 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "workflow" / "scripts"))
 
-from evopem import Orders, Recording, Scheduled, choose_varying, estimate_varying
-from evopem.automatic.varying import CLEARLY, compared
-from evopem.estimation.varying import VaryingProblem
+from evopem import Orders, Recording, SearchSettings, estimate
+from evopem.automatic.varying import moving_model
+from evopem.config.settings import VaryingSettings
+from evopem.estimation.varying import Scheduled, VaryingProblem, fit_varying
 from evopem.estimation.varying_choice import choose_autoregression, undersmoothed
+from evopem.models.polynomial import state_space_of
 from evopem.models.varying import all_free, delayed_inputs, filtered
+from evopem.signals.recording import Segment
+from evopem.validation.model_class import REJECTED, model_class
+from evopem.validation.responses import stretches_of
 
 RATE = 100.0
 HALF_WIDTH = 1.96
@@ -121,7 +128,7 @@ def spectra(records, _kinds, samples=1200):
 
         began = time.process_time()
         chosen = choose_autoregression(scheduled, 12, ())
-        tar = estimate_varying(scheduled, chosen.orders, chosen.basis).model
+        tar = fit_varying(scheduled, chosen.orders, chosen.basis).model
         theta = tar.coefficients(times)
         of_tar = spectrum(
             theta[:, tar.rows["a"]], np.zeros((samples, 0)), tar.noise_variance(times)
@@ -162,19 +169,38 @@ def spectra(records, _kinds, samples=1200):
 KINDS = ("AR", "ARX", "ARMAX", "OE")
 
 
-def system(kind, samples, seed, rise):
-    """A mode of 12 Hz that rises by a share, with an input but for AR."""
+COURSES = {
+    "constant": np.zeros_like,
+    "drift": lambda x: x - 0.5,
+    "periodic": lambda x: 0.5 * np.sin(4.0 * np.pi * x),
+    "jump": lambda x: (x > 0.6) - 0.5,
+    "condition": lambda x: x**2 - 0.5,
+}
+# Records of which one changes; recordings at a condition each, and their order.
+POWER, LEVELS = 36, np.array([2, 0, 5, 1, 4, 3, 6])
+
+
+def system(kind, samples, seed, change, course="drift"):
+    """A mode of 12 Hz that changes by a share, with an input but for AR; frequencies (N,)."""
     generator = np.random.default_rng(np.random.SeedSequence(11, spawn_key=(seed,)))
-    x = np.linspace(0.0, 1.0, samples)
-    f = 12.0 * (1.0 + rise * (x - 0.5))
+    x, bounds = np.linspace(0.0, 1.0, samples), np.array([0, samples])
+    if course == "condition":
+        bounds = np.linspace(0, samples, len(LEVELS) + 1).astype(int)
+        x = np.repeat(LEVELS / 6.0, np.diff(bounds))
+    f = 12.0 * (1.0 + change * COURSES[course](x))
     a, u = polynomial(f[:, None], [0.03]), generator.normal(size=(samples, 1))
-    e, bounds = 0.3 * generator.normal(size=samples), np.array([0, samples])
+    e = 0.3 * generator.normal(size=samples)
     forced = delayed_inputs(Orders(na=2, nb=2, nk=1), u, bounds) @ [1.0, 0.5]
     drive = {"AR": e, "ARX": forced + e, "OE": forced}.get(kind)
     if drive is None:
         drive = forced + e + 0.6 * np.r_[0.0, e[:-1]]
     y = filtered(drive[:, None], a, bounds)[:, 0] + (e if kind == "OE" else 0.0)
-    return Scheduled.of(Recording(u[:, : kind != "AR"], y, RATE)), f
+    u, parts = u[:, : kind != "AR"], list(pairwise(bounds.tolist()))
+    data = Recording(u, y, RATE)
+    if course != "condition":
+        return Scheduled.of(data), f
+    data = data.with_segments([Segment(u[i:j], y[i:j, None], n) for n, (i, j) in enumerate(parts)])
+    return Scheduled.of(data, LEVELS.astype(float)), f
 
 
 ORDERS = {
@@ -189,7 +215,7 @@ def by_descent(scheduled, orders, basis):
     """From the estimate by two stages, without a search."""
     problem = VaryingProblem(scheduled, orders, basis, all_free(orders, basis))
     starts = [problem.start()] if orders.nc or any(orders.nf) else []
-    return estimate_varying(scheduled, orders, basis, starts=starts)
+    return fit_varying(scheduled, orders, basis, starts=starts)
 
 
 def bands(records, kinds, samples=1000):
@@ -216,22 +242,38 @@ def bands(records, kinds, samples=1000):
         print(f"| {kind} | {records} | {hz:.1f} | {damping:.1f} |", flush=True)
 
 
+def seen_to_change(scheduled, kind):
+    """Whether the test of constancy fails for a constant model of true orders."""
+    data, structure = scheduled.data, "arma" if kind == "AR" else kind.lower()
+    settings = SearchSettings(objective="quadratic", evaluations=100)
+    fit = estimate(data, orders=ORDERS[kind], structure=structure, level=True, settings=settings)
+    tests = model_class(stretches_of(state_space_of(fit.model), data))
+    return tests.constant.p_value < REJECTED
+
+
 def choice(records, kinds, samples=600):
-    for rise in (0.0, 0.1):
+    """Test and choice apart, so that each has its own rate; a change of a fifth for power."""
+    for course in COURSES:
         for kind in kinds:
-            called = moving = 0
+            seen = moving = called = both = 0
             began = time.process_time()
-            for number in range(records):
-                scheduled, _ = system(kind, samples, 1000 + number, rise)
+            several = records if course == "constant" else max(records // POWER, 1)
+            for number in range(several):
+                change = 0.0 if course == "constant" else 0.2
+                scheduled, _ = system(kind, samples, 1000 + number, change, course)
+                by_time = course != "condition"
+                fails = by_time and seen_to_change(scheduled, kind)
                 nk = () if kind == "AR" else (1,)
-                fit = choose_varying(scheduled, 4, nk)
-                constant = choose_varying(scheduled, 4, nk, ("legendre",), (1,))
-                has_moved = bool(np.any(fit.free[:, 1:]))
-                moving += has_moved
-                called += has_moved and compared(scheduled, fit, constant)[2] > CLEARLY
-            spent = (time.process_time() - began) / records
-            counts = f"{100 * rise:.0f} % | {records} | {moving} | {called}"
-            print(f"| {kind} | {counts} | {spent:.1f} |", flush=True)
+                name = "time" if by_time else course
+                moves = moving_model(scheduled, 4, nk, VaryingSettings(), name).moves
+                better = moves is not None and moves.is_better
+                seen += fails
+                moving += moves is not None
+                called += better
+                both += better and (fails or not by_time)
+            spent = (time.process_time() - began) / several
+            counts = f"{several} | {seen if by_time else ''} | {moving} | {called} | {both}"
+            print(f"| {course} | {kind} | {counts} | {spent:.1f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -56,14 +56,11 @@ def test_structures_that_share_orders_estimate_denominators_once(monkeypatch):
     )
     record = small_record(seed=7)
     of_f, of_a = of_orders(record, nb=2, nf=2, nk=1), of_orders(record, na=2, nb=2, nc=2, nk=1)
-    known: linear_estimates.Denominators = {}
-    first, second = (
-        list(linear_estimates.common_denominators(p.errors, known)) for p in (of_f, of_a)
-    )
+    first, second = (list(linear_estimates.common_denominators(p.errors)) for p in (of_f, of_a))
     np.testing.assert_array_equal(first[1:], second[1:])
     assert len(calls) == 1
-    list(linear_estimates.common_denominators(of_orders(record, nb=3, nf=2, nk=1).errors, known))
-    list(linear_estimates.common_denominators(of_orders(record[::-1], nb=2, nf=2, nk=1).errors, {}))
+    list(linear_estimates.common_denominators(of_orders(record, nb=3, nf=2, nk=1).errors))
+    list(linear_estimates.common_denominators(of_orders(record[::-1], nb=2, nf=2, nk=1).errors))
     assert len(calls) == 3
 
 

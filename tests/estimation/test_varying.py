@@ -1,17 +1,28 @@
 """Models whose coefficients move: known systems, exact derivatives, and their choice."""
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pytest
 from numpy.polynomial.legendre import legvander
 from scipy.optimize import approx_fprime
 
-from evopem import InputError, Orders, Recording, SearchSettings, estimate, identify
-from evopem.automatic.varying import blocks, held_out_errors
-from evopem.estimation.varying import Scheduled, VaryingProblem, estimate_varying
+from evopem import (
+    InputError,
+    Orders,
+    Recording,
+    SearchSettings,
+    estimate,
+    estimate_varying,
+    identify,
+)
+from evopem.automatic.varying import Varying, blocks, held_out_errors
+from evopem.estimation.varying import Scheduled, VaryingProblem, fit_varying
 from evopem.estimation.varying_choice import choose_varying, undersmoothed
-from evopem.files.json_form import from_json, to_json
+from evopem.files.json_form import from_json, load, to_json
 from evopem.models.varying import Basis, VaryingModel, all_free, delayed_inputs, filtered
+from evopem.report.verdict_file import VerdictFile
 from evopem.signals.recording import Segment
 
 RATE = 100.0
@@ -84,7 +95,7 @@ def test_splines_make_every_cubic():
 
 def test_an_autoregression_is_least_squares():
     data = moving("arx")
-    fit = estimate_varying(Scheduled.of(data), ORDERS["arx"], Basis("legendre", 3, 0.0, 19.99))
+    fit = fit_varying(Scheduled.of(data), ORDERS["arx"], Basis("legendre", 3, 0.0, 19.99))
     y, u, functions = data.output, data.input, legvander(np.linspace(-1.0, 1.0, 2000), 2)
     past = [-y[1:-1], -y[:-2], u[1:-1], u[:-2], np.ones(1998)]
     columns = np.hstack([signal[:, None] * functions[2:] for signal in past])
@@ -113,7 +124,7 @@ def test_without_motion_output_error_is_that_of_the_constant_search():
     settings = SearchSettings(objective="quadratic", evaluations=2000)
     constant = estimate(data, orders=ORDERS["oe"], structure="oe", level=True, settings=settings)
     scheduled = Scheduled.of(data)
-    model = estimate_varying(scheduled, ORDERS["oe"], scheduled.basis("legendre", 1)).model
+    model = fit_varying(scheduled, ORDERS["oe"], scheduled.basis("legendre", 1)).model
     (mode,), (expected,) = model.frozen(1.0).modes(), constant.model.modes()
     # The first samples, whose past inputs are not measured, count in one of them only.
     assert mode.frequency_hz == pytest.approx(expected.frequency_hz, abs=0.1 * mode.frequency_se_hz)
@@ -125,9 +136,9 @@ def test_without_motion_output_error_is_that_of_the_constant_search():
 def test_frozen_modes_are_those_of_the_system(structure):
     data = moving(structure)
     scheduled = Scheduled.of(data)
-    fit = estimate_varying(scheduled, ORDERS[structure], scheduled.basis("legendre", 5))
+    fit = fit_varying(scheduled, ORDERS[structure], scheduled.basis("legendre", 5))
     moments = np.linspace(0.0, data.times[-1], 9)
-    (path,) = fit.model.modes(moments)
+    path = fit.model.modes(moments)[0].modes
     truth = np.interp(moments, data.times, frequency(data.times))
     deviations = [
         (m.frequency_hz - f) / m.frequency_se_hz for m, f in zip(path, truth, strict=True)
@@ -142,7 +153,7 @@ def test_frozen_modes_are_those_of_the_system(structure):
 def test_predictions_are_those_of_the_recursion(structure):
     data = moving(structure, 400)
     scheduled = Scheduled.of(data)
-    model = estimate_varying(scheduled, ORDERS[structure], scheduled.basis("legendre", 2)).model
+    model = fit_varying(scheduled, ORDERS[structure], scheduled.basis("legendre", 2)).model
     theta, rows = model.coefficients(data.times), model.rows
     a, b, level = theta[:, rows["a"]], theta[:, rows["b"]], theta[:, -1]
     c = a if structure == "oe" else theta[:, rows["c"]]
@@ -191,14 +202,14 @@ def test_variance_that_moves_is_estimated():
         np.array([0, 4000]),
     )
     scheduled = Scheduled.of(Recording(np.zeros((4000, 0)), y, RATE))
-    model = estimate_varying(scheduled, Orders(na=1), scheduled.basis("legendre", 3)).model
+    model = fit_varying(scheduled, Orders(na=1), scheduled.basis("legendre", 3)).model
     ratio = model.noise_variance(times[::400]) / deviation[::400] ** 2
     assert np.abs(np.log(ratio)).max() < 0.25
 
 
 def test_a_model_comes_back_from_its_json_form():
     scheduled = Scheduled.of(moving("armax", 500))
-    model = estimate_varying(scheduled, ORDERS["armax"], scheduled.basis("spline", 5)).model
+    model = fit_varying(scheduled, ORDERS["armax"], scheduled.basis("spline", 5)).model
     again = from_json(VaryingModel, to_json(model))
     assert to_json(again) == to_json(model)
     (mode,), (expected,) = again.frozen(2.0).modes(), model.frozen(2.0).modes()
@@ -214,7 +225,7 @@ def test_a_condition_schedules_recordings():
         segments.append(Segment(part.inputs, part.outputs, number))
     data = moving("arx", 1000).with_segments(segments)
     scheduled = Scheduled.of(data, np.repeat(conditions, 1000))
-    model = estimate_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", 2)).model
+    model = fit_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", 2)).model
     for value in (20.0, 40.0, 50.0):
         (mode,) = model.frozen(value).modes()
         assert abs(mode.frequency_hz - 10.0 - 0.1 * value) < 4.0 * mode.frequency_se_hz + 0.02
@@ -248,11 +259,11 @@ def test_held_out_samples_are_not_fitted():
     weights[300:400] = 0.0
     changed = scheduled.data.output.copy()
     held = Scheduled(scheduled.data, scheduled.schedule, weights)
-    model = estimate_varying(held, ORDERS["arx"], held.basis("legendre", 2)).model
+    model = fit_varying(held, ORDERS["arx"], held.basis("legendre", 2)).model
     changed[305:395] += 5.0
     other_data = Recording(scheduled.data.inputs, changed, RATE)
     other = Scheduled(other_data, scheduled.schedule, np.where(np.arange(800) < 400, weights, 1.0))
-    again = estimate_varying(other, ORDERS["arx"], held.basis("legendre", 2)).model
+    again = fit_varying(other, ORDERS["arx"], held.basis("legendre", 2)).model
     np.testing.assert_allclose(again.weights, model.weights, rtol=1e-9, atol=1e-12)
 
 
@@ -272,8 +283,16 @@ def test_a_chirping_resonance_is_reported(chirp, tmp_path):
     assert moves.is_better
     assert moves.error_percent < moves.constant_error_percent
     assert mode.moves
-    assert abs(mode.first_hz - 10.0) < 4.0 * mode.first_se
-    assert abs(mode.last_hz - 14.0) < 4.0 * mode.last_se
+    for end, truth in zip((mode.modes[0], mode.modes[-1]), (10.0, 14.0), strict=True):
+        assert abs(end.frequency_hz - truth) < 4.0 * end.frequency_se_hz
+    listed = load(VerdictFile, chirp.files.verdict).moves
+    assert (listed.schedule, listed.is_better, listed.error_percent) == (
+        *("time", True),
+        moves.error_percent,
+    )
+    assert listed.modes[0].from_hz == mode.modes[0].frequency_hz
+    assert listed.modes[0].to_se_hz == mode.modes[-1].frequency_se_hz
+    assert listed.modes[0].moves
     assert "The machine changes: mode 1 moves from" in str(chirp)
     page = chirp.report(tmp_path / "report.html").read_text(encoding="utf-8")
     for words in ("The machine changes: mode 1 moves from", "Modes over time", "Gain over time"):
@@ -300,15 +319,78 @@ def test_several_outputs_have_no_moving_model():
     outputs = np.column_stack([data.output, data.output[::-1]])
     with pytest.raises(InputError, match="varying: there are several outputs"):
         identify(data.inputs, outputs, RATE, show_progress=False, varying={"dimension": 3})
+    with pytest.raises(InputError, match="there are several outputs"):
+        estimate_varying(data.inputs, outputs, RATE)
+
+
+@pytest.mark.parametrize("structure", ["arx", "oe"])
+def test_a_moving_model_is_estimated_in_one_call(structure, tmp_path):
+    data = moving(structure, 1000)
+    found = estimate_varying(data, orders=ORDERS[structure], basis="legendre", dimension=4)
+    (mode,) = found.moves.modes
+    truth = np.interp(mode.values, data.times, frequency(data.times))
+    assert np.abs([m.frequency_hz for m in mode.modes] - truth).max() < 0.6
+    assert found.moves.is_better
+    assert repr(found).startswith("The machine changes: mode 1 moves from")
+    assert found.modes["frequency_hz"].tolist() == [m.frequency_hz for m in mode.modes]
+    first, _ = found.plot_modes()
+    assert first.get_ylabel() == "Natural frequency (Hz)"
+    found.save(tmp_path / "moving.json")
+    again = load(Varying, tmp_path / "moving.json")
+    simulated = found.model.simulate(data.inputs, data.times)
+    np.testing.assert_array_equal(again.model.simulate(data.inputs, data.times), simulated)
+
+
+def test_a_moving_model_is_chosen_along_a_condition_of_each_recording():
+    found = estimate_varying(
+        pooled("arx").data,
+        schedule=TEMPERATURES,
+        condition="temperature",
+        orders=ORDERS["arx"],
+    )
+    assert found.moves.schedule == found.model.schedule == "temperature"
+    assert found.modes["condition"].max() == 30.0
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"schedule": np.zeros(7)}, r"has the shape \(7,\)"),
+        ({"schedule": np.zeros(400)}, "does not vary"),
+        ({"orders": Orders("bj", nb=2, nf=2, nc=1, nd=1, nk=1)}, "cannot move; give those of AR"),
+        ({"orders": Orders(na=2)}, "output error with 1 inputs"),
+    ],
+)
+def test_what_cannot_move_is_refused(given, sentence):
+    with pytest.raises(InputError, match=sentence):
+        estimate_varying(moving("arx", 400), **given)
+
+
+def test_each_fold_is_held_out_of_the_choice():
+    scheduled, seen = Scheduled.of(moving("arx", 800)), []
+
+    def choose(others):
+        seen.append(others.weights)
+        return choose_varying(others, 2, (1,), ("legendre",), (1, 2, 3))
+
+    errors = held_out_errors(scheduled, choose)
+    assert np.isfinite(errors[2:]).all()
+    assert sum(seen).tolist() == [4.0] * 800
+    of_first = choose_varying(
+        Scheduled(scheduled.data, scheduled.schedule, seen[0]), 2, (1,), ("legendre",), (1, 2, 3)
+    )
+    held = np.flatnonzero(seen[0] == 0.0)[2:]
+    np.testing.assert_allclose(errors[held], of_first.errors[held])
 
 
 def test_held_out_errors_are_those_of_models_without_their_block():
     scheduled = Scheduled.of(moving("arx", 800))
-    fit = estimate_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", 3))
-    errors = held_out_errors(scheduled, fit)
+    basis = scheduled.basis("legendre", 3)
+    fit = fit_varying(scheduled, ORDERS["arx"], basis)
+    errors = held_out_errors(scheduled, partial(fit_varying, orders=ORDERS["arx"], basis=basis))
     block = slice(0, 20)  # the first of 40, held out with every fifth
     weights = (np.arange(800) // 20 % 5 != 0).astype(float)
-    alone = estimate_varying(
+    alone = fit_varying(
         Scheduled(scheduled.data, scheduled.schedule, weights), ORDERS["arx"], fit.model.basis
     )
     np.testing.assert_allclose(errors[block][2:], alone.errors[block][2:])
@@ -321,8 +403,7 @@ def test_bands_contain_what_the_criterion_leaves_out():
         data = moving("arx", 1000, seed=seed, a=denominators(truth))
         scheduled = Scheduled.of(data)
         fits = [
-            estimate_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", n))
-            for n in (2, 3)
+            fit_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", n)) for n in (2, 3)
         ]
         chosen = min(fits, key=lambda fit: fit.bic)
         for is_under, fit in ((False, chosen), (True, undersmoothed(scheduled, chosen))):
@@ -370,8 +451,8 @@ def test_modes_along_a_condition_are_covered_also_where_nothing_was_recorded(str
     for seed in range(count):
         scheduled = pooled(structure, 100 * seed)
         basis = scheduled.basis("legendre", 3)
-        model = estimate_varying(scheduled, ORDERS[structure], basis).model
-        (path,) = model.modes(at)
+        model = fit_varying(scheduled, ORDERS[structure], basis).model
+        path = model.modes(at)[0].modes
         errors = np.array([mode.frequency_se_hz for mode in path])
         assert errors.max() < 0.1
         deviations.append((np.array([mode.frequency_hz for mode in path]) - warm(at)) / errors)
@@ -415,12 +496,12 @@ def test_recordings_are_held_out_whole_and_not_at_the_ends_of_the_condition():
     scheduled = pooled("arx")
     of_block = blocks(scheduled)
     assert sorted(set(scheduled.schedule[of_block < 0])) == [0.0, 30.0]
-    fit = estimate_varying(scheduled, ORDERS["arx"], scheduled.basis("legendre", 3))
-    errors = held_out_errors(scheduled, fit)
+    basis = scheduled.basis("legendre", 3)
+    errors = held_out_errors(scheduled, partial(fit_varying, orders=ORDERS["arx"], basis=basis))
     cold = scheduled.schedule == 5.0
     weights = (of_block != of_block[cold][0]).astype(float)
     others = Scheduled(scheduled.data, scheduled.schedule, weights)
-    alone = estimate_varying(others, ORDERS["arx"], fit.model.basis)
+    alone = fit_varying(others, ORDERS["arx"], basis)
     np.testing.assert_allclose(errors[cold][133:], alone.errors[cold][133:])
     assert np.isnan(errors[cold][:133]).all()
     assert np.isnan(errors[scheduled.schedule == 30.0]).all()
@@ -431,7 +512,7 @@ def test_output_error_predicts_recordings_that_are_held_out():
     scheduled, basis = pooled("oe"), pooled("oe").basis("legendre", 2)
     problem = VaryingProblem(scheduled, ORDERS["oe"], basis, all_free(ORDERS["oe"], basis))
     start = problem.start()
-    fit = estimate_varying(scheduled, ORDERS["oe"], basis, starts=[start])
+    fit = partial(fit_varying, orders=ORDERS["oe"], basis=basis, starts=[start])
     errors = held_out_errors(scheduled, fit)
     known = np.isfinite(errors)
     assert known.sum() == 4 * 267
@@ -463,7 +544,7 @@ def test_coefficients_of_the_poles_move_together_in_the_bands():
     scheduled, basis = pooled("arx"), pooled("arx").basis("legendre", 3)
     free = all_free(ORDERS["arx"], basis)
     free[1:, 1:] = False
-    fit = undersmoothed(scheduled, estimate_varying(scheduled, ORDERS["arx"], basis, free))
+    fit = undersmoothed(scheduled, fit_varying(scheduled, ORDERS["arx"], basis, free))
     assert fit.free.sum(axis=1).tolist() == [4, 4, 1, 1, 1]
     for temperature in (0.0, 15.0, 30.0):
         (mode,) = fit.model.frozen(temperature).modes()

@@ -22,7 +22,7 @@ from evopem.results.layout import DatasetFiles
 
 STAGES = (
     *("read_recording", "prepare", "estimate_spectrum", "search_structure/arx", "choose"),
-    *("complete_model", "validate", "report"),
+    *("complete_model", "estimate_varying", "validate", "report"),
 )
 POLES = [1.0, -1.5, 0.7]
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, dlsim
 
-from evopem import Orders, Recording, Scheduled, estimate_varying
+from evopem import Orders, Recording
 from evopem.config.channels import SyntheticSource
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
+from evopem.estimation.varying import Scheduled, fit_varying
 from evopem.signals.preparation import prepare
 from evopem.synthesis import synthesize
 from evopem.synthesis.armax import armax, true_model
@@ -108,7 +109,7 @@ def test_an_arm_that_softens_moves_its_modes_and_not_the_servo_loop():
     volts = np.diff(softer.output, 2)
     scheduled = Scheduled.of(Recording(softer.input[2:], volts / np.std(volts), 100.0))
     orders = Orders(na=9, nb=9, nk=3)
-    model = estimate_varying(scheduled, orders, scheduled.basis("legendre", 4)).model
+    model = fit_varying(scheduled, orders, scheduled.basis("legendre", 4)).model
     for share in (0.0, 0.5, 1.0):
         modes = model.frozen(share * scheduled.schedule[-1]).modes()
         for frequency in (ARM_MODES[2][0] * (1.0 - 0.3 * share), SERVO[0]):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from evopem import read_results
 from evopem.automatic.decision import DecisionRecord
 from evopem.automatic.varying import Varying
 from evopem.estimation.model_record import ModelRecord
@@ -116,7 +117,7 @@ def test_nothing_is_left_to_do_until_a_key_changes(again):
     """Which jobs a key changes is tested in tests/pipeline/test_changed_keys.py."""
     assert again.planned() == {}
     again.configure(configuration(**GIVEN, purpose="prediction"))
-    assert set(again.planned()) == {"complete_model", "validate"}
+    assert set(again.planned()) == {"complete_model", "estimate_varying", "validate"}
 
 
 def test_a_key_overrides_its_decision(staged):
@@ -155,11 +156,14 @@ def test_what_moves_in_a_chirping_resonance_is_reported(tmp_path):
     moves = load(Varying, tmp_path / "results/pump/varying.json").moves
     assert moves.is_better
     (mode,) = moves.modes
-    assert abs(mode.first_hz - 5.0) < 4.0 * mode.first_se + 0.05
-    assert abs(mode.last_hz - 8.0) < 4.0 * mode.last_se + 0.05
+    for end, truth in zip((mode.modes[0], mode.modes[-1]), (5.0, 8.0), strict=True):
+        assert abs(end.frequency_hz - truth) < 4.0 * end.frequency_se_hz + 0.05
     page = (tmp_path / "results/pump/report.html").read_text(encoding="utf-8")
     assert "The machine changes: mode 1 moves from" in page
     assert "<h2>What moves</h2>" in page
     folder.configure(configuration(**GIVEN, varying="none") | {"report": "html"})
+    assert set(folder.planned()) == {"validate", "report"}
     folder.finish("--cores", "1")
     assert "<h2>What moves</h2>" not in (tmp_path / "results/pump/report.html").read_text()
+    assert not list((tmp_path / "results/pump").glob("varying*"))
+    assert read_results(tmp_path / "results/pump").varying is None

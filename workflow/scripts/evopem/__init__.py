@@ -22,24 +22,21 @@ if TYPE_CHECKING:
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
-    from evopem.estimation.varying import Scheduled, estimate_varying
-    from evopem.estimation.varying_choice import choose_varying
     from evopem.exports.c_code import export_c
     from evopem.exports.fmu import export_fmu
     from evopem.models.continuous import ContinuousModel
     from evopem.models.orders import Orders
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
-    from evopem.models.varying import Basis, VaryingModel
-    from evopem.notebook.identify import identify, read_results
-    from evopem.notebook.results import Results
+    from evopem.models.varying import VaryingModel
+    from evopem.notebook.identify import estimate_varying, identify, read_results
+    from evopem.notebook.results import Results, VaryingResults
     from evopem.results.damage_index import damage_index
     from evopem.signals.readers.frequency_responses import FrequencyResponses
     from evopem.signals.recording import Recording
     from evopem.validation.mode_evidence import ModeTable, mode_table
 
 __all__ = [
-    "Basis",
     "Constraints",
     "ContinuousModel",
     "FixedPole",
@@ -52,14 +49,13 @@ __all__ = [
     "Prior",
     "Recording",
     "Results",
-    "Scheduled",
     "ScoringWindow",
     "SearchSettings",
     "StateSpaceEstimate",
     "StateSpaceModel",
     "VaryingModel",
+    "VaryingResults",
     "__version__",
-    "choose_varying",
     "damage_index",
     "estimate",
     "estimate_delays",
@@ -101,11 +97,9 @@ _HOMES = {
     "estimates_of_orders": "evopem.estimation.state_space.estimate",
     "export_c": "evopem.exports.c_code",
     "export_fmu": "evopem.exports.fmu",
-    "Basis": "evopem.models.varying",
-    "Scheduled": "evopem.estimation.varying",
+    "VaryingResults": "evopem.notebook.results",
     "VaryingModel": "evopem.models.varying",
-    "choose_varying": "evopem.estimation.varying_choice",
-    "estimate_varying": "evopem.estimation.varying",
+    "estimate_varying": "evopem.notebook.identify",
 }
 
 

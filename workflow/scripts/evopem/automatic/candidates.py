@@ -19,7 +19,6 @@ from evopem.config.channels import of_each
 from evopem.config.settings import OrderRanges, Range
 from evopem.config.structures import REGULARISED, STRUCTURES, varied_order
 from evopem.errors import NoModelError
-from evopem.estimation.search.linear_estimates import Denominators
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.models.orders import PER_INPUT, Orders
@@ -220,7 +219,6 @@ class Scorer:
         )
         self._known: dict[tuple[str, Orders | int], Candidate] = {}
         self._checked: dict[Candidate, CandidateChecks] = {}
-        self._denominators: Denominators = {}
 
     @property
     def most_parameters(self) -> int:
@@ -264,9 +262,7 @@ class Scorer:
                 return None
             try:
                 fitted = fit(
-                    *(self.stretches, orders, self.settings.objective, models, own_starts),
-                    structure,
-                    known=self._denominators,
+                    self.stretches, orders, self.settings.objective, models, own_starts, structure
                 )
             except NoModelError:
                 return None

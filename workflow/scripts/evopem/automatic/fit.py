@@ -14,7 +14,6 @@ from evopem.errors import NoModelError
 from evopem.estimation import criteria
 from evopem.estimation.impulse_response import posterior
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
-from evopem.estimation.search.linear_estimates import Denominators
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
 from evopem.estimation.search.staged_descent import DescentStage
 from evopem.models.orders import Orders
@@ -75,15 +74,13 @@ def fit(
     structure: str | None = None,
     stages: tuple[DescentStage, ...] = SWEEP_STAGES,
     level: bool = True,
-    known: Denominators | None = None,
 ) -> Fit:
     """Fit a model of one output by descents from estimates and models.
 
     ``models``: of any orders; descents start from them, with further poles where these orders have
     more, and with ``own_starts`` from estimates by linear algebra as well.  ``structure``: name of
     the model, by default the smallest structure with these orders.  ``stages``: how descents end.
-    ``level``: whether a constant is estimated for each recording.  ``known``: denominators of the
-    same stretches by linear algebra, those new ones are added to.
+    ``level``: whether a constant is estimated for each recording.
 
     A regularised response needs no start.
 
@@ -92,7 +89,7 @@ def fit(
     errors = PolynomialErrors(stretches, orders, objective, PLANT_RADIUS, NOISE_RADIUS, level)
     if structure in REGULARISED:
         return _regularised(errors, structure)
-    problem = PolynomialProblem(errors, models, own_starts, known)
+    problem = PolynomialProblem(errors, models, own_starts)
     starts = problem.starts()
     if len(starts) == 0:
         raise NoModelError(f"no start of {orders} has finite prediction errors")

@@ -3,7 +3,9 @@
 The model of the recipe stays what it is; what moves stands beside it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -12,13 +14,14 @@ from evopem.arrays import Array, Indices
 from evopem.config.settings import VaryingSettings
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.varying import Scheduled, VaryingEstimate, estimate_varying
-from evopem.estimation.varying_choice import DIMENSIONS, choose_varying
-from evopem.models.modes import Mode
+from evopem.estimation.varying import Scheduled, VaryingEstimate
+from evopem.estimation.varying_choice import DIMENSIONS, choose_basis, choose_varying
+from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import NORMAL_95
-from evopem.models.varying import KINDS, VaryingModel
+from evopem.models.varying import KINDS, MovingMode, VaryingModel
 from evopem.signals.prepared_data import PreparedData
-from evopem.validation.model_class import REJECTED, ResidualTest
+from evopem.validation.model_class import REJECTED
+from evopem.validation.validate import constancy
 
 # Blocks of neighbouring samples, every fifth of which is held out at a time.
 BLOCKS, FOLDS = 40, 5
@@ -30,37 +33,29 @@ ORDERS_ABOVE, FEWEST_ORDERS, MOST_ORDERS = 2, 4, 12
 # largest standard error relative to its frequency.
 MOMENTS, SHARE, DOUBTFUL = 41, 0.8, 0.1
 
-
-@dataclass(frozen=True)
-class MovingMode:
-    """A mode at the start and the end (Hz), with standard errors, and how far it goes between."""
-
-    first_hz: float
-    first_se: float
-    last_hz: float
-    last_se: float
-    lowest_hz: float
-    highest_hz: float
-
-    @property
-    def moves(self) -> bool:
-        """Whether the ends differ by more than their 95 % interval, or it goes further between."""
-        width = NORMAL_95 * float(np.hypot(self.first_se, self.last_se))
-        return self.highest_hz - self.lowest_hz > width
+Choose = Callable[[Scheduled], VaryingEstimate | None]
 
 
 @dataclass(frozen=True)
 class Moves:
-    """What a moving model says; errors are of held-out samples one step ahead, in percent."""
+    """What a moving model says; errors are of held-out samples one step ahead, in percent.
+
+    Of models that are chosen, as this one is, without these samples.
+    """
 
     text: str  # the structure, and the basis
     error_percent: float
-    constant_error_percent: float  # of the best model of the same kind that does not move
+    constant_error_percent: float  # of models of the same kind that do not move
     standard_errors: float  # by how many of them its squares are smaller
     is_better: bool
     is_stable: bool  # at every moment
     modes: tuple[MovingMode, ...]
     schedule: str = "time"  # what the coefficients move with
+
+    @property
+    def column(self) -> str:
+        """The column of a table that holds the schedule."""
+        return "time_s" if self.schedule == "time" else "condition"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,24 +67,27 @@ class Varying:
     model: VaryingModel | None = None
 
 
-def what_moves(
-    prepared: PreparedData, record: ModelRecord, test: ResidualTest, settings: VaryingSettings
-) -> Varying:
+def what_moves(prepared: PreparedData, record: ModelRecord, settings: VaryingSettings) -> Varying:
     """Try a moving model where the response changes with time, or settings beside auto ask for it.
 
     InputError where they do, and the recordings are none that such a model is made for.
     """
-    is_asked = settings != VaryingSettings()
-    if not is_asked and not test.p_value < REJECTED:
-        return Varying("the response does not change with time")
-    unfit = ""
-    if prepared.estimation.outputs.shape[1] > 1:
+    is_asked, unfit = settings != VaryingSettings(), ""
+    if len(record.output_names) > 1:
         unfit = "there are several outputs, and a moving model has one"
     elif prepared.transforms.several_recordings and settings.condition is None:
         unfit = "there are several recordings, and coefficients move with the time of one"
+    elif not is_asked:
+        fits_level = record.level_of_simulation == "state"
+        if not constancy(record.model, prepared, fits_level).p_value < REJECTED:
+            return Varying("the response does not change with time")
     if unfit and is_asked:
         raise InputError("varying", unfit, "leave the key out")
-    return Varying(unfit) if unfit else _tried(whole(prepared, settings), record, settings)
+    if unfit:
+        return Varying(unfit)
+    most = min(max(record.plant.order + ORDERS_ABOVE, FEWEST_ORDERS), MOST_ORDERS)
+    scheduled, schedule = whole(prepared, settings), settings.condition or "time"
+    return moving_model(scheduled, most, delays_of(record), settings, schedule)
 
 
 def whole(prepared: PreparedData, settings: VaryingSettings) -> Scheduled:
@@ -106,26 +104,37 @@ def whole(prepared: PreparedData, settings: VaryingSettings) -> Scheduled:
     return Scheduled.of(data, np.concatenate(schedule))
 
 
-def _tried(scheduled: Scheduled, record: ModelRecord, settings: VaryingSettings) -> Varying:
+def moving_model(
+    scheduled: Scheduled,
+    orders: Orders | int,
+    nk: tuple[int, ...],
+    settings: VaryingSettings,
+    schedule: str,
+) -> Varying:
+    """The model that BIC chooses, judged on samples held out.
+
+    ``orders``: known ones, or the highest to be tried with delays ``nk``.  ``schedule``: its name.
+    """
     kinds = KINDS if settings.basis == "auto" else (settings.basis,)
-    dimensions: tuple[int, ...] = DIMENSIONS
+    # Where some values are held out, the others determine the functions, and one more.
+    levels = len(np.unique(scheduled.schedule))
+    dimensions = tuple(n for n in DIMENSIONS if n < levels + (2 - levels) // FOLDS)
     if settings.dimension != "auto":
         dimensions = (settings.dimension,)
-    elif settings.condition:
-        # Those of the other recordings determine them, and one more, where some are held out.
-        levels = len(set(settings.values))
-        most_functions = levels - 1 + (2 - levels) // FOLDS
-        dimensions = tuple(n for n in dimensions if n <= most_functions)
-    most = min(max(record.plant.order + ORDERS_ABOVE, FEWEST_ORDERS), MOST_ORDERS)
-    nk = delays_of(record)
-    moving = choose_varying(scheduled, most, nk, kinds, dimensions)
-    constant = choose_varying(scheduled, most, nk, KINDS[:1], (1,))
-    if moving is None or constant is None:
+    choose: Callable[..., VaryingEstimate | None]
+    if isinstance(orders, Orders):
+        choose = partial(choose_basis, orders=orders)
+    else:
+        choose = partial(choose_varying, most=orders, nk=nk)
+    moving = partial(choose, kinds=kinds, dimensions=dimensions)
+    constant = partial(choose, kinds=KINDS[:1], dimensions=(1,))
+    chosen = moving(scheduled)
+    if chosen is None:
         return Varying("the record is too short for coefficients that move")
-    if not np.any(moving.free[:, 1:]):
+    if not np.any(chosen.free[:, 1:]):
         return Varying("BIC prefers coefficients that stay as they are")
     error, constant_error, standard_errors = compared(scheduled, moving, constant)
-    model = replace(moving.model, schedule=settings.condition or "time")
+    model = replace(chosen.model, schedule=schedule)
     moves = Moves(
         model.text,
         error,
@@ -133,17 +142,15 @@ def _tried(scheduled: Scheduled, record: ModelRecord, settings: VaryingSettings)
         standard_errors,
         standard_errors > CLEARLY,
         bool(model.radii().max() < 1.0),
-        tuple(_ends(path) for path in followed(model)[1]),
-        model.schedule,
+        followed(model),
+        schedule,
     )
     return Varying("", moves, model)
 
 
-def compared(
-    scheduled: Scheduled, moving: VaryingEstimate, constant: VaryingEstimate
-) -> tuple[float, float, float]:
+def compared(scheduled: Scheduled, moving: Choose, constant: Choose) -> tuple[float, float, float]:
     """Errors on held-out samples of both (percent), and by how many standard errors they differ."""
-    errors, constant_errors = (held_out_errors(scheduled, fit) for fit in (moving, constant))
+    errors, constant_errors = (held_out_errors(scheduled, choose) for choose in (moving, constant))
     known = np.isfinite(errors) & np.isfinite(constant_errors)
     squares, constant_squares = errors[known] ** 2, constant_errors[known] ** 2
     gains = [float(np.mean(block)) for block in np.array_split(constant_squares - squares, BLOCKS)]
@@ -173,65 +180,43 @@ def blocks(scheduled: Scheduled) -> Indices:
     return np.where((rank > 0) & (rank < len(conditions) - 1), rank % FOLDS, -1)
 
 
-def held_out_errors(scheduled: Scheduled, estimate: VaryingEstimate) -> Array:
-    """Errors one step ahead, each by a model that was estimated without its fold, (N,)."""
-    model, free, of_block = estimate.model, estimate.free, blocks(scheduled)
-    errors = np.full(scheduled.data.samples, np.nan)
-    starts = [estimate.point] if len(estimate.point) else []
+def held_out_errors(scheduled: Scheduled, choose: Choose) -> Array:
+    """Errors one step ahead, each of a model that was chosen without its fold, (N,)."""
+    of_block, errors = blocks(scheduled), np.full(scheduled.data.samples, np.nan)
     for fold in np.unique(of_block[of_block >= 0]):
         held = of_block == fold
         others = replace(scheduled, weights=np.where(held, 0.0, scheduled.weights))
-        fitted = estimate_varying(others, model.orders, model.basis, free, starts=starts)
-        errors[held] = fitted.errors[held]
+        if chosen := choose(others):
+            errors[held] = chosen.errors[held]
     if np.any(of_block < 0):  # the state before a whole recording is not known: it has to decay
         for first, stop in pairwise(scheduled.bounds):
             errors[first : first + (stop - first) // 3] = np.nan
     return errors
 
 
-def followed(model: VaryingModel) -> tuple[Array, list[list[Mode | None]]]:
-    """Values of the schedule, and the modes that are known and oscillate at most of them."""
-    times = np.linspace(model.basis.low, model.basis.high, MOMENTS)
+def followed(model: VaryingModel) -> tuple[MovingMode, ...]:
+    """The modes that are known and oscillate at most values of the schedule."""
 
-    def is_known(path: list[Mode | None]) -> bool:
-        errors = [mode.frequency_se_hz / mode.frequency_hz for mode in path if mode]
+    def is_known(path: MovingMode) -> bool:
+        errors = [mode.frequency_se_hz / mode.frequency_hz for mode in path.modes]
         return len(errors) >= SHARE * MOMENTS and float(np.median(errors)) < DOUBTFUL
 
-    return times, [path for path in model.modes(times) if is_known(path)]
-
-
-def _ends(path: list[Mode | None]) -> MovingMode:
-    modes = [mode for mode in path if mode]
-    first, last, frequencies = modes[0], modes[-1], [mode.frequency_hz for mode in modes]
-    return MovingMode(
-        *(first.frequency_hz, first.frequency_se_hz, last.frequency_hz, last.frequency_se_hz),
-        *(min(frequencies), max(frequencies)),
-    )
-
-
-def along(model: VaryingModel | None) -> str:
-    """The column of a table that holds the schedule."""
-    return "time_s" if model is None or model.schedule == "time" else "condition"
+    values = np.linspace(model.basis.low, model.basis.high, MOMENTS)
+    return tuple(filter(is_known, model.modes(values)))
 
 
 def table_of(varying: Varying) -> dict[str, list[float]]:
     """Frozen modes along the schedule with 95 % intervals; empty columns without a model."""
-    frequency = ("frequency_hz", "frequency_lower", "frequency_upper")
-    names = (
-        "mode",
-        along(varying.model),
-        *frequency,
-        "damping_percent",
-        "damping_lower",
-        "damping_upper",
-    )
-    rows = []
-    times, paths = followed(varying.model) if varying.model else (np.empty(0), [])
-    for number, path in enumerate(paths, start=1):
-        for time, mode in zip(times, path, strict=True):
-            if mode is not None:
-                f, z = NORMAL_95 * mode.frequency_se_hz, NORMAL_95 * 100.0 * mode.damping_se
-                values = (mode.frequency_hz, f), (100.0 * mode.damping_ratio, z)
-                rows.append([number, time, *(x for v, w in values for x in (v, v - w, v + w))])
+    moves, rows = varying.moves, []
+    for number, path in enumerate(moves.modes if moves else (), start=1):
+        for value, mode in zip(path.values, path.modes, strict=True):
+            f, z = NORMAL_95 * mode.frequency_se_hz, NORMAL_95 * 100.0 * mode.damping_se
+            bounded = (mode.frequency_hz, f), (100.0 * mode.damping_ratio, z)
+            rows.append([number, value, *(x for v, w in bounded for x in (v, v - w, v + w))])
+    names = [
+        *("mode", moves.column if moves else "time_s"),
+        *("frequency_hz", "frequency_lower", "frequency_upper"),
+        *("damping_percent", "damping_lower", "damping_upper"),
+    ]
     columns = np.reshape(rows, (-1, len(names))).T
     return {name: column.tolist() for name, column in zip(names, columns, strict=True)}

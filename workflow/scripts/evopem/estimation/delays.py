@@ -143,14 +143,12 @@ def likely_delays(
     nothing = [(low, np.zeros(1)) for low, _ in limits]
     by_arx = delays_by_criterion(segments, limits) if several else nothing
     delays, decided = [delay for delay, _ in by_arx], []
-    of_outputs: list[_Regression] = []
     for place, ((low, high), (_, criterion)) in enumerate(zip(limits, by_arx, strict=True)):
         slow = _is_slow(segments, place)
         # Of several channels ARX models know the past of all outputs.
         doubted = not several or (slow and delays[place] > CERTAIN_DELAY)
         if doubted:
-            of_outputs = of_outputs or _regressions(segments, max(high for _, high in limits))
-            scores = delay_scores(of_outputs, delays, place, range(low, high + 1), slow)
+            scores = delay_scores(segments, delays, place, range(low, high + 1))
         else:
             scores = np.nan_to_num(total_samples(segments) * criterion)
         scores = scores - scores.min()
@@ -164,17 +162,8 @@ def likely_delays(
     return decided
 
 
-def _regressions(segments: Sequence[Segment], high: int) -> list["_Regression"]:
-    """Of each output alone, for delays up to ``high`` of any input."""
-    longest = max(segment.samples for segment in segments)
-    lags = max(min(high + LAGS, longest // 2), 1)
-    alone = ([s.of_output(k) for s in segments] for k in range(segments[0].outputs.shape[1]))
-    with one_blas_thread():
-        return [_Regression(of_output, lags, min(PAST, lags)) for of_output in alone]
-
-
 def delay_scores(
-    problems: Sequence["_Regression"], delays: Sequence[int], place: int, tried: range, slow: bool
+    segments: Sequence[Segment], delays: Sequence[int], place: int, tried: range
 ) -> Array:
     """Minus twice the logarithm of the probability of each delay of an input, but for a constant.
 
@@ -183,20 +172,23 @@ def delay_scores(
     input has power at few frequencies, or the noise does not pass through the poles of the plant,
     an ARX model needs many that the samples hardly tell; a wrong delay saves some.  Where ARX
     models leave no doubt, by these alone.  Delays up to 10 samples have half of the prior
-    probability.  Of several outputs, each with a problem, the product of each alone.  ``slow``:
-    whether the input has hardly any power in the upper half of the frequencies.
+    probability.  Of several outputs the product of each alone.
     """
-    tried = range(tried[0], max(min(tried[-1], problems[0].lags - 1), tried[0]) + 1)
+    longest = max(segment.samples for segment in segments)
+    lags = max(min(tried[-1] + LAGS, longest // 2), 1)
+    tried = range(tried[0], max(min(tried[-1], lags - 1), tried[0]) + 1)
     is_long = np.array(tried) > SHORT_DELAY
     short = max(int(np.sum(~is_long)), 1)
     total = 2.0 * np.log(max(int(np.sum(is_long)) / short, 1.0)) * is_long
     with one_blas_thread():
-        for problem in problems:
+        for output in range(segments[0].outputs.shape[1]):
+            alone = [segment.of_output(output) for segment in segments]
+            problem = _Regression(alone, lags, min(PAST, lags))
             if problem.count < SAMPLES_PER_COEFFICIENT * problem.fewest:
                 continue
             by_arx = problem.count * problem.criteria(place, delays, tried[0], tried[-1])[0]
             apart = np.abs(np.arange(len(tried)) - int(np.argmin(by_arx))) > 1
-            clear = np.all(by_arx[apart] > by_arx.min() + CLEAR) and not slow
+            clear = np.all(by_arx[apart] > by_arx.min() + CLEAR) and not _is_slow(alone, place)
             by_prior = np.inf if clear else problem.evidence(place, delays, tried)
             total -= 2.0 * np.logaddexp(-0.5 * by_arx, -0.5 * by_prior)
     return np.asarray(total)

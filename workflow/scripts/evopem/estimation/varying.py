@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from evopem.arrays import Array, Flags, Indices
@@ -61,9 +62,11 @@ class Scheduled:
     weights: Array
 
     @classmethod
-    def of(cls, data: Recording, schedule: Array | None = None) -> Self:
-        """All samples alike; the schedule is the time where none is given."""
+    def of(cls, data: Recording, schedule: ArrayLike | None = None) -> Self:
+        """All samples alike; the schedule, of each sample or segment, is the time if not given."""
         s = data.times if schedule is None else np.asarray(schedule, dtype=float)
+        if s.shape == (len(data.segments),):
+            s = np.repeat(s, [segment.samples for segment in data.segments])
         return cls(data, s, np.ones(data.samples))
 
     @property
@@ -73,8 +76,7 @@ class Scheduled:
 
     def basis(self, kind: BasisKind, dimension: int) -> Basis:
         """A basis over the range of the schedule."""
-        low, high = float(self.schedule.min()), float(self.schedule.max())
-        return Basis(kind, dimension, low, high)
+        return Basis(kind, dimension, float(self.schedule.min()), float(self.schedule.max()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,11 +210,9 @@ class VaryingProblem:
         return RADIUS if self.is_output_error else min(RADIUS, 1.0 - FORGOTTEN / len(self.kept))
 
     def _radius(self, point: Array) -> float:
-        return float(root_radii(self._at_moments @ self._weights_of(point).T).max())
-
-    @cached_property
-    def _at_moments(self) -> Array:
-        return self.basis.at(self.basis.moments)
+        return float(
+            root_radii(self.basis.at(self.basis.moments) @ self._weights_of(point).T).max()
+        )
 
     @cached_property
     def _impulses(self) -> Array:
@@ -238,11 +238,10 @@ class VaryingProblem:
         n, orders = denominator_order(self.orders), self.orders
         long = n if self.is_output_error else 2 * n + orders.nc
         arx = Orders(na=long, nb=tuple(nb + long - n for nb in orders.nb), nk=orders.nk or 0)
-        free = all_free(arx, self.basis)
-        problem = VaryingProblem(self.scheduled, arx, self.basis, free)
+        problem = VaryingProblem(self.scheduled, arx, self.basis, all_free(arx, self.basis))
         fit = problem.projection(np.empty(0))
         if self.is_output_error:
-            weights = fit.coefficients.reshape(free.shape)[:n]
+            weights = fit.coefficients.reshape(problem.free.shape)[:n]
             return weights[self.free[self.searched]]
         errors = np.zeros(self.scheduled.data.samples)
         errors[problem.kept] = fit.errors
@@ -285,35 +284,38 @@ class VaryingProblem:
 
     def values(self, points: Array) -> Array:
         """Mean squares of the weighted errors, (M,)."""
-        return np.array([e @ e for e in map(self._errors, points)]) / self._count
+        fits = map(self.projection, points)
+        return np.array([np.sum(self._weighed(fit.errors) ** 2) for fit in fits]) / self._count
 
     @cached_property
     def _count(self) -> int:
         """How many errors count."""
         return max(int(np.count_nonzero(self._weight)), 1)
 
-    def _errors(self, point: Array) -> Array:
-        return self._weighed(self.projection(point).errors)
-
     def _weighed(self, values: Array) -> Array:
         return np.asarray((values.T * self._weight).T)
 
     def descend(self, points: Array, steps: int = COARSE, tolerance: float = 1e-4) -> Descent:
         """Descents that a generation refines, by Kaufman's (1975) derivatives."""
+        last: list[Fit] = []  # slopes are asked for where the last errors were
+
+        def errors(point: Array) -> Array:
+            last[:] = [self.projection(point)]
+            return self._weighed(last[0].errors)
 
         def slopes(point: Array) -> Array:
-            fit = self.projection(point)
+            (fit,) = last
             along = self._weighed(self.jacobian(point, fit))
             return np.asarray(along - fit.basis @ (fit.basis.T @ along))
 
         options = {"x_scale": "jac", **stops_of(steps, tolerance)}
         starts = self.repair(points)
-        ends = [least_squares(self._errors, start, slopes, **options) for start in starts]
+        ends = [least_squares(errors, start, slopes, **options) for start in starts]
         return descent_of(ends, self._count)
 
     def polish(self, points: Array) -> Descent:
-        """Descents to the last digits."""
-        return self.descend(points, FINE, 1e-12)
+        """Descents to the last digits that count."""
+        return self.descend(points, FINE, 1e-8)
 
     def estimate(self, point: Array, search: SearchDiagnostics) -> VaryingEstimate:
         """The model of a point, with its covariance and the variance of its noise."""
@@ -321,8 +323,8 @@ class VaryingProblem:
         counted, weights = self._weight > 0.0, np.zeros(self.free.shape)
         weights[self.searched] = self._weights_of(point)
         weights[self._is_linear] = fit.coefficients[: int(self._is_linear.sum())]
-        known = fit.errors[counted], self.functions[counted]
-        log_variance, likelihood, terms = log_variance_of(*known)
+        of_noise = log_variance_of(fit.errors[counted], self.functions[counted])
+        log_variance, likelihood, terms = of_noise
         errors = np.full(data.samples, np.nan)
         errors[self.kept] = fit.errors
         model = VaryingModel(
@@ -330,7 +332,7 @@ class VaryingProblem:
             *(self._covariance(point, fit, counted, log_variance), "time"),
             *(data.input_names, data.output_names),
         )
-        bic = likelihood + (int(self.free.sum()) + terms) * float(np.log(len(known[0])))
+        bic = likelihood + (int(self.free.sum()) + terms) * float(np.log(self._count))
         return VaryingEstimate(model, bic, errors, self.free, point, search)
 
     def _covariance(
@@ -343,10 +345,8 @@ class VaryingProblem:
         place = np.arange(self.free.size).reshape(self.free.shape)
         at = np.r_[place[self.searched][self.free[self.searched]], place[self._is_linear]]
         if self.is_output_error:
-            within = np.diff(np.searchsorted(np.flatnonzero(counted), self.bounds))
-            covariance = coloured_covariance(
-                *(slopes, errors, len(at), "quadratic", True, within.tolist())
-            )
+            within = np.diff(np.searchsorted(np.flatnonzero(counted), self.bounds)).tolist()
+            covariance = coloured_covariance(slopes, errors, len(at), "quadratic", True, within)
         else:
             triangle = np.asarray(np.linalg.qr(slopes, mode="r"))
             freedom = len(errors) / max(len(errors) - slopes.shape[1], 1)
@@ -359,7 +359,7 @@ class VaryingProblem:
         return covariance.through(spread)
 
 
-def estimate_varying(
+def fit_varying(
     scheduled: Scheduled,
     orders: Orders,
     basis: Basis,

@@ -12,7 +12,7 @@ from evopem.estimation.varying import (
     Scheduled,
     VaryingEstimate,
     VaryingProblem,
-    estimate_varying,
+    fit_varying,
 )
 from evopem.models.orders import Orders
 from evopem.models.varying import KINDS, Basis, BasisKind, all_free, denominator_order
@@ -87,6 +87,21 @@ def _of_basis(
         yield Chosen(float(bic), arx_of(order, nk), replace(basis, dimension=dimension))
 
 
+def choose_basis(
+    scheduled: Scheduled,
+    orders: Orders,
+    kinds: Sequence[BasisKind] = KINDS,
+    dimensions: Sequence[int] = DIMENSIONS,
+) -> VaryingEstimate | None:
+    """The model of known orders along the basis of smallest BIC, otherwise as of all structures."""
+    bases = [scheduled.basis(kind, n) for kind, n in product(kinds, dimensions)]
+    tried = (_descended(scheduled, orders, basis, ()) for basis in bases)
+    if (lowest := _lowest(filter(None, tried))) is None:
+        return None
+    searched = fit_varying(scheduled, orders, lowest.model.basis, lowest.free)
+    return undersmoothed(scheduled, pruned(scheduled, searched))
+
+
 def choose_varying(
     scheduled: Scheduled,
     most: int,
@@ -101,7 +116,7 @@ def choose_varying(
     chosen = choose_autoregression(scheduled, most, nk, kinds, dimensions)
     if chosen is None:
         return None
-    best = pruned(scheduled, estimate_varying(scheduled, chosen.orders, chosen.basis))
+    best = pruned(scheduled, fit_varying(scheduled, chosen.orders, chosen.basis))
     basis, lowest = chosen.basis, None
     # What changes the poles of a noisy simulation is seen with more functions than its errors.
     tried = dimensions if scheduled.data.samples <= MOST_SEARCHED else ()
@@ -113,7 +128,7 @@ def choose_varying(
         lowest, most = climbed, denominator_order(climbed.model.orders)
     if lowest is not None and lowest.bic < best.bic:
         model = lowest.model
-        searched = estimate_varying(scheduled, model.orders, model.basis, lowest.free)
+        searched = fit_varying(scheduled, model.orders, model.basis, lowest.free)
         ends = [best, *(pruned(scheduled, estimate) for estimate in (searched, lowest))]
         best = min(ends, key=lambda estimate: estimate.bic)
     return undersmoothed(scheduled, best)
@@ -171,7 +186,7 @@ def _descended(
             padded = np.zeros(shape)
             padded[: len(weights)] = weights
             starts.append(padded[free[problem.searched]])
-        estimates.append(estimate_varying(scheduled, orders, basis, free, starts=starts))
+        estimates.append(fit_varying(scheduled, orders, basis, free, starts=starts))
     return min(estimates, key=lambda estimate: estimate.bic)
 
 
@@ -215,7 +230,7 @@ def undersmoothed(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEst
     values = model.basis.at(basis.moments) @ model.weights.T
     padded: Array = np.asarray(np.linalg.pinv(functions) @ values).T[problem.searched]
     start = padded[free[problem.searched]]
-    return estimate_varying(scheduled, model.orders, basis, free, starts=[start])
+    return fit_varying(scheduled, model.orders, basis, free, starts=[start])
 
 
 def _without(scheduled: Scheduled, estimate: VaryingEstimate, dropped: Flags) -> VaryingEstimate:
@@ -223,4 +238,4 @@ def _without(scheduled: Scheduled, estimate: VaryingEstimate, dropped: Flags) ->
     model, free = estimate.model, estimate.free & ~dropped
     rows = VaryingProblem(scheduled, model.orders, model.basis, free).searched
     start: Array = model.weights[rows][free[rows]]
-    return estimate_varying(scheduled, model.orders, model.basis, free, starts=[start])
+    return fit_varying(scheduled, model.orders, model.basis, free, starts=[start])

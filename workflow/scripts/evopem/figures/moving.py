@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from evopem.arrays import Array
-from evopem.automatic.varying import Varying, along, table_of
+from evopem.automatic.varying import Varying, table_of
 from evopem.figures.chart import TIME, Chart, Panel, family
 from evopem.figures.style import styled, svg_text
 from evopem.models.varying import VaryingModel
@@ -20,8 +20,8 @@ HALFBANDWIDTH, TAPERS = 2.5, 4
 
 def moving_modes(varying: Varying) -> Chart:
     """Natural frequencies and damping ratios along the schedule with 95 % bands."""
-    assert varying.model is not None
-    column_along, label_along = along(varying.model), axis_of(varying.model)
+    assert varying.moves is not None
+    along, label_along = varying.moves.column, axis_of(varying.moves.schedule)
     table = pd.DataFrame(table_of(varying)).astype({"mode": int})
     rows = {f"mode {n}": (("mode", str(n)),) for n in sorted(set(table["mode"]))}
     panels = []
@@ -31,13 +31,13 @@ def moving_modes(varying: Varying) -> Chart:
     ):
         band = (f"{name}_lower", f"{name}_upper")
         curves = tuple(replace(c, band=band, marker="") for c in family(column, rows))
-        panels.append(Panel("", column_along, label_along, label, curves, linked="time"))
+        panels.append(Panel("", along, label_along, label, curves, linked="time"))
     return Chart(table, tuple(panels))
 
 
-def axis_of(model: VaryingModel) -> str:
+def axis_of(schedule: str) -> str:
     """What the axis along the schedule is called."""
-    return TIME if model.schedule == "time" else model.schedule.capitalize()
+    return TIME if schedule == "time" else schedule.capitalize()
 
 
 def frozen_gains(model: VaryingModel) -> tuple[Array, Array, Array]:
@@ -85,7 +85,7 @@ def picture(data: PreparedData, model: VaryingModel) -> str:
         top = float(drawn[2].max())
         mesh = axes.pcolormesh(*drawn, vmin=top - RANGE, vmax=top, rasterized=True)
         axes.set_title(title)
-        axes.set_xlabel(axis_of(model))
+        axes.set_xlabel(axis_of(model.schedule))
         figure.colorbar(mesh, ax=axes, label="dB")
     figure.axes[0].set_ylabel("Frequency (Hz)")
     return svg_text(figure)

@@ -8,6 +8,7 @@ model with its covariance, and all that follows from one.
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from math import hypot
 from typing import Literal
 
 import numpy as np
@@ -21,7 +22,7 @@ from evopem.arrays import Array, Flags, Indices
 from evopem.errors import InputError
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
-from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.parameter_covariance import NORMAL_95, ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, model_of
 
 BasisKind = Literal["legendre", "cosine", "spline"]
@@ -83,6 +84,30 @@ def filtered(columns: Array, coefficients: Array, bounds: Indices) -> Array:
     for lag in range(1, m + 1):
         bands[lag, : samples - lag] = (coefficients * known)[lag:, lag - 1]
     return np.asarray(dtbtrs(bands, columns, uplo="L", diag="U")[0])
+
+
+@dataclass(frozen=True)
+class MovingMode:
+    """A frozen mode along the schedule, at the values where it oscillates."""
+
+    values: tuple[float, ...]
+    modes: tuple[Mode, ...]
+
+    @property
+    def lowest_hz(self) -> float:
+        """Lowest frequency."""
+        return min(mode.frequency_hz for mode in self.modes)
+
+    @property
+    def highest_hz(self) -> float:
+        """Highest frequency."""
+        return max(mode.frequency_hz for mode in self.modes)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the ends differ by more than their 95 % interval, or it goes further between."""
+        errors = [self.modes[end].frequency_se_hz for end in (0, -1)]
+        return self.highest_hz - self.lowest_hz > NORMAL_95 * hypot(*errors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,27 +179,19 @@ class VaryingModel:
         """Largest modulus of the frozen poles at each moment, (MOMENTS,)."""
         return root_radii(self.coefficients(self.basis.moments)[:, self.rows["a"]])
 
-    def modes(self, moments: ArrayLike) -> list[list[Mode | None]]:
-        """Frozen modes followed over values of the schedule, one list for each mode.
-
-        Neighbours are those whose poles are nearest; None where a mode does not oscillate.
-        """
-        paths: list[list[Mode | None]] = []
-        last: list[complex] = []
-        for step, value in enumerate(np.atleast_1d(moments)):
-            modes = self.frozen(float(value)).modes()
-            distances = np.abs(np.subtract.outer(np.array(last), [mode.pole for mode in modes]))
-            pairs = zip(*linear_sum_assignment(distances), strict=True) if last and modes else ()
-            taken = {int(k): modes[int(j)] for k, j in pairs}
-            for k, path in enumerate(paths):
-                path.append(taken.get(k))
-            for mode in modes:
-                if mode not in taken.values():
-                    paths.append([None] * step + [mode])
-                    last.append(mode.pole)
-            for k, mode in taken.items():
-                last[k] = mode.pole
-        return sorted(paths, key=lambda path: min(m.frequency_hz for m in path if m))
+    def modes(self, values: ArrayLike) -> list[MovingMode]:
+        """Frozen modes followed over values of the schedule; neighbours have the nearest poles."""
+        paths: list[list[tuple[float, Mode]]] = []
+        for value in np.atleast_1d(values).tolist():
+            modes = self.frozen(value).modes()
+            last = np.array([path[-1][1].pole for path in paths])
+            distances = np.abs(np.subtract.outer(last, [mode.pole for mode in modes]))
+            pairs = linear_sum_assignment(distances) if paths and modes else ((), ())
+            for k, j in zip(*pairs, strict=True):
+                paths[k].append((value, modes[j]))
+            paths += [[(value, modes[j])] for j in range(len(modes)) if j not in pairs[1]]
+        followed = [MovingMode(*zip(*path, strict=True)) for path in paths]
+        return sorted(followed, key=lambda mode: mode.lowest_hz)
 
     def simulate(self, inputs: ArrayLike, schedule: ArrayLike) -> Array:
         """Noise-free response to (N, m) inputs from rest, (N,), at values (N,) of the schedule."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from evopem.config.channels import NONE
 from evopem.config.configuration import check_environment
@@ -16,13 +16,13 @@ from evopem.config.keys import STATE_SPACE, one_or_list
 from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.config.structures import STATE_SPACE_FORMS, STRUCTURES, is_polynomial, plant_order
 from evopem.errors import FOR_RESULTS, InputError, check_packages, checked_path
-from evopem.models.orders import orders_in_state_space, orders_of
+from evopem.models.orders import Orders, orders_in_state_space, orders_of
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
     from evopem.config.settings import DatasetSettings
-    from evopem.notebook.results import Results
+    from evopem.notebook.results import Results, VaryingResults
 
 VALIDATION = "validation"
 """What the files of the validation recordings are called, as an error calls them."""
@@ -124,6 +124,80 @@ def identify(
         except InputError as error:
             raise _of_signals(error, root) from None
     return Results(files, read_results(files), folder)
+
+
+def estimate_varying(
+    input: Any,  # noqa: A002 - the field's word
+    output: Any = None,
+    sampling_rate: float = 1.0,
+    *,
+    schedule: Any = None,
+    condition: str = "time",
+    orders: Orders | int = 6,
+    nk: int = 1,
+    basis: Literal["auto", "legendre", "cosine", "spline"] = "auto",
+    dimension: int | Literal["auto"] = "auto",
+) -> VaryingResults:
+    """Estimate a model of one output whose coefficients move with time or with a condition.
+
+    Parameters
+    ----------
+    input, output, sampling_rate
+        As of :func:`evopem.estimate`; a :class:`Recording` holds several recordings as segments.
+    schedule : array_like, optional
+        What coefficients are functions of: a value for each sample or segment, by default the time.
+    condition : str
+        What the schedule is called.
+    orders : Orders or int
+        Those of AR, ARX, ARMA, ARMAX or output error; or the highest order up to which BIC chooses
+        among these structures.
+    nk : int
+        Samples until the inputs act, where the orders do not say it.
+    basis, dimension
+        Functions of the schedule and their number, by default chosen by BIC.
+
+    Raises
+    ------
+    InputError
+        For several outputs, another structure, and a schedule that does not fit the signals.
+
+    Examples
+    --------
+    >>> import evopem, numpy
+    >>> e, y = numpy.random.default_rng(1).standard_normal(1000), numpy.zeros(1000)
+    >>> for t in range(2, 1000):
+    ...     y[t] = (1.2 + 0.6 * t / 1000) * y[t - 1] - 0.9 * y[t - 2] + e[t]
+    >>> found = evopem.estimate_varying(None, y, 100.0, orders=evopem.Orders(na=2))
+    >>> [round(found.model.frozen(t).modes()[0].frequency_hz) for t in (0.0, 9.9)]
+    [14, 6]
+    """
+    import numpy as np
+
+    from evopem.automatic.varying import moving_model
+    from evopem.blas_threads import one_blas_thread
+    from evopem.config.settings import VaryingSettings
+    from evopem.estimation.varying import Scheduled
+    from evopem.notebook.results import VaryingResults
+    from evopem.signals.recording import recording_of
+
+    recording = recording_of(input, output, sampling_rate)
+    inputs, settings = recording.inputs.shape[1], VaryingSettings(basis, dimension)
+    if recording.outputs.shape[1] > 1:
+        raise InputError("output", "there are several outputs", "give one: a moving model has one")
+    if isinstance(orders, Orders):
+        shared = len({*orders.nf}) <= 1 and not (any(orders.nf) and (orders.na or orders.nc))
+        if orders.nd or not shared or orders.inputs != inputs:
+            remedy = f"give those of AR, ARX, ARMA, ARMAX or output error with {inputs} inputs"
+            raise InputError("orders", f"coefficients of {orders} cannot move", remedy)
+    scheduled = Scheduled.of(recording, schedule)
+    s = scheduled.schedule
+    if s.shape != (recording.samples,) or not (np.isfinite(s).all() and np.ptp(s) > 0.0):
+        remedy = f"give {recording.samples} finite values, or one for each segment"
+        raise InputError("schedule", f"has the shape {s.shape}, or does not vary", remedy)
+    with one_blas_thread():
+        named = "time" if schedule is None else condition
+        varying = moving_model(scheduled, orders, (nk,) * inputs, settings, named)
+    return VaryingResults(varying.reason, varying.moves, varying.model)
 
 
 def read_results(folder: str | Path) -> Results:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from evopem.automatic.decision import Decision
-from evopem.automatic.varying import Varying
+from evopem.automatic.varying import Varying, table_of
 from evopem.errors import FOR_FIGURES, FOR_REPORT, InputError, check_packages
 from evopem.figures import CHARTS
 from evopem.figures.chart import Chart
@@ -24,6 +24,7 @@ from evopem.figures.comparison import (
     compared_simulations,
 )
 from evopem.figures.draw import draw, panels_of
+from evopem.figures.moving import moving_modes
 from evopem.figures.style import PARAMETERS
 from evopem.files.atomic import files_below
 from evopem.files.checksums import (
@@ -34,11 +35,11 @@ from evopem.files.checksums import (
     write_checksums,
     write_page,
 )
-from evopem.files.json_form import load
+from evopem.files.json_form import load, save
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel
 from evopem.report.comparison import build_comparison, comparison_text
-from evopem.report.results_text import results_html, results_text
+from evopem.report.results_text import moving_sentence, results_html, results_text
 from evopem.report.verdict import Use, verdict
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, DatasetSummary, mode_values
@@ -133,9 +134,10 @@ class Results(_Reported):
         return self.results.model.model
 
     @property
-    def varying(self) -> Varying | None:
+    def varying(self) -> VaryingResults | None:
         """What moves: a model with moving coefficients, or why there is none; None if not tried."""
-        return self.results.varying
+        known = self.results.varying
+        return VaryingResults(known.reason, known.moves, known.model) if known else None
 
     @property
     def validation(self) -> Validation:
@@ -304,6 +306,30 @@ class Results(_Reported):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class VaryingResults(Varying):
+    """What moves; in a notebook it shows the sentence of the report.
+
+    Its ``model`` simulates, predicts and freezes; ``moves`` has errors of samples held out, beside
+    those of constant models.
+    """
+
+    def __repr__(self) -> str:
+        return moving_sentence(self.moves) or f"No model with moving coefficients: {self.reason}."
+
+    @property
+    def modes(self) -> pd.DataFrame:
+        """Modes over the schedule with 95 % intervals, as ``varying_modes.csv`` has them."""
+        return pd.DataFrame(table_of(self)).astype({"mode": int})
+
+    plot_modes = _plot(moving_modes)
+    """Natural frequencies and damping ratios with 95 % bands."""
+
+    def save(self, file: str | Path) -> None:
+        """Write it as JSON, the form of ``varying.json``."""
+        save(Varying(self.reason, self.moves, self.model), file)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class ModelComparison(_Reported, Comparison):
     """Two to six models side by side; in a notebook it shows errors and modes.
 
@@ -330,7 +356,7 @@ class ModelComparison(_Reported, Comparison):
         return build_comparison(self, template_folder())
 
 
-for _class in (Results, ModelComparison):
+for _class in (Results, VaryingResults, ModelComparison):
     for _name, _method in vars(_class).items():
         if _name.startswith("plot_"):
             _method.__name__ = _name

@@ -1,4 +1,4 @@
-"""Validation: residual tests, errors, evidence for each mode; tables, decisions and summary."""
+"""Validation: what moves; residual tests, errors, evidence for each mode; tables and summary."""
 
 from pathlib import Path
 
@@ -6,10 +6,10 @@ from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import OtherModel
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Comparison
-from evopem.automatic.varying import table_of, what_moves
+from evopem.automatic.varying import Varying, table_of, what_moves
 from evopem.blas_threads import one_blas_thread
 from evopem.config.defaults import yaml_text
-from evopem.config.settings import DatasetSettings
+from evopem.config.settings import DatasetSettings, VaryingSettings
 from evopem.config.structures import plant_order
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_candidate import PhaseSelection
@@ -18,6 +18,7 @@ from evopem.files.checksums import delete_results
 from evopem.files.json_form import load, save
 from evopem.models.mode_matching import OrderModel, OrderModels
 from evopem.pipeline.decisions import decision_record, rows_of_phases, rows_of_structures
+from evopem.pipeline.planning.stages import results_of
 from evopem.report.verdict_file import verdict_file
 from evopem.results.dataset import evidence_of, read_results
 from evopem.results.fleet import summarize
@@ -27,6 +28,16 @@ from evopem.signals.recording_info import RecordingInfo
 from evopem.validation.mode_evidence import with_noise_modes
 from evopem.validation.responses import held_out_stretches
 from evopem.validation.validate import validate, validation_errors
+
+
+def estimate_varying(files: DatasetFiles, settings: VaryingSettings) -> None:
+    """Try a model with moving coefficients where the machine seems to change."""
+    record = load(ModelRecord, files.model)
+    with one_blas_thread():
+        prepared = load_prepared(files.prepared, files.transforms)
+        varying = what_moves(prepared, record, settings)
+    save(varying, files.varying)
+    write_table(files.varying_modes, table_of(varying))
 
 
 def complete_results(
@@ -47,6 +58,7 @@ def complete_results(
     prepared = load_prepared(files.prepared, files.transforms)
     selections = {phase: load(PhaseSelection, files.phase(phase)) for phase in phases}
     searches = [load(StructureSearch, files.search(structure)) for structure in structures]
+    varying = load(Varying, files.varying) if settings.varying else None
     choice, all_decisions = None, None
     if phase is not None:
         order, models = _of_phase(record, selections[phase])
@@ -75,12 +87,6 @@ def complete_results(
             settings.spectrum,
             fit_level=record.level_of_simulation == "state",
         )
-        varying = None
-        if settings.varying is not None:
-            test = validation.model_class.constant
-            varying = what_moves(prepared, record, test, settings.varying)
-            save(varying, files.varying)
-            write_table(files.varying_modes, table_of(varying))
     save(validation, files.validation)
     write_table(files.candidates, {name: [row[name] for row in rows] for name in rows[0]})
     modes = with_noise_modes(validation.modes, record.noise_modes, len(record.input_names))
@@ -90,7 +96,9 @@ def complete_results(
     evidence = evidence_of(record, validation, info, selections, searches, choice)
     summary = summarize(evidence, varying.moves if varying else None)
     save(summary, files.summary)
-    delete_results(files.folder, {Path(files.details).name})  # its contents are written anew
+    # What other settings left, and an archive, whose contents are written anew.
+    left = {*files.read_again()}.difference(results_of(settings, files, with_report=True))
+    delete_results(files.folder, {Path(path).name for path in left})
     write_text(files.config, yaml_text(settings))
     known = {"settings": settings, "recording_info": info, "prepared": prepared, "model": record}
     known |= {"validation": validation, "validation_tables": tables, "decisions": all_decisions}

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
-from evopem.automatic.varying import Moves, MovingMode
+from evopem.automatic.varying import Moves
 from evopem.files.json_form import load
 from evopem.models.parameter_covariance import NORMAL_95
+from evopem.models.varying import MovingMode
 from evopem.report.numbers import (
     aligned,
     count,
@@ -162,12 +163,12 @@ def moving_sentence(moves: Moves | None) -> str:
 
 def _way(mode: MovingMode) -> str:
     """From where to where a mode moves, and how far it is between."""
-    ends = [(mode.first_hz, mode.first_se), (mode.last_hz, mode.last_se)]
+    ends = [(end.frequency_hz, end.frequency_se_hz) for end in (mode.modes[0], mode.modes[-1])]
     first, last = (f"{number(f, 4)} ± {number(NORMAL_95 * se, 2)}" for f, se in ends)
-    low, high = sorted(f for f, _ in ends)
+    low, high = mode.lowest_hz, mode.highest_hz
     way = f"moves from {first} to {last} Hz"
-    if mode.highest_hz - mode.lowest_hz > 1.5 * (high - low):
-        way += f" (between {number(mode.lowest_hz, 4)} and {number(mode.highest_hz, 4)} Hz)"
+    if high - low > 1.5 * abs(ends[1][0] - ends[0][0]):
+        way += f" (between {number(low, 4)} and {number(high, 4)} Hz)"
     return way
 
 

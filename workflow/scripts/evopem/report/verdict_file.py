@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from evopem.automatic.varying import Moves
 from evopem.files.checksums import sha256_of_file
 from evopem.report.verdict import ModeLine, Use, mode_lines, verdict
 from evopem.results.dataset import DatasetResults
@@ -31,6 +32,42 @@ class ListedMode:
     """whether its shape can be trusted, too; null for one output"""
     reason: str
     """why it is trusted or not"""
+
+
+@dataclass(frozen=True)
+class ListedMove:
+    """A mode of a moving model, along the schedule of its coefficients."""
+
+    from_hz: float
+    """natural frequency at the start"""
+    from_se_hz: float
+    """its standard error"""
+    to_hz: float
+    """natural frequency at the end"""
+    to_se_hz: float
+    """its standard error"""
+    moves: bool
+    """whether it is elsewhere, there or between, by more than a 95 % interval"""
+
+
+@dataclass(frozen=True)
+class ListedMoves:
+    """What a model with moving coefficients says beside the model of this file."""
+
+    model: str
+    """structure, orders and basis in a few words"""
+    schedule: str
+    """time, or the condition that the coefficients move with"""
+    is_better: bool
+    """whether it clearly predicts samples better that neither model saw"""
+    is_stable: bool
+    """whether its frozen poles are stable everywhere"""
+    error_percent: float
+    """of these samples' deviation, one step ahead"""
+    constant_error_percent: float
+    """the same of a constant model of its kind"""
+    modes: tuple[ListedMove, ...]
+    """those whose frequency is known, by frequency"""
 
 
 @dataclass(frozen=True)
@@ -69,6 +106,8 @@ class VerdictFile:
     """the same of the simulation from the inputs alone; null without an input"""
     modes: tuple[ListedMode, ...]
     """all modes, those not to be trusted among them"""
+    moves: ListedMoves | None
+    """what moves; null where no model with moving coefficients was needed"""
     recordings_sha256: dict[str, str]
     """checksums of the recorded files"""
     results_sha256: dict[str, str]
@@ -97,11 +136,23 @@ def verdict_file(
         prediction_error_percent=summary.prediction_error_percent,
         simulation_error_percent=summary.simulation_error_percent,
         modes=tuple(_listed(line, len(results.outputs) > 1) for line in mode_lines(results)),
+        moves=_moves(summary.moves) if summary.moves else None,
         recordings_sha256={file.path: file.sha256 for file in results.files},
         results_sha256={
             Path(path).name: sha256_of_file(path)
             for path in (files.model, files.validation, files.summary)
         },
+    )
+
+
+def _moves(moves: Moves) -> ListedMoves:
+    modes = []
+    for mode in moves.modes:
+        ends = [(end.frequency_hz, end.frequency_se_hz) for end in (mode.modes[0], mode.modes[-1])]
+        modes.append(ListedMove(*ends[0], *ends[1], mode.moves))
+    return ListedMoves(
+        *(moves.text, moves.schedule, moves.is_better, moves.is_stable),
+        *(moves.error_percent, moves.constant_error_percent, tuple(modes)),
     )
 
 

@@ -27,7 +27,7 @@ from evopem.validation.held_out_tests import (
 )
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
-from evopem.validation.model_class import REJECTED, floors_of, model_class
+from evopem.validation.model_class import REJECTED, ResidualTest, floors_of, model_class
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
     EstimationResiduals,
@@ -123,8 +123,7 @@ def validate(
     )
     crossed = _crossed(tested, prepared.validation, min(lags, CROSS_CORRELATION_LAGS))
     models = models or [OrderModel.of(order, math.nan, model)]
-    # Validation samples that continue those of the estimation are one stretch with them.
-    tests = model_class(held_out if held_out[0].before else [*tested.stretches, *held_out])
+    tests = model_class(_every_stretch(tested.stretches, held_out))
     distortion = distortion_of(held_out, tested.stretches, fit_level)
     validation = Validation(
         samples=int(np.sum(responses.scored)),
@@ -164,6 +163,13 @@ def validate(
     )
 
 
+def constancy(model: Model, prepared: PreparedData, fit_level: bool = False) -> ResidualTest:
+    """Test that the response does not change with time, as a validation has it."""
+    held_out = held_out_stretches(model, prepared, fit_level)
+    estimation = _estimation_stretches(state_space_of(model), prepared.estimation)
+    return model_class(_every_stretch(estimation, held_out)).constant
+
+
 def validation_errors(held_out: Sequence[HeldOut], fit_level: bool = False) -> tuple[float, float]:
     """Errors one step ahead and of the simulation in percent, means over the outputs."""
     responses = responses_of(held_out, fit_level)
@@ -172,6 +178,11 @@ def validation_errors(held_out: Sequence[HeldOut], fit_level: bool = False) -> t
         for series in (responses.outputs, responses.predicted, responses.simulated)
     )
     return _mean(_errors(measured, predicted)), _mean(_errors(measured, simulated))
+
+
+def _every_stretch(estimation: Sequence[HeldOut], held_out: Sequence[HeldOut]) -> Sequence[HeldOut]:
+    """Of all samples: where validation samples continue the others, they are one stretch."""
+    return held_out if held_out[0].before else [*estimation, *held_out]
 
 
 def _estimation_stretches(model: StateSpaceModel, estimation: Recording) -> Sequence[HeldOut]:

@@ -10,7 +10,6 @@ from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import ArxFit, fit, likeliest_arx, log_loss
 from evopem.errors import NoModelError
-from evopem.estimation.search.linear_estimates import Denominators
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment, total_samples
 
@@ -132,12 +131,11 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     """
     orders, inputs = _orders(stretches, OBJECTIVE_ORDERS) or [1], stretches[0].inputs.shape[1]
     lowest = dict.fromkeys(("quadratic", "absolute"), np.inf)
-    outputs = [(alone, Denominators()) for alone in _of_outputs(stretches)]
-    for n, name in product(orders, lowest):
+    for name, n in product(lowest, orders):
         with suppress(NoModelError):
             total, model = 0.0, Orders(na=n, nb=(n + 1,) * inputs)
-            for alone, known in outputs:
-                fitted = fit(alone, model, name, known=known)
+            for alone in _of_outputs(stretches):
+                fitted = fit(alone, model, name)
                 residuals = np.concatenate(fitted.residuals)
                 penalty = fitted.parameters * np.log(len(residuals)) / len(residuals)
                 total += 0.5 * (log_loss(residuals, name) + penalty)

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from functools import lru_cache
+from hashlib import sha256
 
 import numpy as np
 
@@ -15,26 +17,23 @@ from evopem.models.polynomial_roots import reflect_into_disc
 STEIGLITZ_MCBRIDE_STEPS = 20
 # Rows of block Hankel matrices, in orders of the model, and the most of them.
 HANKEL_ROWS, MOST_HANKEL_ROWS = 3, 40
-Denominators = dict[tuple[int, tuple[int, ...], tuple[int, ...], float], list[Array]]
-"""Of the same samples, what structures that share their orders need once: by order, nb, nk and
-largest radius."""
+# Lists of what structures that share their orders need once, empty at first.
+_KNOWN = lru_cache(maxsize=256)(lambda *_: list[Array]())
 
 
-def common_denominators(errors: PolynomialErrors, known: Denominators) -> Iterator[Array]:
-    """Denominators for all inputs of the longest stretch, (max(na, nf_i),) each.
-
-    Those ``known`` of these samples are not computed again, and new ones are added.
-    """
+def common_denominators(errors: PolynomialErrors) -> Iterator[Array]:
+    """Denominators for all inputs of the longest stretch, (max(na, nf_i),) each."""
     u, y, o = errors.inputs, errors.output, errors.orders
     order = max(o.na, *o.nf, 0)
     yield arx(u, y, order, o.nb, o.nk)[:order]
     if order == 0 or o.inputs == 0:
         return
-    denominators = known.setdefault((order, o.nb, o.nk, errors.plant_radius), [])
-    if not denominators:
+    signals = sha256(u.tobytes() + y.tobytes()).digest()
+    known = _KNOWN(signals, order, o.nb, o.nk, errors.plant_radius)
+    if not known:
         with suppress(np.linalg.LinAlgError, ValueError):
-            denominators.extend(_of_dynamics(u, y, o, order, errors.plant_radius))
-    yield from denominators
+            known.extend(_of_dynamics(u, y, o, order, errors.plant_radius))
+    yield from known
 
 
 def _of_dynamics(u: Array, y: Array, o: Orders, order: int, radius: float) -> Iterator[Array]:

@@ -13,7 +13,6 @@ from evopem.arrays import Array
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.linear_estimates import (
-    Denominators,
     common_denominators,
     noise_model,
     own_denominators,
@@ -62,26 +61,23 @@ SWEEP_STAGES = (DescentStage(0.1, 1e-7, 1e-7),)
 
 class PolynomialProblem(BasinHoppingProblem):
     """Search problem of one record and orders.  ``models``: models of other orders that
-    :meth:`starts` begin from; ``own_starts``: whether from estimates by linear algebra too, of
-    which ``known`` are those of other structures on the same samples.  The first population holds
-    those, descended from; the rest of it, and later ones, random poles."""
+    :meth:`starts` begin from; ``own_starts``: whether from estimates by linear algebra too.  The
+    first population holds those, descended from; the rest of it, and later ones, random poles."""
 
     def __init__(
         self,
         errors: PolynomialErrors,
         models: Sequence[PolynomialModel] = (),
         own_starts: bool = True,
-        known: Denominators | None = None,
     ) -> None:
         self.errors = errors
-        self._known: Denominators = {} if known is None else known
         self._parts = errors.parts()
         self._models, self._own_starts = tuple(models), own_starts
         self._drawn = False
 
     def of_orders(self, orders: Orders) -> PolynomialProblem:
         """The problem of other orders."""
-        problem = PolynomialProblem(self.errors.of_orders(orders), known=self._known)
+        problem = PolynomialProblem(self.errors.of_orders(orders))
         problem._largest_value = self._largest_value
         return problem
 
@@ -93,7 +89,7 @@ class PolynomialProblem(BasinHoppingProblem):
 
     @cached_property
     def _arx_denominator(self) -> Array:
-        return next(common_denominators(self.errors, self._known))
+        return next(common_denominators(self.errors))
 
     def values(self, points: Array) -> Array:
         """Exact objective in percent, (M,)."""
@@ -205,7 +201,7 @@ class PolynomialProblem(BasinHoppingProblem):
         inputs, (max(na, nf_i),), or one for each, (nf_i,)."""
         count = max(self.errors.orders.inputs, 1)
         try:
-            for denominator in common_denominators(self.errors, self._known):
+            for denominator in common_denominators(self.errors):
                 yield [denominator] * count
             if count > 1 and any(self.errors.orders.nf):
                 for plant in own_denominators(self.errors):
