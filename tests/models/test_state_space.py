@@ -119,6 +119,17 @@ def test_states_that_fit_are_those_that_were_simulated():
     np.testing.assert_allclose(state, x0, atol=1e-8)
 
 
+@pytest.mark.parametrize("level", [False, True])
+def test_inputs_before_a_record_do_not_spoil_the_state_behind_a_delay(level):
+    """The noise is far below what the inputs of the delay before the first sample do."""
+    generator = np.random.default_rng(12)
+    m = replace(beam()[0], input_delays=(20,), K=np.zeros((4, 3)))
+    u, e = generator.standard_normal((700, 1)), generator.standard_normal((700, 3))
+    u, y = u[200:], (m.simulate(u) + 1e-4 * e)[200:]
+    found, state = m.with_fitted_level(u, y) if level else (m, m.prediction_state(u, y))
+    np.testing.assert_allclose(found.residuals(u, y, state)[20:], 0.0, atol=6e-4)
+
+
 def test_a_level_that_fits_is_the_one_that_was_added():
     m = model()
     u, x0 = np.random.default_rng(4).standard_normal((100, 2)), np.array([1.0, -2.0, 0.5, 3.0])

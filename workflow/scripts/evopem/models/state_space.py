@@ -195,11 +195,15 @@ class StateSpaceModel:
     def prediction_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:
         """Initial state with which the one-step prediction fits outputs best, (n,).
 
-        Least squares, each output relative to its noise; (N, nu) inputs and (N, ny) outputs.
+        Least squares, each output relative to its noise; (N, nu) inputs and (N, ny) outputs.  On
+        the samples of a delay act inputs that are not known.
         """
         errors = self.residuals(inputs, outputs)
-        free = self.free_responses(self.predictor, len(errors))
-        return fitted(free, errors, np.sqrt(np.abs(np.diag(self.noise_covariance))))
+        return self._fitted(self.free_responses(self.predictor, len(errors)), errors)
+
+    def _fitted(self, columns: Array, errors: Array) -> Array:
+        spread = np.sqrt(np.abs(np.diag(self.noise_covariance)))
+        return fitted(columns, errors, spread, unknown=max(self.input_delays, default=0))
 
     def simulate_on(self, inputs: ArrayLike, outputs: ArrayLike, known: int) -> Array:
         """Simulation, (N - known, ny), from the state that the ``known`` first outputs lead to.
@@ -220,8 +224,7 @@ class StateSpaceModel:
         ones = np.eye(self.outputs)[:, None].repeat(len(errors), axis=1)
         levels = np.stack([model.residuals(nothing, unit) for unit in ones], axis=2)
         columns = np.concatenate([levels, self.free_responses(self.predictor, len(errors))], 2)
-        spread = np.sqrt(np.abs(np.diag(self.noise_covariance)))
-        level, state = np.split(fitted(columns, errors, spread), [self.outputs])
+        level, state = np.split(self._fitted(columns, errors), [self.outputs])
         return replace(self, level=level), state
 
     def simulate_from_fitted_state(

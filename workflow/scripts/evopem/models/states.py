@@ -11,6 +11,8 @@ from evopem.arrays import Array
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state.
 STATE_RANK = 1e-10
+# Weight of samples that count where others say nothing.
+FAINT = 1e-8
 FIRST_SHARE = 0.1
 """Share of a recording without a past that determines the state of its simulation."""
 # Iterations of reweighted least squares towards least absolute deviations.
@@ -25,15 +27,23 @@ def first_samples(samples: int) -> int:
 
 
 def fitted(
-    columns: Array, target: Array, spread: Array, robust: bool = False, prior: Array | None = None
+    columns: Array,
+    target: Array,
+    spread: Array,
+    robust: bool = False,
+    prior: Array | None = None,
+    unknown: int = 0,
 ) -> Array:
     """Coefficients, (k,), of columns, (N, ny, k), that fit a target, (N, ny), best.
 
     Relative to the spread, (ny,); ``robust``: nearly least absolute errors by reweighting.
-    ``prior`` (M, k): further rows, of target 0, that are not reweighted.
+    ``prior`` (M, k): further rows, of target 0, that are not reweighted.  ``unknown`` first samples
+    count where later ones say nothing.
     """
     scale = 1.0 / np.where(np.isfinite(spread) & (spread > 0.0), spread, 1.0)
-    rows, goal = (columns * scale[:, None]).reshape(-1, columns.shape[2]), (target * scale).ravel()
+    scale = np.where(np.arange(len(target)) < unknown, FAINT, 1.0)[:, None] * scale
+    rows = (columns * scale[:, :, None]).reshape(-1, columns.shape[2])
+    goal = (target * scale).ravel()
     further = np.zeros((0, rows.shape[1])) if prior is None else prior
     weights = np.ones(len(goal))
     for _ in range(REWEIGHTINGS + 1 if robust else 1):
