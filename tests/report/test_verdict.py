@@ -305,8 +305,10 @@ def test_reasons_to_doubt_a_mode(results):
     assert of(mode=replace(mode, damping_ratio=1e-9)) == ["does not decay"]
     assert of(mode=replace(mode, frequency_se_hz=np.nan)) == ["has no known standard error"]
     assert of(mode=replace(mode, frequency_se_hz=mode.frequency_hz)) == [
-        "has a frequency known to no better than 10 %"
+        "has a frequency known to no better than 10 % or its bandwidth"
     ]
+    wide = replace(mode, frequency_se_hz=0.08 * mode.frequency_hz)
+    assert [len(of(mode=replace(wide, damping_ratio=zeta))) for zeta in (0.1, 0.2)] == [1, 0]
     assert of(reached=False, needed_by_noise=False) == [
         "shows neither in the response to the input nor in the noise"
     ]

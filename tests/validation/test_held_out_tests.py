@@ -9,7 +9,9 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
 from evopem.validation.checks.inputs import responds
 from evopem.validation.held_out_tests import (
+    NO_TEST,
     HeldOutContribution,
+    HeldOutTest,
     improvement_test,
     joint_contribution_test,
 )
@@ -169,3 +171,17 @@ def test_what_is_weak_at_each_output_is_found_at_all_together():
         joint.append(joint_contribution_test([record]).p_value < 0.01)
         single.append(min(contribution_test(e[:, k], x[:, k]).p_value for k in range(3)) < 0.01 / 3)
     assert np.mean(joint) > np.mean(single) + 0.2
+
+
+def test_the_largest_of_all_frequencies_is_as_rare_as_its_level_says():
+    """The largest line of white noise, by Fisher's test."""
+    noise = np.random.default_rng(4).standard_normal((400, 300))
+    lines = np.abs(np.fft.rfft(noise, axis=1))[:, 1:-1] ** 2 / 150.0
+    tests = [HeldOutTest(1.0, float(np.sqrt(line)), 0.0, 300) for line in lines.max(axis=1)]
+    # At 5 % of 400 between 7 and 35 but for one case in a thousand.
+    assert 7 <= sum(test.of_largest(2).p_value < 0.05 for test in tests) <= 35
+
+
+def test_a_test_shows_a_part_whose_coefficient_it_knows_well():
+    known, vague = HeldOutTest(-0.1, -0.5, 0.7, 100), HeldOutTest(1.5, 3.0, 0.002, 100)
+    assert [test.would_show(0.01) for test in (known, vague, NO_TEST)] == [True, False, False]

@@ -13,7 +13,7 @@ from evopem.signals.recording import Recording
 from evopem.validation.modal_parts import ModalParts
 from evopem.validation.mode_evidence import doubts as reasons
 from evopem.validation.mode_evidence import table_of_models
-from evopem.validation.responses import divided
+from evopem.validation.responses import divided, stretches_of
 
 RATE = 100.0
 SEARCH = SearchSettings(objective="quadratic", mu=4, lambda_=8, nu=4, evaluations=2000)
@@ -244,3 +244,27 @@ def test_a_mode_without_input_near_it_is_not_reached(highest, reached):
         [OrderModel.of(4, 0.0, model)], 4, lambda each: divided(each, recording, 900)
     )
     assert [each.reached for each in table.modes] == [True, reached]
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_mode_that_only_the_estimation_part_excites_is_tested_there(there):
+    """As that of a sweep whose last part is far above it."""
+    slow, fast = factor(OF_INPUT), factor(pole(28.0, 0.02))
+
+    def model(weight):
+        b = weight * fast + slow
+        return PolynomialModel(np.ones(1), b, F=np.convolve(slow, fast), nk=1, sampling_rate=RATE)
+
+    found, time = model(0.1), np.arange(2000) / RATE
+    u = np.sin(2.0 * np.pi * (2.0 * time + 0.75 * time**2))
+    noise = np.random.default_rng(10).standard_normal(2000)
+    recording = Recording(u, model(0.1 * there).simulate(u) + noise, RATE)
+    table = table_of_models(
+        *([OrderModel.of(4, 0.0, found)], 4, lambda each: divided(each, recording, 1600)),
+        lambda each: stretches_of(each, recording.between(0, 1600)),
+    )
+    assert [each.reached for each in table.modes] == [there, True]
+    alone = table_of_models(
+        [OrderModel.of(4, 0.0, found)], 4, lambda each: divided(each, recording, 1600)
+    )
+    assert alone.modes[0].reached is not True

@@ -6,9 +6,10 @@ On the estimation samples Wald and likelihood-ratio tests reject too often after
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
-from scipy.special import stdtr
+from scipy.special import chdtrc, ndtri, stdtr
 
 from evopem.arrays import Array
 from evopem.estimation.pem.least_squares import autoregression
@@ -17,6 +18,8 @@ from evopem.estimation.pem.least_squares import autoregression
 FEWEST_SAMPLES = 40
 # Largest order of the autoregression that whitens the errors before they are compared.
 MOST_WHITENING = 30
+# Half waves in a record up to which a common course of two signals is no response.
+HALF_WAVES = 6
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,18 @@ class HeldOutTest:
     def significant(self, level: float) -> bool | None:
         """Whether the part is significant at a level; None where no test is possible."""
         return None if math.isnan(self.p_value) else self.p_value < level
+
+    def would_show(self, level: float) -> bool:
+        """Whether it misses a part that is right no more often than it finds one that is not."""
+        return abs(self.statistic) >= -2.0 * float(ndtri(level)) * abs(self.coefficient)
+
+    def of_largest(self, fitted: int) -> Self:
+        """The test on the samples that a resonance was fitted to, by so many parameters.
+
+        The largest of what as many frequencies as half the samples would give by chance.
+        """
+        by_chance = 0.5 * self.samples * float(chdtrc(fitted, max(self.statistic, 0.0) ** 2))
+        return replace(self, p_value=min(by_chance, 1.0) + 0.0 * self.p_value)
 
 
 NO_TEST = HeldOutTest(math.nan, math.nan, math.nan, 0)
@@ -142,6 +157,12 @@ def left_by(regressors: Array, signals: Array) -> Array:
     length = np.linalg.norm(regressors, axis=0)
     basis = regressors[:, length > 0.0] / length[length > 0.0]
     return np.asarray(signals - basis @ np.linalg.lstsq(basis, signals, rcond=1e-12)[0])
+
+
+def half_waves(samples: int) -> Array:
+    """Waves of half periods of a sixth of the samples or more, as a drift has, (N, 6)."""
+    time = (np.arange(samples) + 0.5) / samples
+    return np.asarray(np.cos(np.pi * np.outer(time, np.arange(1, HALF_WAVES + 1))))
 
 
 def filtered(signals: Array, coefficients: Array) -> Array:

@@ -27,15 +27,13 @@ from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import NO_TEST, HeldOutTest
-from evopem.validation.modal_parts import ModeTests, held_out_mode_tests
+from evopem.validation.modal_parts import SIGNIFICANCE, ModeTests, held_out_mode_tests
 from evopem.validation.responses import HeldOut, Model, divided
 from evopem.validation.spectra import EXCITED
 
 if TYPE_CHECKING:
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 
-# Level of each test.
-SIGNIFICANCE = 0.01
 # Share of the other orders in which a stable mode is found again.
 STABLE_SHARE = 0.75
 # A mode that the chosen order lacks is listed where this many orders have it.
@@ -46,7 +44,8 @@ PERSISTENT_ORDERS = 3
 STRONG_DAMPING, COLOUR_OF_FORCE, COLOUR_OF_FORCES = 0.5, 0.2, 0.03
 # Share of an output's power below which a mode is not trusted: 40 dB, as of inputs.
 LEAST_POWER = EXCITED
-# Largest half width of the 95 % interval of a frequency, relative to the frequency.
+# Largest half width of the 95 % interval of a frequency, relative to the frequency; of a mode whose
+# half-power bandwidth is wider than it, that bandwidth.
 WIDEST_INTERVAL = 0.1
 # Decay in a sample, relative to the amplitude, that no record of usual length shows.
 NO_DECAY = 1e-6
@@ -185,11 +184,13 @@ def table_of_models(
     models: Sequence[OrderModel],
     chosen: int,
     held_out: Callable[[Model], Sequence[HeldOut]] = lambda _: (),
+    estimation: Callable[[Model], Sequence[HeldOut]] = lambda _: (),
 ) -> ModeTable:
     """The table of models of several orders, of which one was chosen.
 
     ``models``: by order.  ``chosen``: the order whose modes are all listed.  ``held_out``: gives
-    the stretches for the tests of a model; without any they are not possible.
+    the stretches for the tests of a model; without any they are not possible.  ``estimation``:
+    gives those that the model was estimated from.
     """
     by_order = {model.order: model for model in models}
     tests: dict[int, list[ModeTests]] = {}
@@ -204,7 +205,7 @@ def table_of_models(
         nearby = by_order[order]
         if order not in tests:
             records = held_out(nearby.model)
-            tests[order] = held_out_mode_tests(nearby.modes, records)
+            tests[order] = held_out_mode_tests(nearby.modes, records, estimation(nearby.model))
             samples[order] = max((len(record.outputs) for record in records), default=math.inf)
         of_mode = tests[order][group[order]]
         mode, without = nearby.modes[group[order]], None
@@ -331,8 +332,8 @@ def doubts(
     rate that decays within the longest stretch of ``samples``, or is reached by the inputs and has
     a known damping; the inputs drive it or the noise model needs it on held-out samples, with power
     to speak of; three quarters of the models of other orders have it, all of the last three where
-    the largest was chosen; and its frequency is known to within 10 %.  Without an input, one of
-    more than 3 % damping has a known shape.  ``left_over``: as :data:`LEFT_OVER`.
+    the largest was chosen; and its frequency is known to within 10 %, or the bandwidth.  Without an
+    input, one of more than 3 % damping has a known shape.  ``left_over``: as :data:`LEFT_OVER`.
     """
     mode, reasons = evidence.mode, []
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
@@ -378,8 +379,8 @@ def doubts(
     half_width = NORMAL_95 * mode.frequency_se_hz
     if not math.isfinite(half_width):
         reasons.append("has no known standard error")
-    elif half_width > WIDEST_INTERVAL * mode.frequency_hz:
-        reasons.append("has a frequency known to no better than 10 %")
+    elif half_width > max(WIDEST_INTERVAL, mode.damping_ratio) * mode.frequency_hz:
+        reasons.append("has a frequency known to no better than 10 % or its bandwidth")
     return reasons
 
 

@@ -22,6 +22,7 @@ from evopem.validation.held_out_tests import (
     NO_TEST,
     HeldOutContribution,
     HeldOutTest,
+    half_waves,
     joint_contribution_test,
     left_by,
 )
@@ -73,8 +74,6 @@ from evopem.validation.validation import (
 # Horizons of a decade, and the longest one.
 DECADE = (1, 2, 3, 5, 7)
 LONGEST = 1000
-# Half waves in held-out samples up to which a common course of input and output is no response.
-HALF_WAVES = 6
 # Records of a model's noise that its states are fitted to, and samples before each at most.
 DRAWN, MOST_PAST = 20, 10_000
 
@@ -145,7 +144,10 @@ def validate(
         input_test=input_significance(held_out),
         model_class=tests,
         resolution_hz=_resolution(prepared.estimation, spectrum),
-        modes=table_of_models(models, order, lambda m: held_out_stretches(m, prepared, fit_level)),
+        modes=table_of_models(
+            *(models, order, lambda m: held_out_stretches(m, prepared, fit_level)),
+            lambda m: stretches_of(m, prepared.estimation),
+        ),
         share_of_noise=_share_left(held_out) if form.inputs else math.nan,
         distortion=distortion,
         # Under feedback the inputs follow the noise, and explain a part of it.
@@ -335,11 +337,9 @@ def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
     with np.errstate(all="ignore"):
         for stretch in held_out:
             y, count = stretch.recording.outputs, stretch.recording.samples
-            time = (np.arange(count) + 0.5) / count
-            waves = np.cos(np.pi * np.outer(time, np.arange(1, HALF_WAVES + 1)))
-            beside = [np.hstack([free_responses(model.poles(), count), waves])] * y.shape[1]
+            beside = [np.hstack([free_responses(model.poles(), count), half_waves(count)])]
             simulated = stretch.simulated_from_rest()[stretch.first :]
-            records.append(HeldOutContribution(y, simulated, beside))
+            records.append(HeldOutContribution(y, simulated, beside * y.shape[1]))
         return joint_contribution_test(records)
 
 
