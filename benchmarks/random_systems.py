@@ -65,8 +65,7 @@ class System:
 
     def respond(self, u: Array) -> Array:
         """Noise-free outputs (N, l), from rest."""
-        late = np.vstack([np.zeros((self.nk, u.shape[1])), u])[: len(u)]
-        parts = [part @ np.ones(len(late.T)) for part in self.parts(late)]
+        parts = [part @ np.ones(len(u.T)) for part in self.parts(_late(u, self.nk))]
         return np.sum(parts, axis=0).T
 
     def parts(self, late: Array) -> list[Array]:
@@ -142,6 +141,7 @@ class Case:
     outside: str  # "" or how the recording leaves the class of linear systems
     input_kind: str
     faults: tuple[str, ...]
+    earlier: Array  # inputs before the recording, (WARM_UP, m)
     inputs: Array  # (N, m), as recorded; without columns for an output-only record
     outputs: Array  # (N, l), as recorded
     clean: tuple[Array, Array]  # the recording before its faults
@@ -222,16 +222,20 @@ class Case:
     def spread(self) -> Array:
         """A square root of the least covariance of the coefficients of all sections (Cramér-Rao).
 
-        Of the true orders, from noise whose colour is known.  NaN where rounding makes 20,000
-        samples of the noise grow, as of many slow poles.
+        Of the true orders, from noise whose colour is known, and with a state at the first sample
+        that is not.  NaN where rounding makes 20,000 samples of the noise grow, as of many slow
+        poles.
         """
         s, (u, y) = self.system, self.clean
-        late = np.vstack([np.zeros((s.nk, u.shape[1])), u])[: len(u)]
-        columns = list(_derivatives(s, late))
+        inputs = np.vstack([self.earlier, u])
+        columns = [part[:, -len(u) :] for part in _derivatives(s, _late(inputs, s.nk))]
+        count = len(columns)
+        columns += _free_responses(s, len(u))
+        noise = y - s.respond(inputs)[-len(u) :]
         try:
-            whitenings = self._whitenings(y.std(axis=0) / np.hypot(1.0, self.signal_to_noise))
+            whitenings = self._whitenings(noise.std(axis=0))
         except np.linalg.LinAlgError:
-            return np.full((len(columns), 1), np.nan)
+            return np.full((count, 1), np.nan)
         matrix = np.column_stack(
             [
                 np.concatenate(
@@ -242,7 +246,10 @@ class Case:
         )
         sizes = np.linalg.norm(matrix, axis=0)
         sizes[sizes == 0.0] = 1.0
-        return np.linalg.pinv(matrix / sizes, rcond=1e-12) / sizes[:, None]
+        _, told, directions = np.linalg.svd(matrix / sizes, full_matrices=False)
+        # What rounding hides is not told.
+        inverse = directions.T / np.maximum(told, 1e-12 * told[0]) / sizes[:, None]
+        return np.asarray(inverse[:count])
 
     def _whitenings(self, spread: Array) -> list[Array]:
         """Filters that make the noise of each output white, of variance 1."""
@@ -270,6 +277,22 @@ def _derivatives(s: System, late: Array) -> Iterator[Array]:
                     column = np.zeros((outputs, len(late)))
                     column[j] = lfilter([1.0], s.sections[k], late[:, i])
                     yield _later(column, lag)
+
+
+def _free_responses(s: System, samples: int) -> list[Array]:
+    """Responses of each output, (l, N), to a state of each section at the first sample."""
+    responses = []
+    for a in s.sections:
+        for j in range(s.gains.shape[0]):
+            column = np.zeros((s.gains.shape[0], samples))
+            column[j] = lfilter([1.0], a, np.eye(1, samples)[0])
+            responses += [_later(column, lag) for lag in range(len(a) - 1)]
+    return responses
+
+
+def _late(u: Array, nk: int) -> Array:
+    """Inputs (N, m) after a delay, from rest."""
+    return np.vstack([np.zeros((nk, u.shape[1])), u])[: len(u)]
 
 
 def _later(rows: Array, lag: int) -> Array:
@@ -529,9 +552,9 @@ def _recorded(
         y, kind = y + v, "white" if kind == "feedback" else kind
     else:
         u, y, fed_back = looped
-    late = np.vstack([np.zeros((system.nk, forces)), u[WARM_UP:]])
-    u, y = u[WARM_UP:, :inputs], y[WARM_UP:]
-    energies = [float(np.sum(np.var(part, axis=1))) for part in system.parts(late)]
+    parts = system.parts(_late(u, system.nk))
+    energies = [float(np.sum(np.var(part[:, WARM_UP:], axis=1))) for part in parts]
+    earlier, u, y = u[:WARM_UP, :inputs], u[WARM_UP:, :inputs], y[WARM_UP:]
     modes = tuple(
         _mode(a, energy / sum(energies))
         for a, energy in zip(system.sections, energies, strict=True)
@@ -540,7 +563,8 @@ def _recorded(
     band = float(min(angles) / 3.0), float(min(top, 2.0 * max(angles), 0.9 * np.pi))
     clean, ones = (u.copy(), y.copy()), np.ones(outputs)
     case = Case(
-        number, system, outside, kind, (), u, y, clean, 1.0, ones, ratio, modes, band, fed_back
+        *(number, system, outside, kind, (), earlier, u, y, clean, 1.0, ones, ratio, modes),
+        *(band, fed_back),
     )
     return _measured(g, case)
 
