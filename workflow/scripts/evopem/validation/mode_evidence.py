@@ -15,6 +15,7 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.models.mode_matching import (
+    PERSISTENT_ORDERS,
     SAME_FREQUENCY,
     STANDARD_ERRORS,
     OrderModel,
@@ -36,16 +37,13 @@ if TYPE_CHECKING:
 
 # Share of the other orders in which a stable mode is found again.
 STABLE_SHARE = 0.75
-# A mode that the chosen order lacks is listed where this many orders have it.
-PERSISTENT_ORDERS = 3
 # Damping ratio above which a pair of poles is hardly a resonance, above which one without an input
 # may be the colour of the unknown force, and above which it may be so where its shape is doubted:
 # forces of one colour at several places have about the same pole each.
 STRONG_DAMPING, COLOUR_OF_FORCE, COLOUR_OF_FORCES = 0.5, 0.2, 0.03
 # Share of an output's power below which a mode is not trusted: 40 dB, as of inputs.
 LEAST_POWER = EXCITED
-# Largest half width of the 95 % interval of a frequency, relative to the frequency; of a mode whose
-# half-power bandwidth is wider than it, that bandwidth.
+# Largest relative half width of the 95 % interval of a frequency; a wider bandwidth replaces it.
 WIDEST_INTERVAL = 0.1
 # Decay in a sample, relative to the amplitude, that no record of usual length shows.
 NO_DECAY = 1e-6
