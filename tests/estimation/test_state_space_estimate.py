@@ -502,14 +502,34 @@ def test_a_sweep_never_rises_with_the_order_by_much_and_finds_the_true_one():
 def test_a_pair_left_out_of_a_larger_order_gives_the_smaller_one_back():
     errors, point = problem("ss", 5)
     larger = replace(errors, order=7)
-    left = errors.projection(point).errors
-    grown = extended(larger, errors, point, left, random_poles(2, np.random.default_rng(3)))
+    poles = random_poles(2, np.random.default_rng(3))
+    (grown,) = extended(larger, errors.projection(point), [poles], 1)
     reduced = [
         errors.criterion(errors.projection(each).covariance) for each in reductions(larger, grown)
     ]
     assert len(reduced) == 3
     own = errors.criterion(errors.projection(point).covariance)
     assert min(abs(each - own) for each in reduced) < 1e-9
+
+
+@pytest.mark.parametrize(("form", "order", "added"), [("ss", 4, 2), ("ss_oe", 3, 1), ("ss", 3, 4)])
+def test_added_poles_are_ranked_by_the_errors_that_they_leave(form, order, added):
+    errors, point = problem(form, order)
+    larger = replace(errors, order=order + added)
+    generator = np.random.default_rng(4)
+    poles = [random_poles(added, generator) for _ in range(6)]
+    solved = errors.projection(point)
+    found = [
+        larger.criterion(larger.projection(each).covariance)
+        for each in extended(larger, solved, poles, 6)
+    ]
+    alone = [
+        larger.criterion(larger.projection(extended(larger, solved, [each], 1)[0]).covariance)
+        for each in poles
+    ]
+    np.testing.assert_allclose(found, sorted(alone), atol=1e-6)
+    assert found[0] < errors.criterion(solved.covariance)
+    assert np.ptp(found) > 1e-3
 
 
 def test_an_order_is_reached_from_two_states_more():
@@ -520,8 +540,7 @@ def test_an_order_is_reached_from_two_states_more():
     generator = np.random.default_rng(3)
     starts = list(StartingModels(errors, 6, thorough=True).points(errors))
     best, *_ = descended(errors, starts, 8)
-    left = errors.projection(best.point).errors
-    grown = extended(larger, errors, best.point, left, random_poles(2, generator))
+    (grown,) = extended(larger, errors.projection(best.point), [random_poles(2, generator)], 1)
     above = descend(larger, grown, 20, 0)
     poor = from_poles(errors, random_poles(4, generator))
     known = descend(errors, poor, 1, 1e-7)

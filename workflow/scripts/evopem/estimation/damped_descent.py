@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
 from evopem.arrays import Array, Indices
 
@@ -179,12 +179,8 @@ def damped_step(hessian: Array, gradient: Array, damping: float) -> Array | None
     matrix = hessian.copy()
     # Far below the damping, this keeps free directions of the coordinates solvable.
     matrix[np.diag_indices_from(matrix)] += damping + 1e-12
-    try:
-        factor = cho_factor(matrix, lower=True, check_finite=False)
-    except LinAlgError:
-        return None
-    step: Array = -cho_solve(factor, gradient, check_finite=False)
-    return step if np.isfinite(step).all() else None
+    _, step, info = dposv(matrix, -gradient, lower=True)
+    return np.asarray(step) if info == 0 and np.isfinite(step).all() else None
 
 
 def absolute_criterion(errors: Array, weighing: Weighing) -> float:

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import block_diag, qr
 from scipy.linalg.blas import dgemm
+from scipy.linalg.lapack import dtrcon, dtrtrs
 
 from evopem.arrays import Array, Flags, Indices, Integers
 from evopem.config.settings import OutputWeighting
@@ -24,12 +25,12 @@ from evopem.estimation.state_space.sections import (
     Layout,
     SectionArrays,
     SectionSignals,
-    driven_states,
     input_matrix,
     inside,
     largest_radius,
     moved,
     normalised,
+    section_states,
     sections_of,
     state_matrix,
 )
@@ -37,8 +38,8 @@ from evopem.models.state_space import PlainStructure
 from evopem.signals.recording import Recording
 
 # Singular values of the regressors, their columns scaled to unit length, below this share of the
-# largest one are rounding.
-REGRESSOR_RANK = 1e-9
+# largest one are rounding; none can be where the reciprocal condition is above the second for each.
+REGRESSOR_RANK, WELL_CONDITIONED = 1e-9, 1e-8
 # Added to the variances of the errors, relative to the power of the outputs: errors of less than a
 # ten-millionth of an output carry no information, and a determinant would seek them out.
 ROUNDING = 1e-14
@@ -278,13 +279,18 @@ class StateSpaceErrors:
         sizes = np.linalg.norm(regressors, axis=0)
         sizes[sizes == 0.0] = 1.0
         # Several times as fast on long records as numpy's, with the same routine.
-        q, triangle = qr(regressors / sizes, mode="economic", check_finite=False)
-        left, singular, right = np.linalg.svd(triangle)
-        kept = singular > REGRESSOR_RANK * singular[0]
-        basis = q @ left[:, kept]
+        basis, triangle = qr(regressors / sizes, mode="economic", check_finite=False)
         y = self.data.outputs
-        along = basis.T @ y
-        linear = (right[kept].T / singular[kept]) @ along / sizes[:, None]
+        if dtrcon(triangle)[0] > WELL_CONDITIONED * len(sizes):
+            along = basis.T @ y
+            linear = dtrtrs(triangle, along)[0]
+        else:
+            left, singular, right = np.linalg.svd(triangle)
+            kept = singular > REGRESSOR_RANK * singular[0]
+            basis = basis @ left[:, kept]
+            along = basis.T @ y
+            linear = (right[kept].T / singular[kept]) @ along
+        linear = linear / sizes[:, None]
         errors = y - basis @ along
         return Projection(point, sections, states, regressors, basis, linear, errors)
 
@@ -299,8 +305,9 @@ class StateSpaceErrors:
         sections = sections_of(self.layout, point)
         drives = input_matrix(sections, self.layout)
         inputs = self.signals.of_drives @ drives[:, : self.signals.driving].T
-        initial, A = drives[:, self.signals.driving :].T, state_matrix(sections, self.layout)
-        states = driven_states(A, initial[:, None], inputs[:, None], self.data.bounds)[:, 0]
+        initial = np.ascontiguousarray(drives[:, self.signals.driving :].T)
+        poles = sections.sigma, sections.coupling, sections.back
+        states = section_states(*poles, initial, inputs, self.data.bounds)
         return sections, states, np.column_stack([states, *self.direct])
 
     def jacobian(self, solved: Projection, signals: Array, output: int) -> tuple[Array, Indices]:
@@ -379,7 +386,9 @@ class StateSpaceErrors:
         signals = self.signals.derivatives(projection.sections, projection.states)
         along = projection.basis.T @ signals
         # Less their part in the space of the regressors, without another array of this size.
-        signals = dgemm(-1.0, along.T, projection.basis.T, 1.0, signals.T, overwrite_c=True).T
+        signals = dgemm(
+            -1.0, along.T, projection.basis, 1.0, signals.T, trans_b=True, overwrite_c=True
+        ).T
         c = projection.linear[: self.order].T
         weights = self.weights(projection.covariance)
         per_sample = 2.0 / self.data.samples

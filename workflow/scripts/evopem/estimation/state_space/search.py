@@ -43,8 +43,8 @@ NO_MODELS: Mapping[int, StateSpaceModel] = MappingProxyType({})
 PAIRS, DESCENDED = 32, 3
 # Random starts of an order that nothing else leads to.
 RANDOM_STARTS = 20
-# Steps that all starts of an order take, and those of them that go on to their optima.
-RACED_STEPS, FINISHING = 10, 3
+# Steps of all starts of an order in each round, and how many go on: of few states and of many.
+ROUNDS, OF_MANY, FEW_STATES = ((10, 3),), ((4, 8), (6, 3)), 10
 # Gain of twice the log likelihood that no choice depends on.
 NEGLIGIBLE = 0.1
 
@@ -77,17 +77,22 @@ def raced(errors: StateSpaceErrors, starts: list[Array], steps: int) -> list[Opt
 
     All take some steps, the lowest go on, and end where no choice depends on what is left.
     """
-    rough = rough_tolerance(errors)
-    first = min(RACED_STEPS, steps)
-    optima = descended(errors, starts, len(starts), first, rough)
-    others = optima[FINISHING:]
-    if steps > first:
+    rough, remaining = rough_tolerance(errors), steps
+    optima = [Optimum(start, np.inf, False, 0) for start in starts]
+    left: list[Optimum] = []
+    rounds = ROUNDS if errors.order <= FEW_STATES else OF_MANY
+    for some, kept in (*rounds, (steps, len(starts))):
+        taken = min(some, remaining)
+        remaining -= taken
         optima = [
-            optimum if optimum.converged else continued(errors, optimum, steps - first, rough)
-            for optimum in optima[:FINISHING]
+            optimum if optimum.converged or not taken else continued(errors, optimum, taken, rough)
+            for optimum in optima
         ]
+        # Those whose models are still unstable stay as long as there is room.
         optima = sorted(optima, key=lambda optimum: optimum.value)
-    return [continued(errors, optima[0], steps, TOLERANCE), *optima[1:], *others] if optima else []
+        left, optima = optima[kept:] + left, optima[:kept]
+    optima = [optimum for optimum in optima + left if np.isfinite(optimum.value)]
+    return [continued(errors, optima[0], steps, TOLERANCE), *optima[1:]] if optima else []
 
 
 def rough_tolerance(errors: StateSpaceErrors) -> float:
@@ -117,14 +122,9 @@ def extensions(
     kept: int = DESCENDED,
 ) -> list[Array]:
     """The best of some points that add random poles to the optimum of a smaller order."""
-    remainder = smaller.projection(point).errors
     added = larger.order - smaller.order
-    points = [
-        extended(larger, smaller, point, remainder, random_poles(added, generator))
-        for _ in range(tried)
-    ]
-    # Added poles may leave A unstable where the descent does not.
-    return lowest(larger, points, kept)
+    poles = [random_poles(added, generator) for _ in range(tried)]
+    return extended(larger, smaller.projection(point), poles, kept)
 
 
 def reductions(larger: StateSpaceErrors, point: Array) -> list[Array]:

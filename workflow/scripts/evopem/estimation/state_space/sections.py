@@ -99,6 +99,43 @@ def driven_states(A, initial, inputs, bounds):
     return states
 
 
+@cached_njit
+def section_states(sigma, coupling, back, initial, inputs, bounds):
+    """States of sections, (N, n), from initial states (segments, n); an odd n ends with a pole."""
+    states = np.empty(inputs.shape)
+    n = inputs.shape[1]
+    for segment in range(len(bounds) - 1):
+        first, stop = bounds[segment], bounds[segment + 1]
+        states[first] = initial[segment]
+        for t in range(first, stop - 1):
+            now, after, z = states[t], states[t + 1], inputs[t]
+            for c in range(len(sigma)):
+                even, odd = 2 * c, 2 * c + 1
+                second = now[odd] if odd < n else 0.0
+                moved = sigma[c] * now[even] + coupling[c] * second + z[even]
+                after[even] = moved if abs(moved) > DECAYED else 0.0
+                if odd < n:
+                    moved = back[c] * now[even] + sigma[c] * second + z[odd]
+                    after[odd] = moved if abs(moved) > DECAYED else 0.0
+    return states
+
+
+@cached_njit
+def contracted(factors, signals, states, gram, by_state):
+    """Sums over two terms each, (n, n), of products of entries of two matrices; see below."""
+    n = len(factors) // 2
+    out = np.empty((n, n))
+    for row in range(n):
+        for column in range(row + 1):
+            total = 0.0
+            for i in (row, n + row):
+                for j in (column, n + column):
+                    entry = gram[signals[i], signals[j]] * by_state[states[i], states[j]]
+                    total += factors[i] * factors[j] * entry
+            out[row, column] = out[column, row] = total
+    return out
+
+
 # Least magnitude of delta for which s = sqrt(|delta|), which makes a section's two states of one
 # size; s stays as it is below.
 SMALLEST_DELTA = 1e-6
@@ -342,7 +379,4 @@ class SectionSignals:
     def contracted(self, sections: SectionArrays, gram: Array, by_state: Array) -> Array:
         """Matrix over coordinates, (n, n), of the Gram matrix of signals and one of states."""
         signals, states, factors = self._terms(sections)
-        terms = np.outer(factors, factors) * gram[np.ix_(signals, signals)]
-        terms *= by_state[np.ix_(states, states)]
-        n = self.layout.dimension
-        return np.asarray(terms[:n, :n] + terms[:n, n:] + terms[n:, :n] + terms[n:, n:])
+        return np.asarray(contracted(factors, signals, states, gram, by_state))

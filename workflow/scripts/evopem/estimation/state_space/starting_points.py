@@ -1,5 +1,6 @@
 """Points of the search: from poles, from models, from smaller orders, at random."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Complex
-from evopem.estimation.state_space.errors import StateSpaceErrors
+from evopem.estimation.state_space.errors import Projection, StateSpaceErrors
 from evopem.estimation.state_space.sections import (
     Layout,
     inside,
@@ -112,7 +113,9 @@ def from_poles(errors: StateSpaceErrors, poles: Complex) -> Array:
     the row by which the signals drive that pole.  Poles beyond the radius are moved inside.
     """
     point = _feasible(errors, poles_only(errors.layout, poles))
-    return _with_inputs(errors, point, errors.data.outputs)
+    responses = errors.signals.responses(sections_of(errors.layout, point))
+    residues = _residues(errors, responses, errors.data.outputs)
+    return normalised(errors.layout, _driven(errors, point, *residues))
 
 
 def _feasible(errors: StateSpaceErrors, point: Array) -> Array:
@@ -120,32 +123,34 @@ def _feasible(errors: StateSpaceErrors, point: Array) -> Array:
     return inside(errors.layout, point, errors.section_radius * (1.0 - 1e-6))
 
 
-def _residues(errors: StateSpaceErrors, point: Array, outputs: Array) -> tuple[Array, Array]:
+def _residues(errors: StateSpaceErrors, responses: Array, outputs: Array) -> tuple[Array, Array]:
     """Coefficients of the responses p and r, (sections, drives, ny) each."""
-    layout, data = errors.layout, errors.data
-    sections = sections_of(layout, point)
-    responses = errors.signals.responses(sections)
+    layout = errors.layout
     direct = [part for part in errors.direct if part.shape[1]]
     x = np.column_stack([responses, *direct])
-    sizes = np.linalg.norm(x, axis=0)
-    sizes[sizes == 0.0] = 1.0
-    x = x / sizes
-    gram = x.T @ x
-    gram[np.diag_indices_from(gram)] += RESIDUE_RIDGE
-    solution = np.linalg.solve(gram, x.T @ outputs) / sizes[:, None]
+    solution = _ridge(x.T @ x, x.T @ outputs)
     count = layout.sections * layout.drives
-    shape = (layout.sections, layout.drives, data.outputs.shape[1])
+    shape = (layout.sections, layout.drives, outputs.shape[1])
     return solution[:count].reshape(shape), solution[count : 2 * count].reshape(shape)
 
 
-def _with_inputs(errors: StateSpaceErrors, point: Array, outputs: Array) -> Array:
+def _ridge(gram: Array, products: Array) -> Array:
+    """Least squares by the Gram matrix of regressors, (k, k), and products with targets."""
+    sizes = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    sizes[sizes == 0.0] = 1.0
+    gram = gram / np.outer(sizes, sizes)
+    gram[np.diag_indices_from(gram)] += RESIDUE_RIDGE
+    solution: Array = np.linalg.solve(gram, products / sizes[:, None]) / sizes[:, None]
+    return solution
+
+
+def _driven(errors: StateSpaceErrors, point: Array, alpha: Array, beta: Array) -> Array:
     """The point with the inputs of its sections from the leading vectors of their residues.
 
     With alpha and beta of the responses p and r, residues of a complex pair are ``alpha + i beta``,
     and those of two real poles ``alpha + beta`` and ``alpha - beta``.
     """
     layout = errors.layout
-    alpha, beta = _residues(errors, point, outputs)
     point = point.copy()
     drives = layout.drives
     # A pulse has the energy of one sample, a scaled signal that of all.
@@ -159,7 +164,7 @@ def _with_inputs(errors: StateSpaceErrors, point: Array, outputs: Array) -> Arra
             high = _leading(alpha[m] + beta[m], weight).real
             low = _leading(alpha[m] - beta[m], weight).real
             row[2 : 2 + drives], row[2 + drives :] = 0.5 * (high + low), 0.5 * (high - low)
-    return normalised(layout, point)
+    return point
 
 
 def _leading(residues: NDArray, weight: Array) -> NDArray:
@@ -224,19 +229,43 @@ def with_initial_states(errors: StateSpaceErrors, point: Array) -> Array:
 
 
 def extended(
-    larger: StateSpaceErrors,
-    smaller: StateSpaceErrors,
-    point: Array,
-    remainder: Array,
-    poles: Complex,
-) -> Array:
-    """The point of a smaller order with one or two more poles that fit its errors, (N, ny)."""
-    added = replace(larger, order=len(poles))
-    bare = poles_only(added.layout, poles)
-    extra = _with_inputs(added, bare, remainder)
+    larger: StateSpaceErrors, solved: Projection, poles: Sequence[Complex], kept: int
+) -> list[Array]:
+    """The point of a smaller order with a few more poles, for the best of some sets of them.
+
+    ``solved``: projection of the smaller order.  What the output matrices describe anew of its
+    errors follows from products with the states that they add, without another projection.
+    """
+    added = replace(larger, order=len(poles[0]))
+    ranked = []
+    for some in poles:
+        bare = poles_only(added.layout, some)
+        responses = added.signals.responses(sections_of(added.layout, bare))
+        extra = _driven(added, bare, *_residues(added, responses, solved.errors))
+        states = responses @ _states_of_responses(added.layout, extra)
+        known, products = solved.basis.T @ states, states.T @ solved.errors
+        gained = products.T @ _ridge(states.T @ states - known.T @ known, products)
+        value = larger.criterion(solved.covariance - gained / larger.data.samples)
+        ranked.append((value, extra))
+    best = np.argsort([value for value, _ in ranked], kind="stable")[:kept]
+    return [_joined(larger, solved.point, added, ranked[k][1]) for k in best]
+
+
+def _states_of_responses(layout: Layout, point: Array) -> Array:
+    """The states of a point as sums of its responses p, then r: (2 sections drives, order)."""
+    sections, drives = sections_of(layout, point), layout.drives
+    sums = np.zeros((2, layout.sections, drives, layout.sections, 2))
+    for m, (b1, b2, ratio) in enumerate(zip(sections.b1, sections.b2, sections.ratio, strict=True)):
+        sums[:, m, :, m, 0], sums[:, m, :, m, 1] = (b1, b2), (b2, ratio * b1)
+    return sums.reshape(-1, 2 * layout.sections)[:, : layout.order]
+
+
+def _joined(larger: StateSpaceErrors, point: Array, added: StateSpaceErrors, extra: Array) -> Array:
+    """The point of a smaller order with the sections of another one more."""
+    smaller = Layout(larger.order - added.order, larger.layout.drives)
     (pairs, single), (more, last) = (
-        np.split(errors.layout.rows(of), [errors.layout.pairs])
-        for errors, of in ((smaller, point), (added, extra))
+        np.split(layout.rows(of), [layout.pairs])
+        for layout, of in ((smaller, point), (added.layout, extra))
     )
     last = np.vstack([single, last])
     if len(last) == 2:
