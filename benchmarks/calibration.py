@@ -101,7 +101,7 @@ def judged(case: Case, found: Any) -> Line:
         "errors": uses["standard_errors"],
     }
     line: Line = {
-        "chosen": str(found.summary.orders),
+        "chosen": str(found.summary.orders or f"{found.model.structure} {found.model.order}"),
         "verdict": named,
         "checks": {check.name: check.passed for check in found.checks},
         "simulation_error": found.simulation_error_percent,
@@ -122,9 +122,9 @@ def judged(case: Case, found: Any) -> Line:
 
 def delays_of(model: Any) -> list[int]:
     """Delay of each input in samples of the model."""
-    if hasattr(model, "input_delays"):
+    if hasattr(model, "delays"):
         # A matrix D of zeros is one sample of delay more.
-        return [int(nk) + (not np.any(model.D)) for nk in model.input_delays]
+        return [int(nk) + (not np.any(model.D)) for nk in model.delays]
     return [int(each) for each in np.atleast_1d(model.nk)]
 
 
