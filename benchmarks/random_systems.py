@@ -92,9 +92,14 @@ class System:
         return outputs + (self.structure == "state space" and outputs > 1)
 
     def disturb(self, e: Array) -> Array:
-        """Filtered noise (N, l); of driven states the first column passes every section."""
+        """Filtered noise (N, l); that of driven states has the shapes of the modes."""
         if self.structure != "state space":
             return lfilter(self.c, self.d, e, axis=0)
+        if len(self.gains) > 1:
+            alone = np.zeros((len(e), self.gains.shape[1]))
+            alone[:, 0] = e[:, 0]
+            states = np.sum(self.parts(alone), axis=(0, 3)).T
+            return states + 0.3 * states.std(axis=0) * e[:, 1:]
         driven = np.sum(
             [
                 lfilter(1.0 + self.gains[:, 0, k, :1].sum(axis=0), a, e[:, 0])
@@ -102,8 +107,7 @@ class System:
             ],
             axis=0,
         )
-        own = e if e.shape[1] == 1 else e[:, 1:]
-        return driven[:, None] / driven.std() + 0.3 * own
+        return driven[:, None] / driven.std() + 0.3 * e
 
     def frequency_response(self, angles: Array) -> Array:
         """Response (F, l, m) at angles in rad per sample."""
@@ -542,7 +546,9 @@ def _recorded(
     e = g.standard_normal((samples + WARM_UP, system.noises))
     y = outside_of_class(g, outside, system, u) if outside else system.respond(u)
     v = system.disturb(e)
-    v *= y[WARM_UP:].std(axis=0) / ratio / v[WARM_UP:].std(axis=0)
+    sizes = y[WARM_UP:].std(axis=0) / ratio / v[WARM_UP:].std(axis=0)
+    # What passes states keeps their shapes.
+    v *= sizes.mean() if system.noises > outputs else sizes
     looped = closed_loop(g, system, u, v) if kind == "feedback" else None
     fed_back = 0.0
     if inputs == 0:
