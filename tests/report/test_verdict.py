@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from by_scores import chosen_by_scores
 from identified import with_model, with_outcome, without_modes
@@ -147,6 +148,10 @@ def test_a_response_whose_simulation_or_band_is_poor_is_given_with_care(results,
     table = results.frequency_response
     wide = table.assign(gain_lower=0.7 * table["gain"], gain_upper=1.3 * table["gain"])
     assert response(replace(results, frequency_response=wide)).answer == "care"
+    # One of three pairs that is known little is not hidden behind the others.
+    pairs = [table, table.assign(output="second"), wide.assign(output="third")]
+    assert response(replace(results, frequency_response=pd.concat(pairs))).answer == "care"
+    assert response(replace(results, frequency_response=pd.concat(pairs[:2]))).answer == "good"
 
 
 def test_intervals_after_an_automatic_choice_are_given_with_care(results, monkeypatch):

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
+from evopem.arrays import Array
 from evopem.estimation.model_record import ModelRecord
 from evopem.models.modes import Mode
 from evopem.report.numbers import (
@@ -246,16 +247,13 @@ def _frequency_response(results: DatasetResults) -> Use:
         return _use(key, name, ("no", text), checked)
     table = results.responses
     table = table[table["source"] == results.model_source[0]]
-    inside = table[(table["gain"] > 0) & table["gain_lower"].notna()]
-    width = (inside["gain_upper"] - inside["gain_lower"]) / (2 * inside["gain"])
-    half = 100 * float(np.median(width)) if len(inside) else math.nan
-    over = "all pairs and frequencies" if len(results.pairs) > 1 else "frequency"
+    half, whole = _widest_band(table).tolist()
+    over = "frequency, of the pair known least" if len(results.pairs) > 1 else "frequency"
     text = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})"
     if not math.isfinite(half):
         unlimited = "has no upper limit at half of the frequencies or more"
         text = f"its 95 % band {'is not known' if math.isnan(half) else unlimited}"
     band: Finding = ("good" if half <= WIDE_BAND else "care", text)
-    whole = _band_of_power(inside)
     peaks: Finding = ("good", "")
     if whole > WIDEST_OF_POWER:
         peaks = "care", "the band is wider than half of the gain where the response is large"
@@ -267,14 +265,15 @@ def _frequency_response(results: DatasetResults) -> Use:
     return _use(key, name, band, peaks, tested, checked)
 
 
-def _band_of_power(table: pd.DataFrame) -> float:
-    """Half width of the band over the gain, percent, root mean square; the median of all pairs."""
-    shares = []
-    pairs = [column for column in ("output", "input") if column in table]
-    for _, pair in table.groupby(pairs):
-        half = (pair["gain_upper"] - pair["gain_lower"]) / 2.0
-        shares.append(100.0 * float(np.linalg.norm(half) / np.linalg.norm(pair["gain"])))
-    return float(np.median(shares)) if shares else math.nan
+def _widest_band(table: pd.DataFrame) -> Array:
+    """Widest half bands over the gain of all pairs, percent: median, root mean square; or NaN."""
+    bands = []
+    for _, pair in table.groupby([column for column in ("output", "input") if column in table]):
+        inside = pair[(pair["gain"] > 0) & pair["gain_lower"].notna()]
+        half, gain = (inside["gain_upper"] - inside["gain_lower"]) / 2.0, inside["gain"]
+        power = float(np.linalg.norm(half)) / max(float(np.linalg.norm(gain)), 1e-300)
+        bands.append((100.0 * (half / gain).median(), 100.0 * power))
+    return np.asarray(np.max(bands, axis=0))
 
 
 def _modes(results: DatasetResults) -> Use:
