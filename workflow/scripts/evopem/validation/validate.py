@@ -74,8 +74,9 @@ from evopem.validation.validation import (
 # Horizons of a decade, and the longest one.
 DECADE = (1, 2, 3, 5, 7)
 LONGEST = 1000
-# Records of a model's noise that its states are fitted to, and samples before each at most.
-DRAWN, MOST_PAST = 20, 10_000
+# Records of a model's noise that states are fitted to, the smallest value of which is below a
+# further one in 99 %; samples before each at most.
+DRAWN, MOST_PAST = 99, 10_000
 
 
 def log_spaced_horizons(samples: int) -> tuple[int, ...]:
@@ -256,7 +257,7 @@ def _outputs(
 
 
 def _share_left(held_out: Sequence[HeldOut]) -> float:
-    """Smallest share of the error by the model's own noise that fitted states of the plant leave.
+    """Smallest share of errors by the model's own noise that fitted states of the plant leave.
 
     Noise that passes through slow poles of the plant moves their states before and during a record.
     Errors of the outputs count as those of a simulation, relative to each output's deviation.
