@@ -5,12 +5,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from evopem.automatic.candidates import Candidate
-from evopem.automatic.cross_validation.folds import HeldOutScores
-from evopem.automatic.fold_errors import as_good, never_behind, simplest
+from evopem.automatic.candidates import Candidate, Scorer
+from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds
+from evopem.automatic.fit import CommonSettings
+from evopem.automatic.fold_errors import as_good, gain_of_nothing, never_behind, simplest
 from evopem.automatic.structures import _smallest_as_good
+from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
+from evopem.signals.recording import Segment
+from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
 
 SAMPLES, ONE = 500, np.ones(1)
 MODEL = PolynomialModel(ONE, ONE, ONE, ONE, ONE, 1)
@@ -26,8 +31,8 @@ def candidate(parameters, effect=(0.0,) * 5, evidence=0.0):
     return Candidate("oe", parameters, (1,), parameters, bic, bic, scores, MODEL)
 
 
-def chosen(*candidates, failed=None):
-    checks = {id(each): SimpleNamespace(failed=(), whiteness=0.5) for each in candidates}
+def chosen(*candidates, failed=None, of_all=()):
+    checks = {id(each): SimpleNamespace(failed=of_all, whiteness=0.5) for each in candidates}
     if failed is not None:
         checks[id(failed)] = SimpleNamespace(failed=("Excitation adequate",), whiteness=0.5)
     scorer = SimpleNamespace(independent_samples=SAMPLES, checks=lambda each: checks[id(each)])
@@ -63,6 +68,35 @@ def test_a_lower_error_one_step_ahead_alone_does_not_take_a_larger_model_for_sim
     """States that are fitted to all samples let undamped poles draw drifts one step ahead."""
     small, large = replace(candidate(8), bic=1.0), candidate(12)
     assert chosen(large, small)[0] is small
+
+
+@pytest.mark.parametrize("of_all", [(), (INDEPENDENT_OF_INPUT,)])
+def test_one_step_errors_do_not_decide_where_residuals_depend_on_the_input(of_all):
+    """A response that lacks a part is no likelier for its noise model."""
+    likely, simulates = replace(candidate(8), simulation_bic=1.0), replace(candidate(12), bic=1.0)
+    assert chosen(likely, simulates, of_all=of_all)[0] is (simulates if of_all else likely)
+
+
+def test_models_within_one_standard_error_are_as_good_by_whatever_share():
+    best = candidate(9)
+    assert as_good(candidate(8, (0.6, -0.3, 0.7, -0.3, 0.1)), best, "simulation")
+    assert not as_good(candidate(8, (0.2, 0.1, 0.3, 0.1, 0.15)), best, "simulation")
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.5])
+def test_a_gain_stands_for_a_response_that_cannot_be_told_from_zero(gain):
+    u, e = np.random.default_rng(5).standard_normal((2, 500))
+    y = gain * lfilter([0.0, 1.0, 0.5], [1.0, -0.5], u) + lfilter([1.0], [1.0, -0.8], e)
+    stretches = [Segment(u, y)]
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings())
+    small = scorer.candidate("fir", Orders(nb=1, nk=1))
+    large = scorer.candidate("bj", Orders(nb=2, nf=2, nd=1, nk=1))
+    found = gain_of_nothing(scorer, [small, large], "simulation", large)
+    if gain:
+        assert found is None
+    else:
+        assert found[0] is small
+        assert "told from zero" in found[1]
 
 
 def test_the_standard_error_is_that_of_the_difference():

@@ -1,20 +1,30 @@
 """Errors on the folds: which differences are chance, and what no choice may fall behind."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from evopem.automatic.candidates import BIC, SIMULATION_BIC, Candidate, Score
+from evopem.automatic.candidates import BIC, SIMULATION_BIC, Candidate, Score, Scorer
+from evopem.automatic.cross_validation.folds import held_out_scores
 from evopem.config.structures import REGULARISED
+from evopem.models.orders import Orders
+from evopem.models.polynomial import PolynomialModel
+from evopem.signals.recording import Segment
 
 Kind = Literal["simulation", "fitted_level", "prediction"]
-# Models within so many standard errors of the lowest error, and within this share, are as good.
+# Models within so many standard errors of the lowest error, and within this share, are as good, and
+# those within one.
 STANDARD_ERRORS, AS_GOOD = 2.0, 0.1
 # Folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
 # Share by which a simulation error must fall to overrule a choice without strong evidence.
 CLEAR_GAIN = 0.02
+# A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995).
+STRONG = 6.0
+# Orders of noise models without an input.
+ALONE = (1, 2, 4, 8)
 
 
 def score_of(kind: Kind) -> Score:
@@ -27,13 +37,20 @@ def as_good(
 ) -> bool:
     """Whether a model does as well on held-out samples as another.
 
-    Within some standard errors of the mean difference of the folds, and within 10 %.
+    Within some standard errors of the mean difference of the folds, and within 10 %; or within one.
     """
     score = score_of(kind)
     if not np.isfinite(score(candidate)):
         return candidate is best
-    largest = min(standard_errors * standard_error(candidate, best, kind), AS_GOOD)
+    error = standard_error(candidate, best, kind)
+    largest = max(min(standard_errors * error, AS_GOOD), error if np.isfinite(error) else 0.0)
     return float(np.log(score(candidate) / score(best))) <= largest
+
+
+def is_clearly_better(candidate: Candidate, rival: Candidate, kind: Kind) -> bool:
+    """Whether an error is lower than that of a rival by 2 % and by a standard error."""
+    gain = float(np.log(score_of(kind)(rival) / score_of(kind)(candidate)))
+    return gain > max(CLEAR_GAIN, standard_error(rival, candidate, kind))
 
 
 def standard_error(candidate: Candidate, best: Candidate, kind: Kind) -> float:
@@ -60,6 +77,42 @@ def simplest(candidates: Sequence[Candidate]) -> list[Candidate]:
     return kept
 
 
+def gain_of_nothing(
+    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, chosen: Candidate
+) -> tuple[Candidate, str] | None:
+    """A gain, where the response of a chosen model to the inputs cannot be told from zero.
+
+    It does not simulate held-out samples clearly better than a constant, and no candidate has
+    strong evidence against all noise models without an input, beyond what the likeliest of as many
+    has by chance.
+    """
+    gain = next((c for c in simplest(candidates) if c.structure == "fir" and c.is_scored), None)
+    model = gain.polynomials if gain is not None else None
+    if gain is None or model is None:
+        return None
+
+    def constant_of(stretches: Sequence[Segment]) -> PolynomialModel:
+        centre = np.median if scorer.absolute else np.mean
+        level = float(centre(np.concatenate([stretch.output for stretch in stretches])))
+        return replace(model, B=tuple(map(np.zeros_like, model.B)), level=level)
+
+    of_constant = held_out_scores(scorer.stretches, scorer.plan, constant_of, scorer.absolute)
+    if is_clearly_better(chosen, replace(gain, scores=of_constant), kind):
+        return None
+    outputs = [Segment(s.inputs[:, :0], s.outputs, s.recording) for s in scorer.stretches]
+    alone = Scorer(outputs, scorer.plan, scorer.settings)
+    noise = [alone.candidate("arma", Orders(na=n, nc=n), scored=False) for n in ALONE]
+    likeliest = min((model.bic for model in noise if model is not None), default=np.inf)
+    evidence = scorer.independent_samples * (likeliest - min(map(BIC, candidates)))
+    if evidence > STRONG + 2.0 * np.log(len(candidates)):
+        return None
+    return gain, (
+        f"{chosen.name} does not simulate held-out samples clearly better than a constant, and no"
+        " model is clearly likelier than noise alone: the input explains nothing that can be told"
+        f" from zero, and {gain.name} stands for its response."
+    )
+
+
 def never_behind(
     candidates: Sequence[Candidate],
     kind: Kind,
@@ -74,10 +127,10 @@ def never_behind(
     """
     score = score_of(kind)
     best = min(simplest(candidates), key=score, default=chosen)
-    gain = float(np.log(score(chosen) / score(best)))
-    if best is chosen or not gain > max(CLEAR_GAIN, standard_error(chosen, best, kind)):
+    if best is chosen or not is_clearly_better(best, chosen, kind):
         return chosen, sentence
-    if gain <= AS_GOOD and failures(best) > failures(chosen):
+    near = np.log(score(chosen) / score(best)) <= AS_GOOD
+    if near and failures(best) > failures(chosen):
         return chosen, sentence
     return best, (
         f"{best.name}, one of the simplest models, simulates held-out samples with"

@@ -19,8 +19,10 @@ from evopem.automatic.cross_validation.simulation import noise_moves_plant
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fold_errors import (
     CLEAR_GAIN,
+    STRONG,
     Kind,
     as_good,
+    gain_of_nothing,
     never_behind,
     parametric,
     score_of,
@@ -43,8 +45,6 @@ HEAVY = 0.1
 MOST_WHEN_VALID, MOST_UNDER_FEEDBACK = 1.25, 1.35
 MOST_WHEN_ALL_HOLD = MOST_UNDER_HEAVY_TAILS = 3.0
 FINALISTS = 2
-# A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995).
-STRONG = 6.0
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ def _for_simulation(
         choice = _by_likelihood(scorer, searched, kind, lowest)
         choice = choice or _smallest_as_good(scorer, searched, kind)
         choice = never_behind(candidates, kind, *choice, lambda c: len(scorer.checks(c).failed))
-    chosen, sentence = choice
+    chosen, sentence = gain_of_nothing(scorer, candidates, kind, choice[0]) or choice
     criterion = "simulation error on held-out samples, %"
     return chosen, _named(
         "structure for simulation", chosen, candidates, score, criterion, sentence
@@ -338,8 +338,9 @@ def _smallest_as_good(
         chosen = _smallest(scorer, equal, BIC)
     else:
         chosen = _smallest(scorer, equal, *_criteria(min(equal, key=BIC)))
-        if scorer.checks(chosen).whiteness < BY_CHANCE:
-            # No model of these describes the noise: one-step errors say little of the plant.
+        checks = scorer.checks(chosen)
+        if checks.whiteness < BY_CHANCE or INDEPENDENT_OF_INPUT in checks.failed:
+            # No model of these describes noise or plant: one-step errors say little of the latter.
             errors, chosen = "simulation", _smallest(scorer, equal, SIMULATION_BIC)
     if chosen is best:
         return best, f"{best.name} {does} held-out samples with the lowest error."
