@@ -1,5 +1,6 @@
 """Models whose coefficients move: known systems, exact derivatives, and their choice."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,11 +18,20 @@ from evopem import (
     estimate_varying,
     identify,
 )
-from evopem.automatic.varying import Varying, blocks, held_out_errors
+from evopem.automatic.varying import Moves, Varying, blocks, held_out_errors
 from evopem.estimation.varying import Scheduled, VaryingProblem, fit_varying
 from evopem.estimation.varying_choice import choose_varying, undersmoothed
 from evopem.files.json_form import from_json, load, to_json
-from evopem.models.varying import Basis, VaryingModel, all_free, delayed_inputs, filtered
+from evopem.models.modes import Mode
+from evopem.models.varying import (
+    Basis,
+    MovingMode,
+    VaryingModel,
+    all_free,
+    delayed_inputs,
+    filtered,
+)
+from evopem.report.results_text import moving_sentence
 from evopem.report.verdict_file import VerdictFile
 from evopem.signals.recording import Segment
 
@@ -350,6 +360,21 @@ def test_a_moving_model_is_chosen_along_a_condition_of_each_recording():
     )
     assert found.moves.schedule == found.model.schedule == "temperature"
     assert found.modes["condition"].max() == 30.0
+
+
+def test_a_mode_moves_by_more_than_the_error_of_two_correlated_moments():
+    def path(last_hz):
+        modes = Mode(10.0, 0.02, 0.9 + 0.1j, 0.1, 0.002), Mode(last_hz, 0.02, 0.9 + 0.1j, 0.1, 0.0)
+        return MovingMode((0.0, 1.0), modes)
+
+    moves = Moves("ARX(2,2,1)", 3.0, 4.0, 5.0, True, True, (path(10.35),))
+    assert not path(10.35).moves
+    assert moving_sentence(moves).startswith("The machine changes, though no mode by more than")
+    moved = replace(moves, modes=(path(10.45),), nonlinear_share=0.02, changing_share=0.05)
+    assert moving_sentence(moved).startswith("The machine changes: mode 1 moves from 10 ± 0.2 to")
+    nonlinear = moving_sentence(replace(moved, nonlinear_share=0.23))
+    assert "may be nonlinear rather than change (of the one-step errors" in nonlinear
+    assert "explains 23 %, change 5.0 %)" in nonlinear.replace("\u202f", " ")
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 The model of the recipe stays what it is; what moves stands beside it.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -21,7 +22,7 @@ from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.varying import KINDS, MovingMode, VaryingModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.validation.model_class import REJECTED
-from evopem.validation.validate import constancy
+from evopem.validation.validate import class_of
 
 # Blocks of neighbouring samples, every fifth of which is held out at a time.
 BLOCKS, FOLDS = 40, 5
@@ -51,6 +52,10 @@ class Moves:
     is_stable: bool  # at every moment
     modes: tuple[MovingMode, ...]
     schedule: str = "time"  # what the coefficients move with
+    # Of the constant model's residuals, what nonlinearity explains and what change explains; NaN
+    # where these tests do not both fail
+    nonlinear_share: float = math.nan
+    changing_share: float = math.nan
 
     @property
     def column(self) -> str:
@@ -77,17 +82,21 @@ def what_moves(prepared: PreparedData, record: ModelRecord, settings: VaryingSet
         unfit = "there are several outputs, and a moving model has one"
     elif prepared.transforms.several_recordings and settings.condition is None:
         unfit = "there are several recordings, and coefficients move with the time of one"
-    elif not is_asked:
-        fits_level = record.level_of_simulation == "state"
-        if not constancy(record.model, prepared, fits_level).p_value < REJECTED:
-            return Varying("the response does not change with time")
     if unfit and is_asked:
         raise InputError("varying", unfit, "leave the key out")
     if unfit:
         return Varying(unfit)
+    tests = class_of(record.model, prepared, record.level_of_simulation == "state")
+    if not is_asked and not tests.constant.p_value < REJECTED:
+        return Varying("the response does not change with time")
     most = min(max(record.plant.order + ORDERS_ABOVE, FEWEST_ORDERS), MOST_ORDERS)
     scheduled, schedule = whole(prepared, settings), settings.condition or "time"
-    return moving_model(scheduled, most, delays_of(record), settings, schedule)
+    varying = moving_model(scheduled, most, delays_of(record), settings, schedule)
+    if varying.moves is None or not max(tests.constant.p_value, tests.linear.p_value) < REJECTED:
+        return varying
+    linear, constant = tests.linear.share, tests.constant.share
+    moves = replace(varying.moves, nonlinear_share=linear, changing_share=constant)
+    return replace(varying, moves=moves)
 
 
 def whole(prepared: PreparedData, settings: VaryingSettings) -> Scheduled:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Flags
+from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.varying import (
     Scheduled,
     VaryingEstimate,
@@ -15,7 +16,7 @@ from evopem.estimation.varying import (
     fit_varying,
 )
 from evopem.models.orders import Orders
-from evopem.models.varying import KINDS, Basis, BasisKind, all_free, denominator_order
+from evopem.models.varying import KINDS, Basis, BasisKind, all_free, denominator_order, rows_of
 
 DIMENSIONS = (2, 3, 4, 5, 6, 8, 10)
 # Samples for each weight below which there is no such model.
@@ -98,8 +99,8 @@ def choose_basis(
     tried = (_descended(scheduled, orders, basis, ()) for basis in bases)
     if (lowest := _lowest(filter(None, tried))) is None:
         return None
-    searched = fit_varying(scheduled, orders, lowest.model.basis, lowest.free)
-    return undersmoothed(scheduled, pruned(scheduled, searched))
+    ended = min(_ends(scheduled, lowest), key=lambda estimate: estimate.bic)
+    return undersmoothed(scheduled, pruned(scheduled, ended))
 
 
 def choose_varying(
@@ -127,10 +128,8 @@ def choose_varying(
             break
         lowest, most = climbed, denominator_order(climbed.model.orders)
     if lowest is not None and lowest.bic < best.bic:
-        model = lowest.model
-        searched = fit_varying(scheduled, model.orders, model.basis, lowest.free)
-        ends = [best, *(pruned(scheduled, estimate) for estimate in (searched, lowest))]
-        best = min(ends, key=lambda estimate: estimate.bic)
+        ended = min(_ends(scheduled, lowest), key=lambda estimate: estimate.bic)
+        best = min(best, pruned(scheduled, ended), key=lambda estimate: estimate.bic)
     return undersmoothed(scheduled, best)
 
 
@@ -172,22 +171,30 @@ def _orders_of(structure: str, order: int, nk: Sequence[int]) -> Orders:
 def _descended(
     scheduled: Scheduled, orders: Orders, basis: Basis, given: Sequence[Array]
 ) -> VaryingEstimate | None:
-    """Descents from two stages and from given weights; C moves only where BIC prefers it."""
-    moving = all_free(orders, basis)
-    if scheduled.data.samples < FEWEST_PER_WEIGHT * moving.sum():
+    """Short descents from two stages and from given weights; C stays as it is."""
+    free = all_free(orders, basis)
+    if scheduled.data.samples < FEWEST_PER_WEIGHT * free.sum():
         return None
-    steady, estimates = moving.copy(), []
-    if orders.nc:
-        steady[-1 - orders.nc : -1, 1:] = False
-    for free in [steady, moving] if orders.nc else [moving]:
-        problem = VaryingProblem(scheduled, orders, basis, free)
-        starts, shape = [problem.start()], free[problem.searched].shape
-        for weights in given:
-            padded = np.zeros(shape)
-            padded[: len(weights)] = weights
-            starts.append(padded[free[problem.searched]])
-        estimates.append(fit_varying(scheduled, orders, basis, free, starts=starts))
-    return min(estimates, key=lambda estimate: estimate.bic)
+    free[rows_of(orders)["c"], 1:] = False
+    problem = VaryingProblem(scheduled, orders, basis, free)
+    if not np.any(free[problem.searched]):
+        return problem.estimate(np.empty(0), SearchDiagnostics.none())
+    starts, shape = [problem.start()], free[problem.searched].shape
+    for weights in given:
+        padded = np.zeros(shape)
+        padded[: len(weights)] = weights
+        starts.append(padded[free[problem.searched]])
+    ended = problem.descend(np.array(starts))
+    return problem.estimate(ended.points[np.argmin(ended.values)], SearchDiagnostics.none())
+
+
+def _ends(scheduled: Scheduled, raced: VaryingEstimate) -> Iterator[VaryingEstimate]:
+    """What a model of a race becomes: by descent, by the search, and with a C that moves."""
+    yield _from(scheduled, raced, raced.free)
+    searched = fit_varying(scheduled, raced.model.orders, raced.model.basis, raced.free)
+    yield searched
+    if not raced.free.all():
+        yield _from(scheduled, searched, np.ones_like(raced.free))
 
 
 def pruned(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
@@ -202,7 +209,7 @@ def pruned(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
         least = np.arange(sizes.size).reshape(sizes.shape) == np.argmin(sizes)
         steps = [sizes < INSIGNIFICANT, least]
         for dropped in (step for step in steps if np.any(step & droppable)):
-            smaller = _without(scheduled, estimate, dropped)
+            smaller = _from(scheduled, estimate, estimate.free & ~dropped)
             if smaller.bic < estimate.bic:
                 estimate, model = smaller, smaller.model
                 break
@@ -233,9 +240,9 @@ def undersmoothed(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEst
     return fit_varying(scheduled, model.orders, basis, free, starts=[start])
 
 
-def _without(scheduled: Scheduled, estimate: VaryingEstimate, dropped: Flags) -> VaryingEstimate:
-    """The model of fewer terms, from where the larger one ended."""
-    model, free = estimate.model, estimate.free & ~dropped
+def _from(scheduled: Scheduled, estimate: VaryingEstimate, free: Flags) -> VaryingEstimate:
+    """The model of some of the weights, from where that of all of them ended."""
+    model = estimate.model
     rows = VaryingProblem(scheduled, model.orders, model.basis, free).searched
     start: Array = model.weights[rows][free[rows]]
     return fit_varying(scheduled, model.orders, model.basis, free, starts=[start])

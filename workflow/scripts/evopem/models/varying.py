@@ -8,7 +8,6 @@ model with its covariance, and all that follows from one.
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from math import hypot
 from typing import Literal
 
 import numpy as np
@@ -94,20 +93,24 @@ class MovingMode:
     modes: tuple[Mode, ...]
 
     @property
-    def lowest_hz(self) -> float:
-        """Lowest frequency."""
-        return min(mode.frequency_hz for mode in self.modes)
+    def lowest(self) -> Mode:
+        """Where its frequency is lowest."""
+        return min(self.modes, key=lambda mode: mode.frequency_hz)
 
     @property
-    def highest_hz(self) -> float:
-        """Highest frequency."""
-        return max(mode.frequency_hz for mode in self.modes)
+    def highest(self) -> Mode:
+        """Where its frequency is highest."""
+        return max(self.modes, key=lambda mode: mode.frequency_hz)
 
     @property
     def moves(self) -> bool:
-        """Whether the ends differ by more than their 95 % interval, or it goes further between."""
-        errors = [self.modes[end].frequency_se_hz for end in (0, -1)]
-        return self.highest_hz - self.lowest_hz > NORMAL_95 * hypot(*errors)
+        """Whether it goes further than the 95 % error of the difference can be.
+
+        The errors of two moments are correlated, and that of a difference is their sum at most.
+        """
+        low, high = self.lowest, self.highest
+        largest = low.frequency_se_hz + high.frequency_se_hz
+        return high.frequency_hz - low.frequency_hz > NORMAL_95 * largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +194,7 @@ class VaryingModel:
                 paths[k].append((value, modes[j]))
             paths += [[(value, modes[j])] for j in range(len(modes)) if j not in pairs[1]]
         followed = [MovingMode(*zip(*path, strict=True)) for path in paths]
-        return sorted(followed, key=lambda mode: mode.lowest_hz)
+        return sorted(followed, key=lambda mode: mode.lowest.frequency_hz)
 
     def simulate(self, inputs: ArrayLike, schedule: ArrayLike) -> Array:
         """Noise-free response to (N, m) inputs from rest, (N,), at values (N,) of the schedule."""

@@ -148,14 +148,21 @@ def moving_sentence(moves: Moves | None) -> str:
             f"{moving} do not clearly predict held-out {held_out} better: {errors} one step ahead."
         )
     moved = [f"mode {n} {_way(mode)}" for n, mode in enumerate(moves.modes, 1) if mode.moves]
-    said = f": {enumeration(moved)}" if moved else ""
+    said = f": {enumeration(moved)}" if moved else ", though no mode by more than its error"
+    changes = f"The machine changes{'' if by_time else f' with {moves.schedule}'}"
+    if moves.nonlinear_share > moves.changing_share:
+        changes = (
+            "The machine may be nonlinear rather than change (of the one-step errors nonlinearity"
+            f" explains {percent(100.0 * moves.nonlinear_share, 2)}, change"
+            f" {percent(100.0 * moves.changing_share, 2)})"
+        )
     unstable = (
         ""
         if moves.is_stable
         else f" At some {'moments' if by_time else 'values'} its frozen poles are unstable."
     )
     return (
-        f"The machine changes{'' if by_time else f' with {moves.schedule}'}{said}. With"
+        f"{changes}{said}. With"
         f" coefficients that move, held-out {held_out} are predicted"
         f" one step ahead with an error of {errors} with constant ones.{unstable}"
     )
@@ -165,7 +172,7 @@ def _way(mode: MovingMode) -> str:
     """From where to where a mode moves, and how far it is between."""
     ends = [(end.frequency_hz, end.frequency_se_hz) for end in (mode.modes[0], mode.modes[-1])]
     first, last = (f"{number(f, 4)} ± {number(NORMAL_95 * se, 2)}" for f, se in ends)
-    low, high = mode.lowest_hz, mode.highest_hz
+    low, high = mode.lowest.frequency_hz, mode.highest.frequency_hz
     way = f"moves from {first} to {last} Hz"
     if high - low > 1.5 * abs(ends[1][0] - ends[0][0]):
         way += f" (between {number(low, 4)} and {number(high, 4)} Hz)"

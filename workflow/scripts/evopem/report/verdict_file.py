@@ -47,7 +47,7 @@ class ListedMove:
     to_se_hz: float
     """its standard error"""
     moves: bool
-    """whether it is elsewhere, there or between, by more than a 95 % interval"""
+    """whether its frequency, there or between, differs by more than its 95 % error"""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from evopem.validation.held_out_tests import (
 )
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
-from evopem.validation.model_class import REJECTED, ResidualTest, floors_of, model_class
+from evopem.validation.model_class import REJECTED, ModelClass, floors_of, model_class
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
     EstimationResiduals,
@@ -166,11 +166,11 @@ def validate(
     )
 
 
-def constancy(model: Model, prepared: PreparedData, fit_level: bool = False) -> ResidualTest:
-    """Test that the response does not change with time, as a validation has it."""
+def class_of(model: Model, prepared: PreparedData, fit_level: bool = False) -> ModelClass:
+    """Tests of the class of a model alone."""
     held_out = held_out_stretches(model, prepared, fit_level)
     estimation = _estimation_stretches(state_space_of(model), prepared.estimation)
-    return model_class(_every_stretch(estimation, held_out)).constant
+    return model_class(_every_stretch(estimation, held_out))
 
 
 def validation_errors(held_out: Sequence[HeldOut], fit_level: bool = False) -> tuple[float, float]:
