@@ -92,6 +92,21 @@ def test_what_is_not_judged_says_why(tmp_path):
     assert " ".join(of_file) == told
 
 
+def test_a_vanished_mode_is_an_event_and_one_that_others_lack_is_none(tmp_path):
+    recordings, conditions = fleet()
+    for name in ("bridge-04", "bridge-09", "bridge-45"):  # two of 30 lack the first mode
+        recordings[name] = recordings[name][1:]
+    for name in ("bridge-41", "bridge-58"):
+        recordings[name] = recordings[name][:1]
+    table = damage_index(results(recordings), 30, conditions)
+    missing = table.set_index("dataset")["missing_modes"].dropna()
+    assert missing.to_dict() == {"bridge-41": "2", "bridge-58": "2"}
+    table.to_csv(tmp_path / "damage_index.csv")
+    for known in (table, pd.read_csv(tmp_path / "damage_index.csv")):
+        told = " ".join(damage_sentences(known, 0.01))
+        assert "unchanged ones lack: bridge-41 (2) and bridge-58 (2)." in told
+
+
 @pytest.mark.parametrize(
     ("reference", "conditions", "false_alarms", "sentence"),
     [

@@ -42,6 +42,12 @@ def _sentences(table: pd.DataFrame, false_alarms: float) -> Iterator[str]:
         )
     if (above & reference).any():
         yield f"Of the reference itself, {_named(table[above & reference])} lie above it."
+    if not (missing := table[table["missing_modes"].notna() & ~reference]).empty:
+        cells = zip(missing["dataset"], missing["missing_modes"].astype(str), strict=True)
+        lacking = [
+            f"{name} ({', '.join(modes.removesuffix('.0').split())})" for name, modes in cells
+        ]
+        yield f"Without modes that fewer than 5{THIN}% of unchanged ones lack: {_listed(lacking)}."
     for reason, rows in table[~known & ~reference].groupby("not_judged"):
         yield f"Not judged, because {reason}: {_listed(rows['dataset'].tolist())}."
 

@@ -19,11 +19,13 @@ from evopem.validation.damage_index import Distance, Frequencies
 if TYPE_CHECKING:
     import pandas as pd
 
-# Columns of the table; the last ones say which mode lies farthest away, and what is not judged.
+# Columns of the table; the last ones say which mode lies farthest away, what is not judged, and
+# which modes are missing that few recordings of the reference lack.
 _TYPES = (
     {"group": "string", "dataset": "string", "place": "float64", "reference": "boolean"}
     | {"damage_index": "float64", "p_value": "float64", "above": "boolean", "modes": "string"}
     | {"farthest_mode": "Int64", "change_percent": "float64", "not_judged": "string"}
+    | {"missing_modes": "string"}
 )
 _REASONS = {
     "": "",
@@ -157,11 +159,12 @@ def _cells(distance: Distance, frequencies: Frequencies, number: int) -> Iterato
     judged = not distance.reason
     yield from (distance.index, distance.p_value, distance.index > 1.0 if judged else None)
     yield " ".join(str(mode + 1) for mode in distance.modes) or None
+    missing = " ".join(str(mode + 1) for mode in frequencies.missing(number)) or None
     if judged:
         standardised = np.abs(np.array(distance.left) / np.array(distance.standard_errors))
         farthest = int(np.argmax(standardised))
         mode = distance.modes[farthest]
         expected = frequencies.values[number, mode] - distance.left[farthest]
-        yield from (mode + 1, 100.0 * distance.left[farthest] / expected, None)
+        yield from (mode + 1, 100.0 * distance.left[farthest] / expected, None, missing)
     else:
-        yield from (None, math.nan, _REASONS[distance.reason])
+        yield from (None, math.nan, _REASONS[distance.reason], missing)

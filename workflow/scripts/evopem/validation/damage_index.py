@@ -24,6 +24,8 @@ from evopem.validation.level_changes import fits
 HIGHEST_DEGREE, FOR_EACH = 3, 5
 # Reference recordings beyond the modes and coefficients; as many as modes where these are more.
 FEWEST_FREE = 5
+# Share of unchanged recordings that lack a mode, below which one without it is an event.
+RARE = 0.05
 
 Reason = Literal["", "no mode", "reference", "condition"]
 """Why a recording is not judged: its modes, a reference that is too small, or its conditions."""
@@ -83,6 +85,13 @@ class Frequencies:
         index, p_value = fit.judged(left / errors, false_alarms)
         judged, beside, expected = (tuple(part.tolist()) for part in (modes, left, errors))
         return Distance(index, p_value, judged, beside, expected)
+
+    def missing(self, number: int) -> list[int]:
+        """Modes that a recording lacks, as an unchanged one does with a probability below RARE."""
+        without, others = ~np.isfinite(self.values), self.is_reference.copy()
+        others[number] = False
+        lacking = (without[others].sum(axis=0) + 1) / (others.sum() + 1)
+        return np.flatnonzero(without[number] & (lacking < RARE)).tolist()
 
     def _judged(self, number: int, tried: int) -> tuple[Indices, Indices, Reason]:
         """Reference recordings and modes: all of the latter that enough of the former have."""
