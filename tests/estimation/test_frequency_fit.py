@@ -18,6 +18,7 @@ from evopem import FrequencyResponses, fit_responses
 from evopem.config.channels import ChannelSettings
 from evopem.config.defaults import complete
 from evopem.errors import InputError
+from evopem.estimation.search import frequency_problem
 from evopem.estimation.search.frequency_problem import FrequencyProblem
 from evopem.signals.readers.frequency_responses import read_responses, variances_of
 from evopem.terminal.command import main
@@ -113,8 +114,11 @@ def test_poles_alone_descend_along_the_exact_gradient():
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_standard_errors_cover_the_truth(known):
+def test_standard_errors_cover_the_truth(known, monkeypatch):
     """40 responses: of 160 intervals of 95 % 8 miss on average, and more than 18 once in 2000."""
+    # Descents from two starts find the optimum of two clear modes.
+    monkeypatch.setattr(frequency_problem, "RESTARTS", 2)
+    monkeypatch.setattr(frequency_problem, "HOPPING", 0)
     truth, missed = np.column_stack([HERTZ, DAMPING]), 0
     for seed in range(40):
         modes = fit_responses(noisy(seed=seed, known=known), modes=(2, 2)).model.modes()
