@@ -207,6 +207,12 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
             "datasets.arm.noise",
             "an armax data set",
         ),
+        (
+            "datasets: {arm: {synthesis: armax, softening: 0.3}}",
+            "datasets.arm.softening",
+            "a flexible_arm data set",
+        ),
+        ("datasets: {arm: {synthesis: flexible_arm, softening: 1}}", "arm.softening", "below 1"),
         ("datasets: {arm: {synthesis: flexible}}", "arm.synthesis", "did you mean flexible_arm?"),
         (ARM % "samples: 5000.5", "datasets.arm.samples", "5000.5 cannot be used"),
         (ARM % "resample: 0", "datasets.arm.resample", "0 is below 1e-09"),

@@ -5,9 +5,12 @@ import pytest
 from scipy.signal import StateSpace, dlsim
 
 from evopem import Orders, Recording
+from evopem.automatic.varying import Moves, Varying
 from evopem.config.channels import SyntheticSource
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.estimation.varying import Scheduled, fit_varying
+from evopem.figures.moving import moving_modes
+from evopem.models.varying import MovingMode
 from evopem.signals.preparation import prepare
 from evopem.synthesis import synthesize
 from evopem.synthesis.armax import armax, true_model
@@ -115,3 +118,18 @@ def test_an_arm_that_softens_moves_its_modes_and_not_the_servo_loop():
         for frequency in (ARM_MODES[2][0] * (1.0 - 0.3 * share), SERVO[0]):
             nearest = min(modes, key=lambda mode: abs(mode.frequency_hz - frequency))
             assert abs(nearest.frequency_hz - frequency) < 0.03 * frequency
+
+
+def test_a_softening_arm_is_known_by_its_key_and_stands_behind_what_moves():
+    recording, truth = simulated("flexible_arm", seed=1, samples=300, softening=0.3)
+    np.testing.assert_array_equal(recording.output, flexible_arm(1, 300, softening=0.3)[0].output)
+    assert truth.last_hz == pytest.approx((1.4, 3.752, 16.65, 25.9))
+    assert simulated("flexible_arm", seed=1, samples=300)[1].last_hz == ()
+    path = MovingMode((0.0, 2.99), (truth.modes[3], truth.modes[3]))
+    moves = Moves("ARX(2,2,1)", 3.0, 4.0, 5.0, True, True, (path,))
+    chart = moving_modes(Varying("", moves), truth)
+    curves = [curve for curve in chart.panels[0].curves if curve.colour == "truth"]
+    assert [curve.label for curve in curves] == ["true modes", "", "", ""]
+    fourth = chart.table[chart.table["mode"] == -4]
+    assert fourth["frequency_hz"].tolist() == pytest.approx([37.0, 25.9])
+    assert len(chart.panels[1].curves) == 1

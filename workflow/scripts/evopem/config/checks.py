@@ -105,6 +105,7 @@ class Kind:
             (self.synthesis, SOURCE.keys() - SYNTHESIS.keys(), belongs.format("a recorded")),
             (not self.synthesis, SYNTHESIS.keys() - SOURCE.keys(), belongs.format("a synthetic")),
             (self.synthesis == "flexible_arm", ("noise",), belongs.format("an armax")),
+            (self.synthesis == "armax", ("softening",), belongs.format("a flexible_arm")),
             (self.by_chapter, ("purpose",), "the chapter's recipe knows no purpose"),
             (self.by_chapter, STATE_SPACE_KEYS, "the chapter's recipe has polynomial models"),
             (not self.by_chapter, OF_CHAPTER, "the automatic recipe has no such key"),

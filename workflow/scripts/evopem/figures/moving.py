@@ -7,10 +7,11 @@ import pandas as pd
 
 from evopem.arrays import Array
 from evopem.automatic.varying import Varying, table_of
-from evopem.figures.chart import TIME, Chart, Panel, family
+from evopem.figures.chart import TIME, Chart, Curve, Panel, family
 from evopem.figures.style import styled, svg_text
 from evopem.models.varying import VaryingModel
 from evopem.signals.prepared_data import PreparedData
+from evopem.synthesis.armax import Truth
 
 # Moments and frequencies of the picture, and decibels below the highest value that it tells apart.
 MOMENTS, FREQUENCIES, RANGE = 120, 160, 60.0
@@ -18,12 +19,23 @@ MOMENTS, FREQUENCIES, RANGE = 120, 160, 60.0
 HALFBANDWIDTH, TAPERS = 2.5, 4
 
 
-def moving_modes(varying: Varying) -> Chart:
-    """Natural frequencies and damping ratios along the schedule with 95 % bands."""
+def moving_modes(varying: Varying, truth: Truth | None = None) -> Chart:
+    """Natural frequencies and damping ratios along the schedule with 95 % bands.
+
+    A known truth that moves stands behind them, as modes of negative numbers.
+    """
     assert varying.moves is not None
     along, label_along = varying.moves.column, axis_of(varying.moves.schedule)
     table = pd.DataFrame(table_of(varying)).astype({"mode": int})
     rows = {f"mode {n}": (("mode", str(n)),) for n in sorted(set(table["mode"]))}
+    true = dict(zip(truth.modes, truth.last_hz, strict=True)) if truth and truth.last_hz else {}
+    behind: list[Curve] = []
+    for number, (mode, last) in enumerate(true.items(), start=1):
+        ends = {along: [table[along].min(), table[along].max()]}
+        ends |= {"mode": [-number] * 2, "frequency_hz": [mode.frequency_hz, last]}
+        table = pd.concat([table, pd.DataFrame(ends)], ignore_index=True)
+        label, where = "" if behind else "true modes", (("mode", str(-number)),)
+        behind.append(Curve(label, "frequency_hz", "truth", dashed=True, where=where))
     panels = []
     for name, label, column in (
         ("frequency", "Natural frequency (Hz)", "frequency_hz"),
@@ -31,6 +43,7 @@ def moving_modes(varying: Varying) -> Chart:
     ):
         band = (f"{name}_lower", f"{name}_upper")
         curves = tuple(replace(c, band=band, marker="") for c in family(column, rows))
+        curves = (*curves, *(behind if name == "frequency" else ()))
         panels.append(Panel("", along, label_along, label, curves, linked="time"))
     return Chart(table, tuple(panels))
 

@@ -98,7 +98,8 @@ def _moving(results: DatasetResults) -> dict[str, Any]:
     assert varying is not None
     assert varying.model is not None
     assert results.prepared is not None
-    chart, name, files = moving_modes(varying), results.name, ["varying_modes.csv", "varying.json"]
+    files = ["varying_modes.csv", "varying.json"]
+    chart, name = moving_modes(varying, results.truth), results.name
     schedule, beside = varying.model.schedule, ", and of the data"
     of_frozen = f"Of the model frozen at each {'moment' if schedule == 'time' else schedule}"
     modes = "moving_modes", f"Modes over {schedule}", f"{of_frozen}."

@@ -20,7 +20,7 @@ def synthesize(source: SyntheticSource, transforms: TransformSettings) -> tuple[
     if source.synthesis == "flexible_arm":
         from evopem.synthesis.flexible_arm import flexible_arm
 
-        return flexible_arm(*length)
+        return flexible_arm(*length, source.softening or 0.0)
     noise = 0.1 if source.noise is None else source.noise
     box_cox = None if isinstance(transforms.box_cox, str) else transforms.box_cox
     return armax(*length, noise, box_cox, transforms.difference)

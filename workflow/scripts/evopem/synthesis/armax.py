@@ -41,6 +41,8 @@ class Truth:
     a: Array | None = None
     b: Array | None = None
     c: Array | None = None
+    # Frequencies (Hz) towards which the modes move evenly until the end; empty where they stay
+    last_hz: tuple[float, ...] = ()
 
 
 def true_mode(frequency: float, damping_ratio: float, sampling_rate: float) -> Mode:

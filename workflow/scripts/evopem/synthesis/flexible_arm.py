@@ -100,6 +100,9 @@ def flexible_arm(
         },
         box_cox=CHARACTERISTIC,
         difference=2,
+        last_hz=tuple(f if (f, z) == SERVO else f * (1.0 - softening) for f, z in modes)
+        if softening
+        else (),
     )
     return recording, truth
 
