@@ -148,6 +148,15 @@ def test_a_slow_state_of_the_predictor_gains_nothing_by_what_it_is_fitted_to():
     assert len(prediction_errors(truth, held_out, held_out.between(0, 0))) == 180
 
 
+def test_prediction_errors_do_not_contain_what_inputs_before_the_record_do():
+    generator = np.random.default_rng(3)
+    u, e = generator.standard_normal(600), 0.01 * generator.standard_normal(600)
+    one = np.ones(1)
+    truth = PolynomialModel(np.array([1.0, -1.5, 0.9]), one, one, one, one, 20)
+    y = lfilter([1.0], truth.A, np.concatenate([np.zeros(20), u[:-20]]) + e)
+    assert np.abs(prediction_errors(truth, Segment(u[200:], y[200:]))).max() < 0.05
+
+
 def test_a_choice_has_a_json_form(candidate):
     choice = candidate[3]
     again = from_json(Choice, to_json(choice))

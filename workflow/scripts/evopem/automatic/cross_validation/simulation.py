@@ -8,6 +8,7 @@ from evopem.arrays import Array
 from evopem.models.polynomial import Model, PolynomialModel, simulated_form, state_space_of
 from evopem.models.states import first_samples
 from evopem.signals.recording import Segment
+from evopem.validation.responses import unscored_samples
 
 # A pole of a larger radius makes a simulation grow without bound.
 STABLE = 1.0 + 1e-9
@@ -109,16 +110,16 @@ def simulated(
 def prediction_errors(model: Model, stretch: Segment, before: Segment | None = None) -> Array:
     """One-step prediction errors, (M, l), of the last M samples.
 
-    Initial states are fitted to all samples; with the samples ``before``, none at the beginning of
-    a recording, to these or to the first tenth, which are not scored.  A state of the predictor
-    that were fitted to what is scored would draw slow waves through the noise with roots near the
-    unit circle.
+    Initial states are fitted to all samples, of which those that they and delays determine are not
+    scored; with the samples ``before``, none at the beginning of a recording, to these or to the
+    first tenth, which are not.  A state of the predictor that were fitted to what is scored would
+    draw slow waves through the noise with roots near the unit circle.
     """
     form = state_space_of(replace(model, covariance=None))
-    first, count = max(form.input_delays, default=0), form.order
+    first = unscored_samples(form)
     known = stretch.samples
     if before is not None:
-        known = max(before.samples or first_samples(known), 2 * count + first + 2)
+        known = max(before.samples or first_samples(known), form.order + first + 2)
         stretch = _joined(before, stretch)
     if stretch.samples <= max(first + 1, known if before is not None else 0):
         return np.empty((0, stretch.outputs.shape[1]))
