@@ -95,10 +95,9 @@ def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array
     of slow poles rise before they fall: their rounding is that of poles outside the circle.
     """
     samples, n = drive.shape
-    bands = np.zeros((2 * n, PART, n))
+    matrix = np.zeros((2 * n, PART * n), order="F")
     for column in range(n):
-        bands[n - column : 2 * n - column, :, column] = -dynamics[:, column, None]
-    matrix = np.asfortranarray(bands.reshape(2 * n, -1))
+        matrix[n - column : 2 * n - column, column::n] = -dynamics[:, column, None]
     states = np.vstack([np.zeros(n) if initial is None else initial, drive[:-1]])
     for first in range(0, samples, PART - 1):
         part = states[first : first + PART]  # whose first state is known
