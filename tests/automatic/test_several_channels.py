@@ -144,6 +144,23 @@ def test_a_search_over_orders_ends_where_bic_rises(orders, bic, coloured, last, 
     assert [each.order for each in until_bic_rises(estimates, driven)][-1] == last
 
 
+@pytest.mark.parametrize(
+    ("structure", "lowest", "last"),
+    [("ss_oe", 12, 18), ("ss_oe", 6, 12), ("ss_oe_drift", 26, 30), ("ss", 6, 30)],
+)
+def test_coloured_errors_add_no_states_that_simulate_worse(structure, lowest, last, monkeypatch):
+    """Three orders in vain of many states end a search in output-error form, whatever its BIC."""
+    scorer = scorer_of(noise(900))
+    fits = ((order, order) for order in range(2, 31, 2))
+    monkeypatch.setattr("evopem.automatic.orders.fits_in_state_space", lambda *_: fits)
+    monkeypatch.setattr(
+        scorer,
+        "described",
+        lambda _, order, __: replace(scored(1.0), order=order, simulation_bic=abs(order - lowest)),
+    )
+    assert search_structure(scorer, structure, {}).candidates[-1].order == last
+
+
 def noise(samples, nu=2, ny=3):
     generator = np.random.default_rng(2)
     return [Segment(*(generator.standard_normal((samples, n)) for n in (nu, ny)))]

@@ -24,7 +24,7 @@ from evopem.automatic.fit import likeliest_arx
 from evopem.automatic.state_space import Log, fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
-from evopem.config.structures import ORDER_NAMES, is_polynomial
+from evopem.config.structures import OF_SIMULATION, ORDER_NAMES, is_polynomial
 from evopem.estimation.delays import ORDERS, likely_delays, longest_delay
 from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel
@@ -114,17 +114,25 @@ def _along_path(
 def _by_states(
     scorer: Scorer, structure: str, smaller: Mapping[str, StructureSearch], log: Log | None
 ) -> list[Candidate]:
-    """Candidates in state space until their BIC rises."""
+    """Candidates in state space until their BIC rises.
+
+    Of many states in output-error form also where that of simulations has not fallen for long:
+    coloured errors lower the BIC with every state that describes them.
+    """
     states = numbers_of_states(scorer)
     if not states:
         return []
     given = scorer.stretches, structure, states, scorer.delays, scorer.settings
     known = chain(*(search.candidates for search in smaller.values()))
     starts = {c.order: c.model for c in known if isinstance(c.model, StateSpaceModel)}
-    return [
-        scorer.described(structure, fitted, order)
-        for order, fitted in fits_in_state_space(*given, starts, log)
-    ]
+    candidates: list[Candidate] = []
+    for order, fitted in fits_in_state_space(*given, starts, log):
+        candidates.append(scorer.described(structure, fitted, order))
+        if structure in OF_SIMULATION and order > SINGLE_STEPS:
+            best = min(candidates, key=SIMULATION_BIC)
+            if best not in candidates[-PATIENCE:]:
+                break
+    return candidates
 
 
 def numbers_of_states(scorer: Scorer) -> tuple[int, ...]:
