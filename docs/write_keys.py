@@ -40,6 +40,7 @@ from evopem.config.settings import (  # noqa: E402
 )
 from evopem.report.verdict import Use  # noqa: E402
 from evopem.report.verdict_file import ListedMode, VerdictFile  # noqa: E402
+from evopem.results.dataset import StatedDelay  # noqa: E402
 from evopem.validation.checks import Check  # noqa: E402
 
 PAGE = ROOT / "docs" / "configuration.md"
@@ -64,7 +65,7 @@ def schema_text() -> str:
 
 def verdict_schema_text() -> str:
     """The JSON schema of ``verdict.json``, with what the fields say of themselves."""
-    for kind in (Check, ListedMode, Use, VerdictFile):
+    for kind in (Check, ListedMode, StatedDelay, Use, VerdictFile):
         kind.__pydantic_config__ = ConfigDict(use_attribute_docstrings=True)
     schema = TypeAdapter(VerdictFile).json_schema(mode="serialization")
     return json.dumps(DRAFT | _plain(schema), indent=1, ensure_ascii=False) + "\n"

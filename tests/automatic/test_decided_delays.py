@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.orders import _in_runs, decide_delays
+from evopem.automatic.orders import decide_delays, in_runs
 from evopem.estimation.delays import delays_by_criterion, longest_delay
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
@@ -113,9 +113,9 @@ def test_a_delay_of_0_is_taken_only_where_it_is_the_likeliest():
     assert sum(likely for _, likely in decided) >= 2
 
 
-def test_delays_are_listed_in_runs():
-    assert _in_runs((0, 3, 4, 5)) == "0, 3 to 5"
-    assert _in_runs(tuple(range(1, 20, 2))) == "10 from 1 to 19"
+def test_delays_are_listedin_runs():
+    assert in_runs((0, 3, 4, 5)) == "0, 3 to 5"
+    assert in_runs(tuple(range(1, 20, 2))) == "10 from 1 to 19"
 
 
 def test_folds_of_a_short_record_are_longer_than_its_delay():

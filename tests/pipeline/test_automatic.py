@@ -1,6 +1,8 @@
 """The automatic recipe in one process: a record with clipped samples, from file to report."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -62,8 +64,12 @@ def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipp
     assert "stretches with breaks between them" in record.remarks[0]
     (likely,) = record.likely_delays
     assert 1 in likely
-    assert (len(likely) > 1) == any("The likely delays" in remark for remark in record.remarks)
+    assert (len(likely) > 1) == any(
+        "With 95 % probability the delay" in remark for remark in record.remarks
+    )
     model = load(ModelRecord, clipped.model)
+    (delay,) = json.loads(Path(clipped.verdict).read_text())["delays"]
+    assert delay == {"input": "u", "samples": model.delays[0], "likely": list(likely)}
     stretches = model.transforms.estimation
     assert len(stretches) > 5
     assert model.transforms.estimation_samples == sum(each.samples for each in stretches)

@@ -4,6 +4,7 @@ import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,8 +18,10 @@ from evopem.automatic.decision import DecisionRecord
 from evopem.config.schema import schema_file
 from evopem.files.json_form import to_json
 from evopem.models.polynomial import PolynomialModel
+from evopem.report.results_text import delay_words
 from evopem.report.verdict import DESIRABLE, ESSENTIAL, mode_lines, verdict
 from evopem.report.verdict_file import verdict_file
+from evopem.results.dataset import StatedDelay
 from evopem.results.fleet import summarize
 from evopem.validation.checks import Check
 from evopem.validation.distortion import Distortion
@@ -359,6 +362,21 @@ def test_verdict_json_is_of_its_schema_and_says_what_the_results_say(identified)
         content = (Path(files.folder) / name).read_bytes()
         assert hashlib.sha256(content).hexdigest() == digest
     assert {"model.json", "validation.json"} < written["results_sha256"].keys()
+
+
+def test_the_delay_stands_in_the_first_line_with_those_that_are_likely(results, build):
+    (nk,) = results.model.polynomials.orders.nk
+    assert results.delays == (StatedDelay("input", nk, None),)
+    ms = 1000 * nk / results.model.sampling_rate
+    words = f"delay {nk} sample{'' if nk == 1 else 's'} ({ms:.3g} ms)"
+    assert delay_words(results) == words
+    assert f"</strong>, {words}</p>" in build(results)
+    named = (StatedDelay("force", 0, (0,)), StatedDelay("heat", 250, (249, 250, 251)))
+    model = SimpleNamespace(sampling_rate=100.0)
+    shown = delay_words(SimpleNamespace(model=model, delays=named))
+    assert shown == "delays force 0; heat 250 samples (2.5 s), likely 249 to 251"
+    many = delay_words(SimpleNamespace(model=model, delays=2 * named))
+    assert many == "delays of 0 to 250 samples"
 
 
 def test_numbers_that_are_not_known_are_null_in_verdict_json(identified):

@@ -308,12 +308,11 @@ def decide_delays(
         for place in sorted(scores.argsort()[:RECORDED].tolist())
     )
     sets = "; ".join(
-        name + _in_runs(of_input) for name, of_input in zip(before, likely, strict=True)
+        name + in_runs(of_input) for name, of_input in zip(before, likely, strict=True)
     )
-    sentence = (
-        f"The likely delays, with 95 % of the probability, are {sets} samples: the smallest of them"
-        " is taken against which there is little evidence."
-    )
+    sentence = f"With 95 % probability the delay in samples is {sets}."
+    if any(len(of_input) > 1 for of_input in likely):
+        sentence += " The smallest is taken that the data hardly speak against."
     if shortest:
         sentence += " The input depends on past residuals, and feedback looks like a delay of 0."
     criterion = "−2 ln of the probability over that of the likeliest delay"
@@ -325,7 +324,7 @@ def _listed(delays: Sequence[int]) -> str:
     return ", ".join(map(str, delays))
 
 
-def _in_runs(delays: Sequence[int]) -> str:
+def in_runs(delays: Sequence[int]) -> str:
     """Ascending numbers, neighbours together: "0, 3 to 5"; with gaps where there are many."""
     ends = [k for k in delays if k - 1 not in delays], [k for k in delays if k + 1 not in delays]
     if len(ends[0]) > RECORDED:

@@ -91,7 +91,7 @@ def what_moves(prepared: PreparedData, record: ModelRecord, settings: VaryingSet
         return Varying("the response does not change with time")
     most = min(max(record.plant.order + ORDERS_ABOVE, FEWEST_ORDERS), MOST_ORDERS)
     scheduled, schedule = whole(prepared, settings), settings.condition or "time"
-    varying = moving_model(scheduled, most, delays_of(record), settings, schedule)
+    varying = moving_model(scheduled, most, record.delays, settings, schedule)
     if varying.moves is None or not max(tests.constant.p_value, tests.linear.p_value) < REJECTED:
         return varying
     linear, constant = tests.linear.share, tests.constant.share
@@ -167,14 +167,6 @@ def compared(scheduled: Scheduled, moving: Choose, constant: Choose) -> tuple[fl
     size = 100.0 / float(np.std(scheduled.data.output[known]))
     sizes = (size * float(np.sqrt(np.mean(part))) for part in (squares, constant_squares))
     return (*sizes, float(np.mean(gains)) / max(spread, 1e-300))
-
-
-def delays_of(record: ModelRecord) -> tuple[int, ...]:
-    """Samples until each input acts, nk."""
-    if record.orders is not None:
-        return record.orders.nk
-    plant = record.plant
-    return tuple(d + (not np.any(plant.D[:, k])) for k, d in enumerate(plant.delays))
 
 
 def blocks(scheduled: Scheduled) -> Indices:

@@ -193,6 +193,14 @@ class ModelRecord:
         return self.model.inputs > 0
 
     @property
+    def delays(self) -> tuple[int, ...]:
+        """Samples until each input acts, nk."""
+        if self.orders is not None:
+            return self.orders.nk
+        plant = self.plant
+        return tuple(d + (not np.any(plant.D[:, k])) for k, d in enumerate(plant.delays))
+
+    @property
     def has_noise_model(self) -> bool:
         """Whether the model claims anything of the noise."""
         if isinstance(self.model, PolynomialModel):

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
+from evopem.automatic.orders import in_runs
 from evopem.automatic.varying import Moves
 from evopem.files.json_form import load
 from evopem.models.parameter_covariance import NORMAL_95
@@ -22,7 +23,7 @@ from evopem.report.numbers import (
     plural,
 )
 from evopem.report.verdict import verdict
-from evopem.results.dataset import read_results
+from evopem.results.dataset import DatasetResults, read_results
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
@@ -39,14 +40,16 @@ AT_FLOOR = " This is as good as a linear model can be, to a tenth of the error."
 _NO_MODE = "The model has no oscillating mode."
 _SHOWN_WHOLE = 3
 """Up to so many data sets are shown with their modes, more with a line each."""
-_SHOWN = 40
+_SHOWN, _MOST_DELAYS = 40, 3
 _PLAIN = str.maketrans(
     {"\u202f": " ", "\u2009": " ", "\u00a0": " ", "\u2212": "-", "\u2013": "-", "\u00b1": "+-"}
     | {"\u201c": '"', "\u201d": '"', "\u2019": "'", "\u2026": "..."}
 )
 
 
-def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "") -> str:
+def results_text(
+    name: str, verdict: str, summary: DatasetSummary, page: str = "", delays: str = ""
+) -> str:
     """The lines about one data set; `page` is the file to open next."""
     modes = aligned(_mode_rows(summary), "   ") if summary.modes else [_NO_MODE]
     lines = [
@@ -54,7 +57,7 @@ def results_text(name: str, verdict: str, summary: DatasetSummary, page: str = "
         "",
         *(f"  {line}" for line in modes),
         "",
-        f"  model   {_model(summary)}",
+        *_wrapped(", ".join(filter(None, [_model(summary), delays])), "  model   "),
         *_wrapped(_errors(summary), "  errors  "),
         *_wrapped(" ".join(error_parts(summary)[:1]), "  parts   "),
         *_wrapped(moving_sentence(summary.moves), "  moves   "),
@@ -252,10 +255,26 @@ def run_text(entries: Mapping[str, Entry], page: str, lists: Sequence[str]) -> s
     return "\n\n".join([*blocks, *([f"All data sets: {lists[0]}"] if lists else [])])
 
 
+def delay_words(results: DatasetResults) -> str:
+    """The delays of the inputs, such as “delay 3 samples (30 ms), likely 2 to 4”."""
+    rate, parts = results.model.sampling_rate, []
+    for delay in results.delays:
+        seconds, likely = delay.samples / rate, delay.likely or ()
+        time = f"{number(seconds, 3)} s" if seconds >= 1.0 else f"{number(1000 * seconds, 3)} ms"
+        words = f"{plural(delay.samples, 'sample')} ({time})" if delay.samples else "0"
+        words += f", likely {in_runs(likely)}" if len(likely) > 1 else ""
+        parts.append(f"{delay.input} {words}" if len(results.delays) > 1 else words)
+    if len(parts) > _MOST_DELAYS:
+        samples = [delay.samples for delay in results.delays]
+        return f"delays of {min(samples)} to {max(samples)} samples"
+    return f"delay{'s' if len(parts) > 1 else ''} {'; '.join(parts)}" if parts else ""
+
+
 def dataset_text(files: DatasetFiles, page: str) -> str:
     """The lines about one data set of any number of channels; `page` is the file to open next."""
-    summary, judged = load(DatasetSummary, files.summary), verdict(read_results(files))
-    return results_text(files.name, judged.sentence, summary, page)
+    summary, results = load(DatasetSummary, files.summary), read_results(files)
+    delays = delay_words(results)
+    return results_text(files.name, verdict(results).sentence, summary, page, delays)
 
 
 def _line_of(name: str, entry: Entry) -> str:

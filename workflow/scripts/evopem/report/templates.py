@@ -18,6 +18,7 @@ from evopem.models.mode_matching import PERSISTENT_ORDERS, persistent_frequencie
 from evopem.models.modes import Mode
 from evopem.report import numbers
 from evopem.report.equations import symbol
+from evopem.report.results_text import delay_words
 from evopem.results.dataset import DatasetResults
 from evopem.signals.peaks import line_spacing
 from evopem.signals.prepared_data import Transforms
@@ -104,7 +105,7 @@ def environment(folder: Path) -> Environment:
     )
     words = dict(getmembers(numbers, isfunction))
     of_sentences = (
-        *(counted_roots, difference_gain, evaluations_to_near, gains_in_words),
+        *(counted_roots, delay_words, difference_gain, evaluations_to_near, gains_in_words),
         *(line_spacing, persistent_frequencies, time_constants),
     )
     environment.filters.update(words)

@@ -7,7 +7,7 @@ from typing import Literal
 from evopem.automatic.varying import Moves
 from evopem.files.checksums import sha256_of_file
 from evopem.report.verdict import ModeLine, Use, mode_lines, verdict
-from evopem.results.dataset import DatasetResults
+from evopem.results.dataset import DatasetResults, StatedDelay
 from evopem.results.fleet import DatasetSummary, mode_values
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check
@@ -94,6 +94,8 @@ class VerdictFile:
     """names"""
     outputs: tuple[str, ...]
     """names"""
+    delays: tuple[StatedDelay, ...]
+    """of each input; empty for frequency responses"""
     sampling_rate_hz: float
     """of the model"""
     estimation_samples: int
@@ -130,6 +132,7 @@ def verdict_file(
         model=summary.model,
         inputs=tuple(model.input_names),
         outputs=tuple(model.output_names),
+        delays=results.delays,
         sampling_rate_hz=model.sampling_rate,
         estimation_samples=summary.estimation_samples,
         validation_samples=summary.validation_samples,

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,18 @@ ROOTS = (
 UNKNOWN = np.full((2, 2), np.nan)
 NO_SERIES = ValidationTables(*[pd.DataFrame()] * 4)
 _RESPONSE = ("gain", "gain_lower", "gain_upper", "phase_deg")
+
+
+@dataclass(frozen=True)
+class StatedDelay:
+    """The delay of an input."""
+
+    input: str
+    """name"""
+    samples: int
+    """of the model, until the input acts"""
+    likely: tuple[int, ...] | None
+    """those with 95 % of the probability together; null where they were not compared"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +138,14 @@ class DatasetResults:
     def of_responses(self) -> bool:
         """Whether the data are frequency responses."""
         return self.recording is None
+
+    @property
+    def delays(self) -> tuple[StatedDelay, ...]:
+        """Of each input; none of frequency responses."""
+        names = () if self.of_responses else self.model.input_names
+        likely = self.decisions.likely_delays if self.decisions else ()
+        listed = zip_longest(names, self.model.delays[: len(names)], likely[: len(names)])
+        return tuple(StatedDelay(*of_input) for of_input in listed)
 
     @property
     def highest_hz(self) -> float:
