@@ -143,21 +143,18 @@ def plant_of(model: StateSpaceModel, states: int) -> StateSpaceModel:
     """A model without the states of noise alone behind so many, with its part of the covariance."""
     if states == model.order:
         return model
-    plant = _first_states(model, states)
-    if model.covariance is None:
-        return plant
     numbered = model.with_parameters(np.arange(model.parameters.size, dtype=float))
-    places = _first_states(numbered, states).parameters.astype(int)
-    return replace(plant, covariance=model.covariance.part(places))
-
-
-def _first_states(model: StateSpaceModel, n: int) -> StateSpaceModel:
-    return replace(
-        model,
-        A=model.A[:n, :n],
-        B=model.B[:n],
-        C=model.C[:, :n],
-        K=model.K[:n],
-        structure="ss_oe",
-        covariance=None,
+    plant, places = (
+        replace(
+            whole,
+            A=whole.A[:states, :states],
+            B=whole.B[:states],
+            C=whole.C[:, :states],
+            K=whole.K[:states],
+            structure="ss_oe",
+            covariance=None,
+        )
+        for whole in (model, numbered)
     )
+    known = model.covariance and model.covariance.part(places.parameters.astype(int))
+    return replace(plant, covariance=known)

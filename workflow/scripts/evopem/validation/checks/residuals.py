@@ -10,7 +10,6 @@ from scipy.special import ndtri
 from evopem.config.structures import phases_of
 from evopem.signals.peaks import line_spacing
 from evopem.validation.checks.check import (
-    LISTED,
     SIGNIFICANCE,
     Evidence,
     Found,
@@ -271,12 +270,11 @@ def spectral_peaks(evidence: Evidence) -> Found:
             f" spectrum ({resolution:.2g} Hz) or within the mode's own bandwidth and uncertainty,"
             " or is no higher than the model and chance make it.",
         )
-    more = f" and {len(missed) - LISTED} more" if len(missed) > LISTED else ""
     return (
         False,
         f"{count - len(missed)} of {count} spectral peaks have a mode or a density that follows"
         " from the model. The output has more power than the model gives it at"
-        f" {', '.join(missed[:LISTED])}{more}.",
+        f" {listed(missed)}.",
         f"Raise the upper end of {'“orders.plant”' if evidence.model.orders else STATES}, or check"
         " whether the peak is in the input already or caused by a transform.",
     )
