@@ -221,7 +221,7 @@ def test_what_is_seen_of_a_list_is_chosen_marked_and_saved(browser, several):
     settle(browser)
     saved = browser.execute_async_script(
         """for (const button of document.querySelectorAll('.tools button')) {
-            if (['CSV', 'SVG', 'PNG'].includes(button.textContent)) button.click();
+            if (['CSV', 'SVG', 'PNG', 'CSV of groups'].includes(button.textContent)) button.click();
         }
         setTimeout(() => arguments[0](window.saved), 1000);"""
     )
@@ -230,6 +230,10 @@ def test_what_is_seen_of_a_list_is_chosen_marked_and_saved(browser, several):
     assert [row[0] for row in rows] == ["Data set", "arm-2", "arm-1"]
     assert "Checks" in rows[0]
     assert "Model" not in rows[0]
+    groups = unquote(saved["groups.csv"]).partition(",")[2]
+    (head, row) = csv.reader(groups.splitlines())
+    assert head[:3] == ["Group", "Data sets", "With failed checks"]
+    assert row[:3] == ["arm", "2", "1"]
     drawing = unquote(saved["checks.svg"])
     assert "Checks of 2 recordings" in drawing
     assert drawing.count("arm-2: White residuals, failed") == 1

@@ -198,7 +198,40 @@
     };
     picture.src = asPicture(svg);
   };
-  // Columns to hide, and the map of checks.
+  // A row for each value of a column, of the rows that are seen: how many, and medians of their errors.
+  const grouped = (table, head, at) => {
+    const errors = head.flatMap((cell, place) => (cell.dataset.head?.endsWith("(%)") ? [place] : []));
+    const members = new Map();
+    for (const row of table.tBodies[0].rows) {
+      const cell = columns(row)[at];
+      const value = cell.colSpan > 1 ? "not complete" : plain(cell);
+      if (!row.hidden) members.set(value, [...(members.get(value) ?? []), row]);
+    }
+    const median = (values) => {
+      const known = values.filter(Number.isFinite).sort((a, b) => a - b);
+      const middle = known[Math.floor((known.length - 1) / 2)] / 2 + known[Math.floor(known.length / 2)] / 2;
+      return known.length ? Number(middle.toPrecision(3)) : "";
+    };
+    const made = document.createElement("table");
+    const line = (section, scope, cells) => {
+      const row = section.insertRow();
+      cells.forEach((words, place) => {
+        const cell = document.createElement(place && scope === "row" ? "td" : "th");
+        if (cell.tagName === "TH") cell.scope = scope;
+        cell.textContent = words;
+        row.append(cell);
+      });
+    };
+    const medians = errors.map((place) => head[place].dataset.head.replace(" (%)", ", median (%)"));
+    line(made.createTHead(), "col", [plain(head[at]), "Data sets", "With failed checks", ...medians]);
+    const body = made.createTBody();
+    for (const [value, rows] of [...members].sort((one, other) => words.compare(one[0], other[0]))) {
+      const sizes = errors.map((place) => median(rows.map((row) => number(columns(row)[place]))));
+      line(body, "row", [value, rows.length, rows.filter((row) => row.dataset.failed).length, ...sizes]);
+    }
+    return made;
+  };
+  // Columns to hide, groups by a column, and the map of checks.
   const fleet = (table, head, tools) => {
     tools.append(" ", button("CSV", () => save("data_sets.csv", `data:text/csv;charset=utf-8,${encodeURIComponent(asCsv(table, head))}`)));
     const folded = (words) => {
@@ -229,7 +262,26 @@
     place.tabIndex = 0;
     place.setAttribute("role", "region");
     place.setAttribute("aria-label", "Map of checks");
-    const draw = () => { if (map.open) place.replaceChildren(heatMap(table)); };
+    const groups = folded("Groups");
+    const choice = document.createElement("select");
+    head.slice(1).forEach((cell, at) => { if (cell.tagName === "TH" && !cell.dataset.head) choice.append(new Option(plain(cell), at + 1)); });
+    const by = document.createElement("label");
+    by.append("Group by ", choice);
+    const saving = document.createElement("p");
+    saving.className = "tools";
+    const listed = document.createElement("div");
+    listed.className = "scroll";
+    saving.append(button("CSV of groups", () => {
+      const made = listed.firstChild;
+      save("groups.csv", `data:text/csv;charset=utf-8,${encodeURIComponent(asCsv(made, [...made.rows[0].cells]))}`);
+    }));
+    groups.className = "columns";
+    groups.append(by, listed, saving);
+    const draw = () => {
+      if (map.open) place.replaceChildren(heatMap(table));
+      if (groups.open) listed.replaceChildren(grouped(table, head, Number(choice.value)));
+    };
+    groups.addEventListener("toggle", draw);
     const pictures = document.createElement("p");
     pictures.className = "tools";
     pictures.append(
@@ -241,7 +293,7 @@
     document.addEventListener("input", () => setTimeout(draw));
     table.closest(".scroll").parentElement.addEventListener("click", (event) => { if (event.target.matches("button.sort")) draw(); });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-    tools.after(shown, map);
+    tools.after(shown, groups, map);
   };
 
   // The name of its column on every cell, for narrow screens, where a row becomes a list.

@@ -69,15 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")  # type: ignore[union-attr]
     try:
         _check_working_directory()
-        if given[:1] == ["init"]:
-            return _init(given[1:])
-        if given[:1] == ["compare"]:
-            return _compare(given[1:])
-        if given[:1] == ["merge"]:
-            return _merge(given[1:])
-        if given[:1] == ["export"]:
-            return _export(given[1:])
-        return _identify(_parsed(given))
+        commands = {"init": _init, "compare": _compare, "merge": _merge, "export": _export}
+        command = commands.get(given[0]) if given else None
+        return command(given[1:]) if command else _identify(_parsed(given))
     except InputError as error:
         sys.stderr.write(f"{error}\n")
         return 1
