@@ -203,6 +203,18 @@ def test_prediction_continues_the_recursion_over_the_cut():
     )
 
 
+def test_inputs_before_a_record_leave_no_outliers_behind_a_long_delay():
+    """The zeros of the noise decay within the delay, so that no initial state makes up for them."""
+    model = PolynomialModel(
+        np.array([1.0, -1.5, 0.9]), np.ones(1), np.poly([0.6, -0.5]), nk=50, noise_variance=1e-6
+    )
+    u, e = np.random.default_rng(5).standard_normal((2, 1000))
+    y = lfilter(np.ones(1), model.A, np.concatenate([np.zeros(50), u[:-50]]))
+    y += 1e-3 * lfilter(model.C, model.A, e)
+    result, _ = validate(model, prepared(u[200:], y[200:], 600))
+    assert result.outputs[0].outlier_percent < 0.5
+
+
 def test_an_independent_recording_has_unscored_samples():
     model = lightly_damped()
     u, y = response(model, 3000, noise=0.1)

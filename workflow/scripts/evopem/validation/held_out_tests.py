@@ -44,10 +44,7 @@ class HeldOutTest:
         return abs(self.statistic) >= -2.0 * float(ndtri(level)) * abs(self.coefficient)
 
     def of_largest(self, fitted: int) -> Self:
-        """The test on the samples that a resonance was fitted to, by so many parameters.
-
-        The largest of what as many frequencies as half the samples would give by chance.
-        """
+        """The test on samples that a resonance was ``fitted`` to, the best of half as many."""
         by_chance = 0.5 * self.samples * float(chdtrc(fitted, max(self.statistic, 0.0) ** 2))
         return replace(self, p_value=min(by_chance, 1.0) + 0.0 * self.p_value)
 

@@ -84,8 +84,11 @@ class HeldOut:
 
 
 def unscored_samples(model: StateSpaceModel) -> int:
-    """Samples at the start of a record whose residuals its states determine."""
-    return model.order + max(model.input_delays, default=0)
+    """Samples at the start of a record whose residuals its states and unknown inputs determine.
+
+    What decays so fast that it says nothing behind a delay is gone half a delay later.
+    """
+    return model.order + 3 * max(model.input_delays, default=0) // 2
 
 
 def divided(model: Model, recording: Recording, first: int) -> tuple[HeldOut, ...]:

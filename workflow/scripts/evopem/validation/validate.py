@@ -74,8 +74,7 @@ from evopem.validation.validation import (
 # Horizons of a decade, and the longest one.
 DECADE = (1, 2, 3, 5, 7)
 LONGEST = 1000
-# Records of a model's noise that states are fitted to, the smallest value of which is below a
-# further one in 99 %; samples before each at most.
+# Records of a model's noise that states are fitted to, 99 for 1 %, and samples before each at most.
 DRAWN, MOST_PAST = 99, 10_000
 
 
