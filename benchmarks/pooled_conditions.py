@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -51,10 +52,14 @@ def recorded(structure: str, changes: bool, generator: np.random.Generator) -> S
 
 def judged(scheduled: Scheduled, changes: bool) -> tuple[bool, list[tuple[float, float]]]:
     """Whether held-out recordings are predicted better, and deviations of modes in errors."""
-    moving = choose_varying(scheduled, ORDER, (1,), dimensions=(2, 3))
-    constant = choose_varying(scheduled, ORDER, (1,), ("legendre",), (1,))
+    choose = partial(choose_varying, most=ORDER, nk=(1,))
+    moving = choose(scheduled, dimensions=(2, 3))
+    choices = (
+        partial(choose, dimensions=(2, 3)),
+        partial(choose, kinds=("legendre",), dimensions=(1,)),
+    )
     moves = bool(np.any(moving.free[:, 1:]))
-    better = moves and compared(scheduled, moving, constant)[2] > CLEARLY
+    better = moves and compared(scheduled, *choices)[2] > CLEARLY
     deviations = []
     basis = moving.model.basis
     for temperature in np.linspace(basis.low, basis.high, 11) if changes else ():

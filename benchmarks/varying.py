@@ -4,7 +4,7 @@
 
 ``spectra``: a system of the kind of Poulimenos & Fassois (2006), three moving modes and a moving
 noise numerator, TARMA(6,2); the aggregate error of the frozen spectrum beside short-time
-autoregressions, recursive least squares with forgetting, and a smoothness-prior autoregression
+AR and ARMA, recursive least squares with forgetting, and a smoothness-prior autoregression
 (Kitagawa & Gersch 1985), each with the best setting of a grid in view of the truth.  ``bands``:
 coverage of frozen frequencies and damping ratios by their 95 % bands, orders known, dimension by
 BIC.  ``choice``: how often constant and moving systems are called moving, all chosen by BIC, and
@@ -74,15 +74,25 @@ def spectrum(a, c, variance):
     return np.reshape(variance, (-1, 1)) * np.abs(above / below) ** 2
 
 
-def short_time(y, order, width):
-    """Autoregressions of windows around each moment, every tenth."""
+def regressed(y, errors, order, nc):
+    """AR, or ARMA with errors that are known, by least squares: coefficients, and what is left."""
+    first = max(order, nc)
+    past = [-y[first - k : len(y) - k] for k in range(1, order + 1)]
+    past += [errors[first - k : len(y) - k] for k in range(1, nc + 1)]
+    columns = np.column_stack(past)
+    theta = np.linalg.lstsq(columns, y[first:], None)[0]
+    return theta, np.r_[np.zeros(first), y[first:] - columns @ theta]
+
+
+def short_time(y, order, width, nc=0):
+    """AR or ARMA (by two stages) of windows around each moment, every tenth."""
     rows, places = [], np.arange(0, len(y), 10)
     for place in places:
         first = min(max(place - width // 2, 0), len(y) - width)
         part = y[first : first + width]
-        past = np.column_stack([-part[order - k : -k] for k in range(1, order + 1)])
-        theta = np.linalg.lstsq(past, part[order:], None)[0]
-        rows.append(np.r_[theta, np.mean((part[order:] - past @ theta) ** 2)])
+        errors = regressed(part, part, 2 * order + nc, 0)[1] if nc else part
+        theta, left = regressed(part, errors, order, nc)
+        rows.append(np.r_[theta, np.mean(left[order:] ** 2)])
     rows = np.array(rows)
     at = np.arange(len(y))
     return np.column_stack([np.interp(at, places, column) for column in rows.T])
@@ -146,6 +156,7 @@ def spectra(records, _kinds, samples=1200):
         note("FS-TARMA", began, of_tarma)
         for name, methods in (
             ("short-time AR", [(short_time, (n, w)) for n in (6, 8, 10) for w in (150, 250, 400)]),
+            ("short-time ARMA", [(short_time, (6, w, 2)) for w in (150, 250, 400)]),
             (
                 "RLS with forgetting",
                 [(state, (n, 0.0, f)) for n in (8, 10) for f in (0.98, 0.99, 0.995)],
@@ -158,7 +169,8 @@ def spectra(records, _kinds, samples=1200):
             began, tried = time.process_time(), []
             for method, arguments in methods:
                 theta = method(y, *arguments)
-                tried.append(spectrum(theta[:, :-1], np.zeros((samples, 0)), theta[:, -1]))
+                n = arguments[0]
+                tried.append(spectrum(theta[:, :n], theta[:, n:-1], theta[:, -1]))
             note(name, began, min(tried, key=lambda e: np.abs(e - truth).sum()))
     for name, values in errors.items():
         spread = np.std(values) / len(values) ** 0.5

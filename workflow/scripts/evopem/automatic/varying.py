@@ -104,13 +104,11 @@ def whole(prepared: PreparedData, settings: VaryingSettings) -> Scheduled:
     parts = [*prepared.estimation.segments, *prepared.validation.segments]
     origins = [*prepared.transforms.estimation, *prepared.transforms.validation]
     data = prepared.estimation.with_segments(parts)
-    schedule = [
-        np.full(part.samples, settings.values[origin.recording])
-        if settings.condition
-        else origin.start + np.arange(part.samples) / data.sampling_rate
-        for origin, part in zip(origins, parts, strict=True)
-    ]
-    return Scheduled.of(data, np.concatenate(schedule))
+    if settings.condition:
+        return Scheduled.of(data, [settings.values[origin.recording] for origin in origins])
+    pairs = zip(origins, parts, strict=True)
+    times = [of.start + np.arange(part.samples) / data.sampling_rate for of, part in pairs]
+    return Scheduled.of(data, np.concatenate(times))
 
 
 def moving_model(

@@ -21,7 +21,6 @@ from evopem.estimation.criteria import log_variance_of
 from evopem.estimation.pem.covariance import coloured_covariance, pseudo_inverse_factor
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.search.memetic import discrete_recombination, memetic_search
-from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.varying import (
@@ -87,8 +86,6 @@ class VaryingEstimate:
     bic: float  # of all samples together
     errors: Array  # (N,) one step ahead, NaN where the past is not known
     free: Flags  # (n, dimension), the weights that were estimated
-    point: Array
-    search: SearchDiagnostics
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,7 +314,7 @@ class VaryingProblem:
         """Descents to the last digits that count."""
         return self.descend(points, FINE, 1e-8)
 
-    def estimate(self, point: Array, search: SearchDiagnostics) -> VaryingEstimate:
+    def estimate(self, point: Array) -> VaryingEstimate:
         """The model of a point, with its covariance and the variance of its noise."""
         fit, data = self.projection(point), self.scheduled.data
         counted, weights = self._weight > 0.0, np.zeros(self.free.shape)
@@ -333,7 +330,7 @@ class VaryingProblem:
             *(data.input_names, data.output_names),
         )
         bic = likelihood + (int(self.free.sum()) + terms) * float(np.log(self._count))
-        return VaryingEstimate(model, bic, errors, self.free, point, search)
+        return VaryingEstimate(model, bic, errors, self.free)
 
     def _covariance(
         self, point: Array, fit: Fit, counted: Flags, log_variance: Array
@@ -364,7 +361,6 @@ def fit_varying(
     orders: Orders,
     basis: Basis,
     free: Flags | None = None,
-    settings: SearchSettings | None = None,
     starts: Sequence[Array] = (),
 ) -> VaryingEstimate:
     """Estimate AR, ARX, ARMA, ARMAX or output error with moving coefficients.
@@ -373,21 +369,18 @@ def fit_varying(
     """
     free = all_free(orders, basis) if free is None else free
     problem = VaryingProblem(scheduled, orders, basis, free)
-    point, search = np.empty(0), SearchDiagnostics.none()
-    if np.any(free[problem.searched]):
-        settings = settings or SearchSettings(evaluations=EVALUATIONS)
-        if starts:
-            ended = problem.polish(np.array(starts))
-            best = int(np.argmin(ended.values))
-            point, value = ended.points[best], float(ended.values[best])
-            search = SearchDiagnostics.of_descents(value, ended.evaluations, len(starts))
-        else:
-            few = replace(settings, mu=POPULATION, lambda_=OFFSPRING, nu=REFINED)
-            key = (orders.na, *orders.nb, orders.nc, *orders.nf, *orders.nk, basis.dimension)
-            generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
-            lowest = memetic_search(problem, few, generator)
-            point, search = lowest.point, lowest.diagnostics
-    first = problem.estimate(point, search)
+    point = np.empty(0)
+    if np.any(free[problem.searched]) and starts:
+        ended = problem.polish(np.array(starts))
+        point = ended.points[np.argmin(ended.values)]
+    elif np.any(free[problem.searched]):
+        settings = SearchSettings(
+            evaluations=EVALUATIONS, mu=POPULATION, lambda_=OFFSPRING, nu=REFINED
+        )
+        key = (orders.na, *orders.nb, orders.nc, *orders.nf, *orders.nk, basis.dimension)
+        generator = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=key))
+        point = memetic_search(problem, settings, generator).point
+    first = problem.estimate(point)
     if not np.any(first.model.log_variance[1:]):
         return first
     # The second pass: errors in units of their deviation.
@@ -396,4 +389,4 @@ def fit_varying(
     weighed = replace(problem, scheduled=replace(scheduled, weights=weights))
     if len(point):
         point = weighed.polish(point[None]).points[0]
-    return weighed.estimate(point, search)
+    return weighed.estimate(point)

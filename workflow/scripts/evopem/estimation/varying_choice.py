@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Flags
-from evopem.estimation.search.problem import SearchDiagnostics
 from evopem.estimation.varying import (
     Scheduled,
     VaryingEstimate,
@@ -178,14 +177,14 @@ def _descended(
     free[rows_of(orders)["c"], 1:] = False
     problem = VaryingProblem(scheduled, orders, basis, free)
     if not np.any(free[problem.searched]):
-        return problem.estimate(np.empty(0), SearchDiagnostics.none())
+        return problem.estimate(np.empty(0))
     starts, shape = [problem.start()], free[problem.searched].shape
     for weights in given:
         padded = np.zeros(shape)
         padded[: len(weights)] = weights
         starts.append(padded[free[problem.searched]])
     ended = problem.descend(np.array(starts))
-    return problem.estimate(ended.points[np.argmin(ended.values)], SearchDiagnostics.none())
+    return problem.estimate(ended.points[np.argmin(ended.values)])
 
 
 def _ends(scheduled: Scheduled, raced: VaryingEstimate) -> Iterator[VaryingEstimate]:
