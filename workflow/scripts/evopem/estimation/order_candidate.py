@@ -5,22 +5,19 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evopem.arrays import Array
 from evopem.config.settings import SearchSettings
 from evopem.estimation.criteria import Criteria
+from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.certificate import Target, gain_after_first_pass, is_certified
 from evopem.estimation.search.global_search import FIRST_PASS
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import max_root_radius
-
-if TYPE_CHECKING:
-    from evopem.estimation.polynomial_estimate import PolynomialEstimate
 
 # Powers of the residuals that the objectives sum.
 POWERS = {"quadratic": 2, "absolute": 1}

@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,9 +21,7 @@ from evopem.models.orders import Orders
 from evopem.models.polynomial_form import Polynomials, impulse_response
 from evopem.models.polynomial_roots import powers_of_z, roots
 from evopem.models.state_space import StateSpaceModel
-
-if TYPE_CHECKING:
-    from evopem.signals.recording import Recording
+from evopem.signals.recording import Recording
 
 # Samples from which on a prediction is computed by Fourier transforms.
 LONG_HORIZON = 64

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Complex
+from evopem.config.settings import Hold
 from evopem.models.continuous import ContinuousModel, continuous_of
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.states import delayed, fitted, probable, states_of
-
-if TYPE_CHECKING:
-    from evopem.config.settings import Hold
 
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 PlainStructure = Literal["ss", "ss_oe"]

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.special import gammaincc
 
+from evopem.estimation.frequency_fit import ResponseFit
 from evopem.models.mode_matching import stabilization
 from evopem.models.modes import Mode, assurance
+from evopem.signals.readers.frequency_responses import FrequencyResponses
 from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
 from evopem.validation.held_out_tests import NO_TEST
 from evopem.validation.mode_evidence import ModeEvidence, ModeTable
 from evopem.validation.model_class import NOT_TESTED, ModelClass
 from evopem.validation.validation import Validation
-
-if TYPE_CHECKING:
-    from evopem.estimation.frequency_fit import ResponseFit
-    from evopem.signals.readers.frequency_responses import FrequencyResponses
 
 # A mode is trusted whose frequency is known to this share of it, and its damping to that.
 FREQUENCY_KNOWN, DAMPING_KNOWN = 0.1, 0.5

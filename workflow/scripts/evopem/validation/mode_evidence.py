@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from evopem.arrays import Array
+from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 from evopem.models.mode_matching import (
     PERSISTENT_ORDERS,
     SAME_FREQUENCY,
@@ -31,9 +31,6 @@ from evopem.validation.held_out_tests import NO_TEST, HeldOutTest
 from evopem.validation.modal_parts import SIGNIFICANCE, ModeTests, held_out_mode_tests
 from evopem.validation.responses import HeldOut, Model, divided
 from evopem.validation.spectra import EXCITED
-
-if TYPE_CHECKING:
-    from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 
 # Share of the other orders in which a stable mode is found again.
 STABLE_SHARE = 0.75

@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from evopem.estimation.search.problem import SearchDiagnostics
+from evopem.estimation.search.problem import SearchDiagnostics
 
 # Independent restarts that must end at the lowest value: batches of random points alone may miss an
 # optimum on the edge of the stability region.

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from evopem.arrays import Array
 from evopem.errors import InputError
-
-if TYPE_CHECKING:
-    from evopem.estimation.pem.kernels.bfgs import Descent
+from evopem.estimation.pem.kernels.bfgs import Descent
 
 # Relative difference of objective values below which two end points count as the same optimum.
 SAME_OPTIMUM = 1e-6

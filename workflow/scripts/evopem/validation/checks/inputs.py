@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +15,9 @@ from evopem.validation.checks.check import (
     listed,
     p_text,
 )
+from evopem.validation.held_out_tests import HeldOutTest
 from evopem.validation.spectra import FEWEST_SAMPLES
-
-if TYPE_CHECKING:
-    from evopem.validation.held_out_tests import HeldOutTest
-    from evopem.validation.validation import Validation
+from evopem.validation.validation import Validation
 
 EXCITATION_ADEQUATE = "Excitation adequate"
 RESPONSE_SIGNIFICANT = "Response to the input significant"

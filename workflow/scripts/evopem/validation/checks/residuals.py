@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from scipy.special import ndtri
 
 from evopem.config.structures import phases_of
+from evopem.models.modes import Mode
 from evopem.signals.peaks import line_spacing
 from evopem.validation.checks.check import (
     SIGNIFICANCE,
@@ -18,12 +18,9 @@ from evopem.validation.checks.check import (
     listed,
     p_text,
 )
-
-if TYPE_CHECKING:
-    from evopem.models.modes import Mode
-    from evopem.validation.model_class import ResidualTest
-    from evopem.validation.spectra import PeakEvidence
-    from evopem.validation.validation import Validation
+from evopem.validation.model_class import ResidualTest
+from evopem.validation.spectra import PeakEvidence
+from evopem.validation.validation import Validation
 
 # With a coloured input, cross-correlations at neighbouring lags are dependent, so the share inside
 # the bounds varies more than a binomial one: standard deviation.

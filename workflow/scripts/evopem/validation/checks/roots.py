@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from evopem.arrays import Array, Complex
 from evopem.config.structures import STRUCTURES, plant_order
+from evopem.estimation.model_record import ModelRecord
+from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import CHI_SQUARE_95, root_gradient, roots
 from evopem.validation.checks.check import Evidence, Found, check
-
-if TYPE_CHECKING:
-    from evopem.estimation.model_record import ModelRecord
-    from evopem.models.parameter_covariance import ParameterCovariance
-    from evopem.models.polynomial import PolynomialModel
 
 # A pole and a zero farther apart than this do not cancel, however uncertain they are.
 MAX_CANCELLATION_DISTANCE = 0.1

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from evopem.config.structures import REGULARISED, varied_order
+from evopem.estimation.order_candidate import PhaseSelection
 from evopem.estimation.search.certificate import MANY_OPTIMA, POLYNOMIALS, STATE_SPACE, is_certified
 from evopem.validation.checks.check import Evidence, Found, OrderRange, check
-
-if TYPE_CHECKING:
-    from evopem.estimation.order_candidate import PhaseSelection
 
 # The configuration key of the range of each phase, and the smallest value of what it varies.
 RANGES = {
