@@ -26,7 +26,7 @@ import numpy as np
 import pandas as pd
 from evidence import write_section
 from numpy.typing import NDArray
-from random_systems import Case, draw_case
+from random_systems import SEVERAL, Case, draw_case
 from scipy.stats import binomtest
 from threadpoolctl import threadpool_limits
 
@@ -334,6 +334,7 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
     unfaulted = [line for line in driven if line["delays"]]
     sets = [(delays, line) for line in driven for delays in line.get("likely", ())]
     trusted = [line["modes"] for line in inside]
+    shapes = [shape for line in inside for shape in line.get("shapes", ()) if shape["trusted"]]
     unrelated = [line for line in outside if line["outside"] == "unrelated"]
     groups = (("all", inside), ("response “good”", said), ("standard errors “good”", good))
     return [
@@ -352,6 +353,14 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
         *(
             (f"response within {factor:g} times the oracle’s error", _within(with_oracle, factor))
             for factor in (1.5, 2.0)
+        ),
+        (
+            "response within 1.5 times the least expected error (Cramér-Rao)",
+            rate(
+                line["response_error"] <= 1.5 * line["bound"]
+                for line in driven
+                if np.isfinite(line.get("bound", np.nan))
+            ),
         ),
         (
             "response “good”, but worse than twice the oracle’s error and 10 %",
@@ -390,6 +399,14 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
                 sum(m["far"] for m in trusted if "far" in m),
                 sum(m["trusted"] for m in trusted if "far" in m),
             ),
+        ),
+        (
+            "interval of an entry of a trusted shape covers",
+            of_counts(*(sum(shape["covered"][k] for shape in shapes) for k in (0, 1))),
+        ),
+        (
+            "trusted shape with a MAC of at least 0.9",
+            rate(shape["mac"] >= 0.9 for shape in shapes),
         ),
         (
             "visible mode not trusted",
@@ -499,10 +516,12 @@ def main() -> None:
         print(*row, sep=": ")
     if arguments.no_evidence:
         return
-    channels = " of one input and one output" if arguments.single else ""
+    channels, title = " of one input and one output" if arguments.single else "", ""
+    if arguments.first >= SEVERAL:
+        channels, title = " of several channels, or of outputs alone,", ", several channels"
     write_section(
         "calibration",
-        "Statements",
+        f"Statements{title}",
         f"{len(lines)} random recordings{channels} through the whole automatic recipe. Rates in "
         "percent with 95 % intervals.",
         COMMAND,
@@ -511,7 +530,7 @@ def main() -> None:
     )
     write_section(
         "calibration",
-        "Checks that fail",
+        f"Checks that fail{title}",
         "The same recordings: percent of those in which the check was judged.",
         COMMAND,
         ("check", "linear", "feedback", "changing", "nonlinear"),

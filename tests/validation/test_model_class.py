@@ -219,6 +219,35 @@ def test_an_input_of_narrow_band_noise_is_not_taken_for_a_periodic_one():
         assert test != REPEATS
 
 
+def outputs_alone(y, order=6):
+    """Test of change of an autoregression."""
+    past = np.column_stack([-y[order - k : len(y) - k] for k in range(1, order + 1)])
+    a = np.linalg.lstsq(past, y[order:])[0]
+    model = PolynomialModel(np.r_[1.0, a], (), nk=(), noise_variance=1.0)
+    record = Recording(np.zeros((len(y), 0)), y, 1.0)
+    return model_class(divided(model, record, 0)).constant.p_value
+
+
+def light_modes(seed):
+    """Two modes under white forces, and noise, which need more than the autoregression has."""
+    generator = np.random.default_rng(seed)
+    y = 1.5 * generator.standard_normal(1000)
+    for angle in (0.12, 0.9):
+        pole = np.exp(complex(-0.005, 1.0) * angle)
+        mode = np.real(np.poly([pole, np.conj(pole)]))
+        part = lfilter([1.0], mode, generator.standard_normal(3000))[2000:]
+        y += part / np.std(part)
+    return y
+
+
+def test_light_modes_that_come_and_go_are_no_change_of_a_record_without_input():
+    """Two of forty are expected below 5 %, six or more have a probability of 1.4 %."""
+    assert sum(outputs_alone(light_modes(seed)) < 0.05 for seed in range(40)) <= 5
+    drifting = FREQUENCY * (1.0 + np.linspace(-0.1, 0.1, SAMPLES))
+    forces = np.random.default_rng(1).standard_normal((5, SAMPLES))
+    assert all(outputs_alone(resonance(force, drifting)) < 0.01 for force in forces)
+
+
 def test_a_short_or_constant_record_is_not_judged():
     u = np.zeros(60)
     (record,) = divided(PolynomialModel([1.0], [1.0], nk=1), Recording(u, u, 1.0), 0)

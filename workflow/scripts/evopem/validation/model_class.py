@@ -28,8 +28,9 @@ from evopem.validation.responses import HeldOut, unscored_samples
 DEGREE = 3
 # Lags of the response, and of its powers.
 LAGS = 4
-# Lags of all inputs together that a linear model may have lost, and samples for each of them.  Of a
-# sweep, whose frequencies come one after the other, what is lost would look like a change.
+# Lags of all inputs, or without any of all outputs, together that a linear model may have lost, and
+# samples for each of them.  Of a sweep, whose frequencies come one after the other, or of light
+# modes that come and go, what is lost would look like a change.
 LOST, FEWEST_PER_LAG = 30, 20
 # Level from which on a test's reasons are sought.
 REJECTED = 0.01
@@ -93,7 +94,7 @@ class _Stretch:
     responses: Array
     inputs: Array
     direct: Flags  # (m,): whether an input acts on the same sample
-    lost: Array  # (N, lags): inputs of earlier samples
+    lost: Array  # (N, lags): inputs, or outputs, of earlier samples
     # Response to the squares and to the cubes of the inputs, (N, l) each
     of_powers: tuple[Array, ...]
 
@@ -107,16 +108,23 @@ class _Stretch:
         direct = np.any(model.D, axis=0) & (np.array(delays) == 0)
         if not model.inputs:
             past = np.vstack([outputs[:1], outputs[:-1]])
-            return cls(residuals[first:], past[first:], u[first:], direct, u[first:], ())
+            return cls(
+                residuals[first:], past[first:], u[first:], direct, _lost(past.T)[first:], ()
+            )
         scaled = (u - u.mean(axis=0)) / np.maximum(np.std(u, axis=0), 1e-300)
         of_powers = tuple(
             model.simulate(np.std(u, axis=0) * scaled**power)[first:] for power in (2, 3)
         )
         simulated = record.simulated_from_rest()
-        lags = max(min(LOST, len(u) // FEWEST_PER_LAG) // model.inputs, 1)
         late = [u[: len(u) - d, k] for k, d in enumerate(np.maximum(np.array(delays) - LAGS, 0))]
-        lost = np.hstack([_lagged(np.pad(v, (len(u) - len(v), 0)), lags)[first:] for v in late])
+        lost = _lost([np.pad(v, (len(u) - len(v), 0)) for v in late])[first:]
         return cls(residuals[first:], simulated[first:], u[first:], direct, lost, of_powers)
+
+
+def _lost(signals: Sequence[Array] | Array) -> Array:
+    """Signals at as many lags as a linear model may have lost, side by side."""
+    lags = max(min(LOST, len(signals[0]) // FEWEST_PER_LAG) // len(signals), 1)
+    return np.hstack([_lagged(signal, lags) for signal in signals])
 
 
 def _lagged(signal: Array, lags: int = LAGS) -> Array:
