@@ -199,7 +199,11 @@ def test_levels_of_noise_and_distortion_are_drawn_below_the_gain(results):
     (axes,) = drawn(both, "gain")
     assert lines(axes)["from noise"].get_ydata() == pytest.approx(levels.noise)
     assert lines(axes)["from distortion"].get_ydata() == pytest.approx(levels.distortion)
-    assert axes.get_ylim()[0] < 1e-3
+    low = axes.get_ylim()[0]
+    assert 1e-6 < low < 1e-3
+    bands = [area.get_paths()[0].get_extents() for area in axes.collections]
+    tops = [band.y1 for band in bands if band.y0 < low]
+    assert sorted(tops) == pytest.approx([2e-3, 0.3])
 
 
 def test_step_and_impulse_are_those_of_the_transfer_function(results):

@@ -144,11 +144,12 @@ def gain(results: DatasetResults) -> Chart:
 
 def _levels(results: DatasetResults) -> list[pd.DataFrame]:
     """What noise and nonlinear distortion move the gain from the data by, as rows of a table."""
-    keys = [key for key in ("output", "input") if key in results.responses]
-    named = {"input": results.inputs[0].name} if results.inputs else {}
     return [
-        pd.DataFrame({"frequency_hz": at.frequency_hz, "gain": gains}).assign(
-            source=source, **{key: ({"output": at.output} | named)[key] for key in keys}
+        pd.DataFrame({"frequency_hz": at.frequency_hz, "gain": gains, "gain_upper": gains}).assign(
+            gain_lower=1e-6 * np.max(gains),  # below the axis
+            source=source,
+            output=at.output,
+            input=results.inputs[0].name,
         )
         for at in results.validation.distortion.levels
         for source, gains in (("noise", at.noise), ("distortion", at.distortion))
@@ -159,8 +160,9 @@ def _levels(results: DatasetResults) -> list[pd.DataFrame]:
 def _with_levels(panel: Panel, table: pd.DataFrame) -> Panel:
     """A panel of a gain with the levels below it."""
     pair = panel.curves[-1].where[1:]
+    form = Curve("", "gain", "ink", dashed=True, band=("gain_lower", "gain_upper"))
     shown = [
-        Curve(f"from {source}", "gain", colour, dashed=True, where=(("source", source), *pair))
+        replace(form, label=f"from {source}", colour=colour, where=(("source", source), *pair))
         for source, colour in LEVELS.items()
         if (table["source"] == source).any()
     ]
