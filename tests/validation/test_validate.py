@@ -213,6 +213,8 @@ def test_inputs_before_a_record_leave_no_outliers_behind_a_long_delay():
     y += 1e-3 * lfilter(model.C, model.A, e)
     result, _ = validate(model, prepared(u[200:], y[200:], 600))
     assert result.outputs[0].outlier_percent < 0.5
+    short, _ = validate(model, prepared(u[200:800], y[200:800], 530, contiguous=False))
+    assert 0 < short.samples < 20
 
 
 def test_an_independent_recording_has_unscored_samples():

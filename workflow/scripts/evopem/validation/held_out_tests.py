@@ -18,8 +18,6 @@ from evopem.estimation.pem.least_squares import autoregression
 FEWEST_SAMPLES = 40
 # Largest order of the autoregression that whitens the errors before they are compared.
 MOST_WHITENING = 30
-# Half waves in a record up to which a common course of two signals is no response.
-HALF_WAVES = 6
 
 
 @dataclass(frozen=True)
@@ -157,9 +155,9 @@ def left_by(regressors: Array, signals: Array) -> Array:
 
 
 def half_waves(samples: int) -> Array:
-    """Waves of half periods of a sixth of the samples or more, as a drift has, (N, 6)."""
+    """Half waves as long as a sixth of the samples or longer, as of drifts, (N, 6)."""
     time = (np.arange(samples) + 0.5) / samples
-    return np.asarray(np.cos(np.pi * np.outer(time, np.arange(1, HALF_WAVES + 1))))
+    return np.asarray(np.cos(np.pi * np.outer(time, np.arange(1, 7))))
 
 
 def filtered(signals: Array, coefficients: Array) -> Array:

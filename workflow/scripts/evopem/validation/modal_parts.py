@@ -44,7 +44,7 @@ class ModalParts:
     def of(cls, modes: Sequence[Mode], record: HeldOut) -> Self:
         """Divide the outputs of a stretch whose validation samples are held out."""
         model, outputs = record.model, record.outputs
-        first = record.first or unscored_samples(model)
+        first = record.first or unscored_samples(model, len(outputs))
         # Participations are those of inputs one sample before, beyond further delays.
         drives = delayed(record.inputs, [delay + 1 for delay in model.delays])
         innovations = outputs - record.predicted_from_start()

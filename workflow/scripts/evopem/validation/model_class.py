@@ -101,7 +101,8 @@ class _Stretch:
     @classmethod
     def of(cls, record: HeldOut) -> Self:
         """Of all samples but those that states are fitted to."""
-        first, model, u = unscored_samples(record.model), record.plant, record.inputs
+        model, u = record.plant, record.inputs
+        first = unscored_samples(record.model, len(u))
         outputs = record.outputs
         residuals = outputs - record.predicted_from_start()
         delays = model.delays

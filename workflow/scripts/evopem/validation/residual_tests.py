@@ -71,7 +71,7 @@ class EstimationResiduals:
 
 def _residuals(stretch: HeldOut) -> Array:
     errors = stretch.outputs - stretch.predicted_from_start()
-    return errors[unscored_samples(stretch.model) :]
+    return errors[unscored_samples(stretch.model, len(errors)) :]
 
 
 def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:

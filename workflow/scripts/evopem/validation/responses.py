@@ -46,7 +46,8 @@ class HeldOut:
         """First validation samples that determine states, and are not scored."""
         if self.before:
             return 0
-        return max(unscored_samples(self.model), first_samples(self.recording.samples))
+        samples = self.recording.samples
+        return max(unscored_samples(self.model, samples), first_samples(samples))
 
     def predicted_from_start(self, horizon: int = 1) -> Array:
         """Predictions of all samples that are known, (N, l)."""
@@ -83,12 +84,13 @@ class HeldOut:
         return self.plant.simulate_from_fitted_state(u, y, fit_level)
 
 
-def unscored_samples(model: StateSpaceModel) -> int:
+def unscored_samples(model: StateSpaceModel, samples: int = 0) -> int:
     """Samples at the start of a record whose residuals its states and unknown inputs determine.
 
-    What decays so fast that it says nothing behind a delay is gone half a delay later.
+    And half a delay more, in which what does not outlast it decays, while half the samples remain.
     """
-    return model.order + 3 * max(model.input_delays, default=0) // 2
+    delay = max(model.input_delays, default=0)
+    return model.order + delay + max(min(delay // 2, samples // 2 - model.order - delay), 0)
 
 
 def divided(model: Model, recording: Recording, first: int) -> tuple[HeldOut, ...]:

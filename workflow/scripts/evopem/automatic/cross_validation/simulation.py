@@ -116,7 +116,7 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
     draw slow waves through the noise with roots near the unit circle.
     """
     form = state_space_of(replace(model, covariance=None))
-    first = unscored_samples(form)
+    first = unscored_samples(form, stretch.samples)
     known = stretch.samples
     if before is not None:
         known = max(before.samples or first_samples(known), form.order + first + 2)
