@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -37,17 +38,15 @@ PARTS = (
 )
 
 
-def imports(file):
-    """The parts that a module imports anywhere, its functions and type checks included."""
+def imported_names(file):
+    """The names that a module imports anywhere, its functions and type checks included."""
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom):
             names = [f"{node.module}.{alias.name}" for alias in node.names]
         elif isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        for name in names:
-            if name.startswith("evopem."):
-                yield name.split(".")[1]
+        yield from (name for name in names if name.startswith("evopem."))
 
 
 def test_every_part_of_the_package_has_its_place():
@@ -64,10 +63,26 @@ def test_a_part_imports_only_those_before_it(part):
     upward = {
         (file.relative_to(PACKAGE).as_posix(), imported)
         for file in files
-        for imported in imports(file)
+        for imported in {name.split(".")[1] for name in imported_names(file)}
         if imported not in allowed
     }
     assert upward == set()
+
+
+def test_no_module_is_in_a_circle_of_imports():
+    names = {
+        ".".join(file.relative_to(SCRIPTS).with_suffix("").parts).removesuffix(".__init__"): file
+        for file in PACKAGE.rglob("*.py")
+    }
+    needed = {
+        module: {
+            source
+            for name in imported_names(file)
+            for source in [name if name in names else name.rpartition(".")[0]]
+        }
+        for module, file in names.items()
+    }
+    assert len(list(TopologicalSorter(needed).static_order())) >= len(names)
 
 
 def printed_by(*lines):
