@@ -271,6 +271,9 @@
     saving.className = "tools";
     const listed = document.createElement("div");
     listed.className = "scroll";
+    listed.tabIndex = 0;
+    listed.setAttribute("role", "region");
+    listed.setAttribute("aria-label", "Groups");
     saving.append(button("CSV of groups", () => {
       const made = listed.firstChild;
       save("groups.csv", `data:text/csv;charset=utf-8,${encodeURIComponent(asCsv(made, [...made.rows[0].cells]))}`);
