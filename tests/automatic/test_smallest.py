@@ -11,7 +11,8 @@ from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds
 from evopem.automatic.fit import CommonSettings
 from evopem.automatic.fold_errors import as_good, gain_of_nothing, never_behind, simplest
-from evopem.automatic.structures import _smallest_as_good
+from evopem.automatic.remedies import _is_allowed
+from evopem.automatic.structures import Choice, _smallest_as_good
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
@@ -77,10 +78,24 @@ def test_one_step_errors_do_not_decide_where_residuals_depend_on_the_input(of_al
     assert chosen(likely, simulates, of_all=of_all)[0] is (simulates if of_all else likely)
 
 
-def test_models_within_one_standard_error_are_as_good_by_whatever_share():
-    best = candidate(9)
-    assert as_good(candidate(8, (0.6, -0.3, 0.7, -0.3, 0.1)), best, "simulation")
-    assert not as_good(candidate(8, (0.2, 0.1, 0.3, 0.1, 0.15)), best, "simulation")
+@pytest.mark.parametrize("of_all", [(), (INDEPENDENT_OF_INPUT,)])
+def test_a_larger_error_within_one_standard_error_is_left_to_a_valid_likelihood(of_all):
+    """Folds that differ much say little; where no model is valid, no likelihood says more."""
+    likely = candidate(8, (0.6, -0.3, 0.7, -0.3, 0.1))
+    best = replace(candidate(12), bic=1.0, simulation_bic=1.0)
+    assert chosen(likely, best, of_all=of_all)[0] is (best if of_all else likely)
+    told_apart = candidate(8, (0.2, 0.1, 0.3, 0.1, 0.15))
+    assert chosen(told_apart, best, of_all=of_all)[0] is best
+
+
+@pytest.mark.parametrize("loss", [0.01, 0.1])
+def test_a_remedy_must_not_take_what_simulations_of_all_samples_need(loss):
+    first = candidate(12)
+    smaller = replace(candidate(8, (0.03, -0.03, 0.03, -0.02, 0.0)), simulation_bic=loss)
+    failed = {id(first): ("Poles and zeros distinct",), id(smaller): ()}
+    scorer = SimpleNamespace(checks=lambda each: SimpleNamespace(failed=failed[id(each)]))
+    allowed = _is_allowed(scorer, smaller, first, Choice("simulation", first, "constant"))
+    assert allowed == (loss < 0.02)
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.5])

@@ -14,8 +14,7 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
 
 Kind = Literal["simulation", "fitted_level", "prediction"]
-# Models within so many standard errors of the lowest error, and within this share, are as good, and
-# those within one.
+# Models within so many standard errors of the lowest error, and within this share, are as good.
 STANDARD_ERRORS, AS_GOOD = 2.0, 0.1
 # Folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
@@ -33,17 +32,20 @@ def score_of(kind: Kind) -> Score:
 
 
 def as_good(
-    candidate: Candidate, best: Candidate, kind: Kind, standard_errors: float = STANDARD_ERRORS
+    candidate: Candidate,
+    best: Candidate,
+    kind: Kind,
+    standard_errors: float = STANDARD_ERRORS,
+    share: float = AS_GOOD,
 ) -> bool:
     """Whether a model does as well on held-out samples as another.
 
-    Within some standard errors of the mean difference of the folds, and within 10 %; or within one.
+    Within some standard errors of the mean difference of the folds, and within a share.
     """
     score = score_of(kind)
     if not np.isfinite(score(candidate)):
         return candidate is best
-    error = standard_error(candidate, best, kind)
-    largest = max(min(standard_errors * error, AS_GOOD), error if np.isfinite(error) else 0.0)
+    largest = min(standard_errors * standard_error(candidate, best, kind), share)
     return float(np.log(score(candidate) / score(best))) <= largest
 
 

@@ -7,7 +7,7 @@ from typing import Self
 
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Decision, Trial
-from evopem.automatic.fold_errors import AS_GOOD, as_good, score_of
+from evopem.automatic.fold_errors import as_good, score_of
 from evopem.automatic.remedy_orders import (
     DELAY,
     LENGTH,
@@ -121,8 +121,7 @@ def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: 
         return as_before
     gains = len(scorer.checks(candidate).failed) < len(scorer.checks(first).failed)
     gains |= candidate.bic < first.bic
-    largest = 2.0 * AS_GOOD if gains else TOLERATED
-    if candidate.simulation_bic > first.simulation_bic + largest:
+    if candidate.simulation_bic > first.simulation_bic + TOLERATED:
         return False
     return as_before or (gains and as_good(candidate, first, choice.kind, 1.0))
 

@@ -45,6 +45,8 @@ HEAVY = 0.1
 MOST_WHEN_VALID, MOST_UNDER_FEEDBACK = 1.25, 1.35
 MOST_WHEN_ALL_HOLD = MOST_UNDER_HEAVY_TAILS = 3.0
 FINALISTS = 2
+# The largest logarithm of a ratio of errors that standard errors of few folds may call chance.
+MOST_BY_CHANCE = 1.0
 
 
 @dataclass(frozen=True)
@@ -337,7 +339,9 @@ def _smallest_as_good(
     if kind == "prediction":
         chosen = _smallest(scorer, equal, BIC)
     else:
-        chosen = _smallest(scorer, equal, *_criteria(min(equal, key=BIC)))
+        # Where the folds differ much, errors within one standard error say little: likelihoods do.
+        near = [c for c in candidates if c in equal or as_good(c, best, kind, 1.0, MOST_BY_CHANCE)]
+        chosen = _smallest(scorer, near, *_criteria(min(near, key=BIC)))
         checks = scorer.checks(chosen)
         if checks.whiteness < BY_CHANCE or INDEPENDENT_OF_INPUT in checks.failed:
             # No model of these describes noise or plant: one-step errors say little of the latter.
