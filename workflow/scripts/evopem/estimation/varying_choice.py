@@ -92,13 +92,14 @@ def choose_basis(
     orders: Orders,
     kinds: Sequence[BasisKind] = KINDS,
     dimensions: Sequence[int] = DIMENSIONS,
+    searched: bool = True,
 ) -> VaryingEstimate | None:
     """The model of known orders along the basis of smallest BIC, otherwise as of all structures."""
     bases = [scheduled.basis(kind, n) for kind, n in product(kinds, dimensions)]
     tried = (_descended(scheduled, orders, basis, ()) for basis in bases)
     if (lowest := _lowest(filter(None, tried))) is None:
         return None
-    ended = min(_ends(scheduled, lowest), key=lambda estimate: estimate.bic)
+    ended = min(_ends(scheduled, lowest, searched), key=lambda estimate: estimate.bic)
     return undersmoothed(scheduled, pruned(scheduled, ended))
 
 
@@ -108,10 +109,12 @@ def choose_varying(
     nk: Sequence[int],
     kinds: Sequence[BasisKind] = KINDS,
     dimensions: Sequence[int] = DIMENSIONS,
+    searched: bool = True,
 ) -> VaryingEstimate | None:
     """The model of smallest BIC of all structures, terms that BIC does not need dropped.
 
-    With a function more in each coefficient that moves: see :func:`undersmoothed`.
+    With a function more in each coefficient that moves: see :func:`undersmoothed`.  By descents
+    alone unless ``searched``.
     """
     chosen = choose_autoregression(scheduled, most, nk, kinds, dimensions)
     if chosen is None:
@@ -127,7 +130,7 @@ def choose_varying(
             break
         lowest, most = climbed, denominator_order(climbed.model.orders)
     if lowest is not None and lowest.bic < best.bic:
-        ended = min(_ends(scheduled, lowest), key=lambda estimate: estimate.bic)
+        ended = min(_ends(scheduled, lowest, searched), key=lambda estimate: estimate.bic)
         best = min(best, pruned(scheduled, ended), key=lambda estimate: estimate.bic)
     return undersmoothed(scheduled, best)
 
@@ -187,13 +190,17 @@ def _descended(
     return problem.estimate(ended.points[np.argmin(ended.values)])
 
 
-def _ends(scheduled: Scheduled, raced: VaryingEstimate) -> Iterator[VaryingEstimate]:
+def _ends(
+    scheduled: Scheduled, raced: VaryingEstimate, searched: bool
+) -> Iterator[VaryingEstimate]:
     """What a model of a race becomes: by descent, by the search, and with a C that moves."""
-    yield _from(scheduled, raced, raced.free)
-    searched = fit_varying(scheduled, raced.model.orders, raced.model.basis, raced.free)
-    yield searched
-    if not raced.free.all():
-        yield _from(scheduled, searched, np.ones_like(raced.free))
+    model, free = raced.model, raced.free
+    ended = [_from(scheduled, raced, free)]
+    if searched:
+        ended.append(fit_varying(scheduled, model.orders, model.basis, free))
+    yield from ended
+    if not free.all():
+        yield _from(scheduled, ended[-1], np.ones_like(free))
 
 
 def pruned(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
