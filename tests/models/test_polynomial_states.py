@@ -52,7 +52,7 @@ def test_a_few_noisy_samples_give_a_better_state_than_least_squares_and_than_res
         u, x, y = signals(model, 600, 0.3, seed)
         form = model.state_space()
         driven = y[:40, None] - form.simulate(u[:40, None])
-        free = form._free_responses(form.A, 600)
+        free = form.free_responses(form.A, 600)
         least_squares = free @ np.linalg.lstsq(free[:40, 0], driven[:, 0])[0]
         ways = (
             simulate_from_first(model, u, y, 40),
@@ -124,5 +124,5 @@ def test_slow_poles_of_a_companion_matrix_are_those_of_its_coefficients():
     difference = form.simulate(u[:, None])[:, 0] - expected
     assert np.std(difference) < 0.02 * np.std(expected)
     expected = lfilter([1.0], f, np.r_[1.0, np.zeros(7999)])
-    difference = form._free_responses(form.A, 8000)[:, 0, 0] - expected
+    difference = form.free_responses(form.A, 8000)[:, 0, 0] - expected
     assert np.std(difference) < 0.02 * np.std(expected)

@@ -17,7 +17,7 @@ import evopem
 from evopem.config.defaults import complete
 from evopem.files.json_form import load
 from evopem.pipeline.identification import ProgressLine, identify_dataset, jobs, progress
-from evopem.pipeline.planning.stages import left_in_words, seconds_left
+from evopem.pipeline.planning.stages import STAGES, left_in_words, seconds_left
 from evopem.report.numbers import THIN
 from evopem.report.verdict import verdict
 from evopem.results.dataset import read_results
@@ -308,7 +308,10 @@ def test_a_line_of_progress_is_overwritten_and_removed(listed):
 
 def test_the_time_left_is_that_of_jobs_done_by_the_weight_of_their_stages():
     done, left = ["prepare", "search_structure"], ["choose", "report"]
-    assert seconds_left(14.0, done, left) == pytest.approx(26.0)
+    seconds = {stage.name: stage.seconds for stage in STAGES}
+    weight = {True: sum(map(seconds.get, done)), False: sum(map(seconds.get, left))}
+    expected = 14.0 * weight[False] / weight[True]
+    assert seconds_left(14.0, done, left) == pytest.approx(expected)
     assert seconds_left(1.0, ["read_recording"], [*done, *left]) is None
     words = [left_in_words(seconds) for seconds in (0.2, 26.0, 100.0, 4000.0, 9000.0, None)]
     ends = ["1 s", "26 s", "2 min", "67 min", "2 h"]

@@ -14,6 +14,7 @@ RECORDED = {"file": "a.csv", "input": "u", "output": "y", "sampling_rate": 50}
 SEVERAL = RECORDED | {"input": ["u", "v"], "form": "ss"}
 SYNTHETIC = {"synthesis": "armax", "samples": 700, "recipe": "chapter"}
 PREPARED = {"prepare", "estimate_spectrum"}
+COMPLETED = {"complete_model", "estimate_varying"}
 PHASES = {"estimate_candidates", "select_candidate"}
 SEARCHES = {"search_structure", "choose"}
 
@@ -36,10 +37,10 @@ def redone(keys, changed):
 @pytest.mark.parametrize(
     ("keys", "changed", "unchanged"),
     [
-        (RECORDED, {"spectrum": {"nfft": 512}}, {"prepare", *SEARCHES, "complete_model"}),
+        (RECORDED, {"spectrum": {"nfft": 512}}, {"prepare", *SEARCHES, *COMPLETED}),
         (RECORDED, {"purpose": "prediction"}, {*PREPARED, *SEARCHES}),
         (RECORDED, {"search": {"seed": 2}}, PREPARED),
-        (RECORDED, {"focus": "prediction"}, {*PREPARED, *SEARCHES, "complete_model"}),
+        (RECORDED, {"focus": "prediction"}, {*PREPARED, *SEARCHES, *COMPLETED}),
         (RECORDED, {"focus": "simulation"}, {*PREPARED, "search_structure"}),
         (RECORDED, {"delay": {"nk": 1}}, set()),
         (RECORDED, {"split": {"discard": 10}}, set()),

@@ -212,18 +212,20 @@
       const middle = known[Math.floor((known.length - 1) / 2)] / 2 + known[Math.floor(known.length / 2)] / 2;
       return known.length ? Number(middle.toPrecision(3)) : "";
     };
+    const medians = errors.map((place) => head[place].dataset.head.replace(" (%)", ", median (%)"));
+    const names = [plain(head[at]), "Data sets", "With failed checks", ...medians];
     const made = document.createElement("table");
     const line = (section, scope, cells) => {
       const row = section.insertRow();
       cells.forEach((words, place) => {
         const cell = document.createElement(place && scope === "row" ? "td" : "th");
         if (cell.tagName === "TH") cell.scope = scope;
+        else cell.dataset.label = names[place];
         cell.textContent = words;
         row.append(cell);
       });
     };
-    const medians = errors.map((place) => head[place].dataset.head.replace(" (%)", ", median (%)"));
-    line(made.createTHead(), "col", [plain(head[at]), "Data sets", "With failed checks", ...medians]);
+    line(made.createTHead(), "col", names);
     const body = made.createTBody();
     for (const [value, rows] of [...members].sort((one, other) => words.compare(one[0], other[0]))) {
       const sizes = errors.map((place) => median(rows.map((row) => number(columns(row)[place]))));

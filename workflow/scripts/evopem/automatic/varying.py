@@ -21,8 +21,7 @@ from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.varying import KINDS, MovingMode, VaryingModel
 from evopem.signals.prepared_data import PreparedData
-from evopem.validation.model_class import REJECTED
-from evopem.validation.validate import class_of
+from evopem.validation.model_class import REJECTED, ModelClass
 
 # Blocks of neighbouring samples, every fifth of which is held out at a time.
 BLOCKS, FOLDS = 40, 5
@@ -72,8 +71,12 @@ class Varying:
     model: VaryingModel | None = None
 
 
-def what_moves(prepared: PreparedData, record: ModelRecord, settings: VaryingSettings) -> Varying:
+def what_moves(
+    prepared: PreparedData, record: ModelRecord, settings: VaryingSettings, tests: ModelClass
+) -> Varying:
     """Try a moving model where the response changes with time, or settings beside auto ask for it.
+
+    ``tests``: of the class of the constant model.
 
     InputError where they do, and the recordings are none that such a model is made for.
     """
@@ -86,7 +89,6 @@ def what_moves(prepared: PreparedData, record: ModelRecord, settings: VaryingSet
         raise InputError("varying", unfit, "leave the key out")
     if unfit:
         return Varying(unfit)
-    tests = class_of(record.model, prepared, record.level_of_simulation == "state")
     if not is_asked and not tests.constant.p_value < REJECTED:
         return Varying("the response does not change with time")
     most = min(max(record.plant.order + ORDERS_ABOVE, FEWEST_ORDERS), MOST_ORDERS)

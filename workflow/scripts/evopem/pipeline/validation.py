@@ -27,7 +27,7 @@ from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording_info import RecordingInfo
 from evopem.validation.mode_evidence import with_noise_modes
 from evopem.validation.responses import held_out_stretches
-from evopem.validation.validate import validate, validation_errors
+from evopem.validation.validate import class_of, validate, validation_errors
 
 
 def estimate_varying(files: DatasetFiles, settings: VaryingSettings) -> None:
@@ -35,7 +35,8 @@ def estimate_varying(files: DatasetFiles, settings: VaryingSettings) -> None:
     record = load(ModelRecord, files.model)
     with one_blas_thread():
         prepared = load_prepared(files.prepared, files.transforms)
-        varying = what_moves(prepared, record, settings)
+        tests = class_of(record.model, prepared, record.level_of_simulation == "state")
+        varying = what_moves(prepared, record, settings, tests)
     save(varying, files.varying)
     write_table(files.varying_modes, table_of(varying))
 
