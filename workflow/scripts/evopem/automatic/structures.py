@@ -348,8 +348,9 @@ def _smallest_as_good(
             errors, chosen = "simulation", _smallest(scorer, equal, SIMULATION_BIC)
     if chosen is best:
         return best, f"{best.name} {does} held-out samples with the lowest error."
+    within = "two standard errors" if chosen in equal else "one standard error"
     return chosen, (
-        f"{chosen.name} {does} held-out samples as well as {best.name}, within two standard errors:"
+        f"{chosen.name} {does} held-out samples as well as {best.name}, within {within}:"
         " it fails the fewest checks, and is the smallest, of those against which the BIC of "
         f"{errors} errors gives no strong evidence."
     )

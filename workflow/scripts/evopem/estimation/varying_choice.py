@@ -190,17 +190,15 @@ def _descended(
     return problem.estimate(ended.points[np.argmin(ended.values)])
 
 
-def _ends(
-    scheduled: Scheduled, raced: VaryingEstimate, searched: bool
-) -> Iterator[VaryingEstimate]:
+def _ends(scheduled: Scheduled, raced: VaryingEstimate, searched: bool) -> list[VaryingEstimate]:
     """What a model of a race becomes: by descent, by the search, and with a C that moves."""
     model, free = raced.model, raced.free
     ended = [_from(scheduled, raced, free)]
     if searched:
         ended.append(fit_varying(scheduled, model.orders, model.basis, free))
-    yield from ended
     if not free.all():
-        yield _from(scheduled, ended[-1], np.ones_like(free))
+        ended.append(_from(scheduled, ended[-1], np.ones_like(free)))
+    return ended
 
 
 def pruned(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
