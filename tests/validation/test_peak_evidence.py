@@ -1,10 +1,9 @@
 """Peaks of the output's spectrum against the spectrum that a model gives the output."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from two_outputs import beside_white_noise
 
 from evopem.config.settings import SpectrumSettings
 from evopem.models.polynomial import PolynomialModel
@@ -54,14 +53,7 @@ def test_a_model_without_the_mode_lacks_its_power(noise):
 
 def test_the_limit_counts_the_peaks_of_all_outputs():
     alone, recorded = model(TWO_MODES, 1.0), record(1, 1.0)
-    both = replace(
-        alone,
-        C=np.vstack([alone.C, alone.C]),
-        D=np.vstack([alone.D, alone.D]),
-        K=np.hstack([alone.K, 0.0 * alone.K]),
-        level=np.zeros(2),
-        noise_covariance=np.eye(2),
-    )
+    both = beside_white_noise(alone)
     chances = [peak_evidence(each, recorded, 0, SPECTRUM)[0].chance for each in (alone, both)]
     assert chances[1] > 1.02 * chances[0]
 

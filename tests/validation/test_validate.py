@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from two_outputs import beside_white_noise
 
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.prepared_data import PreparedData, StretchOrigin, Transforms
 from evopem.signals.recording import Recording
+from evopem.validation.model_class import NOT_TESTED, ModelClass
 from evopem.validation.validate import validate
 
 RATE = 100.0
@@ -137,14 +139,7 @@ def test_fitted_states_gain_as_much_where_noise_passes_through_slow_poles():
 def test_what_fitted_states_gain_of_noise_does_not_depend_on_units():
     """The noise of the first output passes through a slow mode, that of the second is white."""
     one, (u, y) = lightly_damped(1).state_space(), response(lightly_damped(1), 360, noise=0.3)
-    both = replace(
-        one,
-        C=np.vstack([one.C, one.C]),
-        D=np.vstack([one.D, one.D]),
-        K=np.hstack([one.K, 0.0 * one.K]),
-        level=np.zeros(2),
-        noise_covariance=np.eye(2),
-    )
+    both = beside_white_noise(one)
     outputs = np.column_stack([y, y + np.random.default_rng(1).normal(size=360)])
     shares = []
     for unit in (1.0, 1e4):
@@ -159,6 +154,12 @@ def test_what_fitted_states_gain_of_noise_does_not_depend_on_units():
         result, _ = validate(scaled, prepared(u, scales * outputs, 320))
         shares.append(result.share_of_noise)
     assert shares[1] == pytest.approx(shares[0], rel=1e-6)
+
+
+def test_the_class_is_not_tested_again_where_it_is_known():
+    model, known = lightly_damped(1), ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED)
+    result, _ = validate(model, prepared(*response(model, 400, noise=0.3), 300), tests=known)
+    assert result.model_class is known
 
 
 @pytest.mark.parametrize("contiguous", [True, False])

@@ -69,6 +69,7 @@ class Varying:
     reason: str
     moves: Moves | None = None
     model: VaryingModel | None = None
+    tests: ModelClass | None = None  # of the constant model
 
 
 def what_moves(

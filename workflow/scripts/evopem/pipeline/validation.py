@@ -1,4 +1,4 @@
-"""Validation: what moves; residual tests, errors, evidence for each mode; tables and summary."""
+"""Validation: residual tests, errors, evidence for each mode; tables and summary."""
 
 from pathlib import Path
 
@@ -6,10 +6,10 @@ from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import OtherModel
 from evopem.automatic.remedies import Remedied
 from evopem.automatic.structures import Comparison
-from evopem.automatic.varying import Varying, table_of, what_moves
+from evopem.automatic.varying import Varying
 from evopem.blas_threads import one_blas_thread
 from evopem.config.defaults import yaml_text
-from evopem.config.settings import DatasetSettings, VaryingSettings
+from evopem.config.settings import DatasetSettings
 from evopem.config.structures import plant_order
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_candidate import PhaseSelection
@@ -27,18 +27,7 @@ from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording_info import RecordingInfo
 from evopem.validation.mode_evidence import with_noise_modes
 from evopem.validation.responses import held_out_stretches
-from evopem.validation.validate import class_of, validate, validation_errors
-
-
-def estimate_varying(files: DatasetFiles, settings: VaryingSettings) -> None:
-    """Try a model with moving coefficients where the machine seems to change."""
-    record = load(ModelRecord, files.model)
-    with one_blas_thread():
-        prepared = load_prepared(files.prepared, files.transforms)
-        tests = class_of(record.model, prepared, record.level_of_simulation == "state")
-        varying = what_moves(prepared, record, settings, tests)
-    save(varying, files.varying)
-    write_table(files.varying_modes, table_of(varying))
+from evopem.validation.validate import validate, validation_errors
 
 
 def complete_results(
@@ -87,6 +76,7 @@ def complete_results(
             order,
             settings.spectrum,
             fit_level=record.level_of_simulation == "state",
+            tests=varying.tests if varying else None,
         )
     save(validation, files.validation)
     write_table(files.candidates, {name: [row[name] for row in rows] for name in rows[0]})

@@ -71,6 +71,8 @@ from evopem.validation.validation import (
     ValidationTables,
 )
 
+# Largest lag of the autocorrelation of residuals.
+LAGS = 1200
 # Horizons of a decade, and the longest one.
 DECADE = (1, 2, 3, 5, 7)
 LONGEST = 1000
@@ -98,16 +100,16 @@ def validate(
     models: Sequence[OrderModel] = (),
     order: int = 0,
     spectrum: SpectrumSettings | None = None,
-    lags: int = 1200,
     fit_level: bool = False,
+    tests: ModelClass | None = None,
 ) -> tuple[Validation, ValidationTables]:
     """Validate a model on the estimation samples and on samples it was not estimated from.
 
     ``objective``: what the estimate minimised.  ``models``: of all orders of the same samples, this
-    one of ``order`` among them, for its modes.  ``lags``: the largest of the residual
-    autocorrelation.  ``fit_level``: a level of the simulation is fitted to the validation samples,
-    else it sees none of their outputs: it runs on from the estimation samples, or from the first
-    tenth of a recording without a past, which is not scored.  Of a model without input there is no
+    one of ``order`` among them, for its modes.  ``fit_level``: a level of the simulation is fitted
+    to the validation samples, else it sees none of their outputs: it runs on from the estimation
+    samples, or from the first tenth of a recording without a past, which is not scored.  ``tests``:
+    of the class of the model, where they are known.  Of a model without input there is no
     simulation.  ValueError when too few samples are left for a test.
     """
     check_choice("objective", objective, OBJECTIVES)
@@ -118,11 +120,11 @@ def validate(
     tested = EstimationResiduals.of(_estimation_stretches(form, prepared.estimation))
     recorded = recorded_series(prepared.transforms, responses)
     outputs, autocorrelations, horizons = _outputs(
-        form, prepared, held_out, responses, recorded, tested, objective, spectrum, lags
+        form, prepared, held_out, responses, recorded, tested, objective, spectrum
     )
-    crossed = _crossed(tested, prepared.validation, min(lags, CROSS_CORRELATION_LAGS))
+    crossed = _crossed(tested, prepared.validation)
     models = models or [OrderModel.of(order, math.nan, model)]
-    tests = model_class(_every_stretch(tested.stretches, held_out))
+    tests = tests or model_class(_every_stretch(tested.stretches, held_out))
     distortion = distortion_of(held_out, tested.stretches, fit_level)
     validation = Validation(
         samples=int(np.sum(responses.scored)),
@@ -140,7 +142,7 @@ def validate(
         stretches=tuple(_stretch_errors(held_out, responses)),
         residual_samples=len(tested.residuals),
         lags=len(autocorrelations[0].lag) - 1,
-        correlation_lags=min(lags, CROSS_CORRELATION_LAGS, len(tested.residuals) - 1),
+        correlation_lags=min(CROSS_CORRELATION_LAGS, len(tested.residuals) - 1),
         input_test=input_significance(held_out),
         model_class=tests,
         resolution_hz=_resolution(prepared.estimation, spectrum),
@@ -218,7 +220,6 @@ def _outputs(
     tested: EstimationResiduals,
     objective: str,
     spectrum: SpectrumSettings | None,
-    lags: int,
 ) -> tuple[tuple[OutputValidation, ...], list[ResidualCorrelation], tuple[int, ...]]:
     """What is said of each output, the correlations behind it, and the horizons."""
     scored, validation = responses.scored, prepared.validation
@@ -230,7 +231,7 @@ def _outputs(
     longest = max(stretch.recording.samples - stretch.unscored for stretch in held_out)
     horizons = log_spaced_horizons(min(longest, len(measured)))
     ahead = np.array([_errors(measured, _ahead(held_out, k)) for k in horizons])
-    correlations = [autocorrelation_of(e, lags, tested.bounds) for e in tested.residuals.T]
+    correlations = [autocorrelation_of(e, LAGS, tested.bounds) for e in tested.residuals.T]
     lags = ljung_box_lags(len(tested.residuals), 2 * model.order, len(correlations[0].lag) - 1)
     whiteness = [
         whiteness_test(e, lags, tested.bounds, effect, objective)
@@ -291,11 +292,11 @@ def _ahead(held_out: Sequence[HeldOut], horizon: int) -> Array:
 
 
 def _crossed(
-    tested: EstimationResiduals, recording: Recording, lags: int
+    tested: EstimationResiduals, recording: Recording
 ) -> list[tuple[tuple[str, str], ResidualCorrelation]]:
     """Cross-correlations of the residuals of all outputs with all inputs, by their names."""
     return [
-        ((output, source), correlation_with_input(e, u, lags, tested.bounds))
+        ((output, source), correlation_with_input(e, u, CROSS_CORRELATION_LAGS, tested.bounds))
         for output, e in zip(recording.output_names, tested.residuals.T, strict=True)
         for source, u in zip(recording.input_names, tested.inputs.T, strict=True)
     ]

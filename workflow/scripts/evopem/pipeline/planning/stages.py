@@ -152,7 +152,7 @@ STAGES = (
     ),
     Stage(
         "estimate_varying",
-        "validation:estimate_varying",
+        "varying:estimate_varying",
         "what moves",
         applies="varying",
         inputs=(*_PREPARED, "model"),
