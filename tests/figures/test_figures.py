@@ -320,7 +320,7 @@ def test_the_simulation_is_drawn_in_recorded_units(results):
 
 
 def test_residuals_beyond_their_bounds_stand_out(results):
-    own, crossed = drawn(results, "residuals")
+    own, crossed = drawn(results, "residual_correlation")
     table = results.validation_tables.cross_correlation
     outside = table[table["cross_correlation"].abs() > table["bound95"]]
     dots = [line for line in crossed.get_lines() if line.get_marker() == "."]

@@ -21,7 +21,7 @@ from evopem.pipeline.planning.stages import STAGES, left_in_words, seconds_left
 from evopem.report.numbers import THIN
 from evopem.report.verdict import verdict
 from evopem.results.dataset import read_results
-from evopem.results.layout import DatasetFiles
+from evopem.results.layout import FIGURES, DatasetFiles
 from evopem.signals.recording_info import RecordingInfo
 
 RATE = 10.0
@@ -119,6 +119,13 @@ def test_a_plot_of_several_panels_takes_as_many(found, pyplot, name):
         evopem.InputError, match=f"axes: there are 1, and this figure has {len(axes)}"
     ):
         getattr(found, f"plot_{name}")(axes[0])
+
+
+def test_every_figure_of_the_report_is_a_plot():
+    for name in FIGURES:
+        plot = getattr(evopem.Results, f"plot_{name}")
+        assert plot.__name__ == f"plot_{name}"
+        assert plot.__doc__
 
 
 def test_models_are_compared(found, other, pyplot):

@@ -270,7 +270,7 @@ def test_a_model_without_roots_has_no_sentence_on_poles(results):
 
 def test_residual_tests(results):
     validation = results.validation
-    (text,) = told_of("residuals", results)
+    (text,) = told_of("residual_correlation", results)
     share = percent(100 * validation.outputs[0].autocorrelation_share_inside95)
     assert f"{share} of {validation.lags}" in text
     assert f"N = {validation.residual_samples} residuals" in text
@@ -285,7 +285,7 @@ def test_residual_tests_that_were_not_possible(results):
         outputs={"autocorrelation_share_inside95": math.nan, "ljung_box": test},
         pairs={"share_inside95": math.nan},
     )
-    assert told_of("residuals", unknown) == [
+    assert told_of("residual_correlation", unknown) == [
         "The autocorrelation of the residuals is not known. The Ljung-Box test was not possible."
         " The cross-correlation of residuals and input is not known."
     ]

@@ -118,7 +118,7 @@ def shown(path):
     name = path.rpartition("/")[2]
     if "/figures/" in path:
         stem = name.removesuffix(".svg")
-        caption, group = f"figures/{stem}", "Figures"
+        caption, group = "figure", "Figures"
         labels = {"figure": stem.replace("_", " ")}
     elif name in SHOWN:
         caption, group = SHOWN[name]

@@ -1,7 +1,7 @@
 """The figures of the report, in its order, drawn by matplotlib as SVG from the results."""
 
 from collections.abc import Callable
-from functools import partial
+from functools import wraps
 from importlib import import_module
 
 from evopem.figures.chart import Chart, nothing
@@ -11,19 +11,20 @@ from evopem.results.dataset import DatasetResults
 from evopem.results.layout import FIGURES
 
 
-def _applied(
-    drawn: Callable[[DatasetResults], Chart], in_time: bool, results: DatasetResults
-) -> Chart:
-    without = in_time and results.of_responses
-    return nothing("Frequency responses are no samples in time.") if without else drawn(results)
+def _applied(name: str) -> Callable[[DatasetResults], Chart]:
+    figure = FIGURES[name]
+    drawn: Callable[[DatasetResults], Chart]
+    drawn = getattr(import_module(f"{__name__}.{figure.module}"), name)
+
+    @wraps(drawn)
+    def chart_of(results: DatasetResults) -> Chart:
+        without = figure.in_time and results.of_responses
+        return nothing("Frequency responses are no samples in time.") if without else drawn(results)
+
+    return chart_of
 
 
-CHARTS: dict[str, Callable[[DatasetResults], Chart]] = {
-    name: partial(
-        _applied, getattr(import_module(f"{__name__}.{figure.module}"), name), figure.in_time
-    )
-    for name, figure in FIGURES.items()
-}
+CHARTS = {name: _applied(name) for name in FIGURES}
 """What each figure shows; the page leaves out one with nothing to draw."""
 
 

@@ -237,7 +237,7 @@ def settling_part(results: DatasetResults) -> pd.DataFrame:
     return first[[*pairs, "time_s", *columns]].reset_index(drop=True)
 
 
-def residuals(results: DatasetResults) -> Chart:
+def residual_correlation(results: DatasetResults) -> Chart:
     """Autocorrelations of all outputs, and cross-correlations with all inputs."""
     # Lag 0 is 1 by definition and would flatten all other lags.
     computed = results.validation_tables

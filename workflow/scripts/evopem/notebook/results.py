@@ -79,11 +79,8 @@ def _plot(chart_of: Callable[[Any], Chart], kind: str = "") -> Callable[..., Any
         panels = _drawn(chart, axes)
         return panels if len(panels) > 1 else panels[0]
 
+    plot.__doc__ = chart_of.__doc__
     return plot
-
-
-def _figure(name: str, kind: str = "") -> Callable[..., Any]:
-    return _plot(CHARTS[name], kind)
 
 
 class _Reported:
@@ -108,8 +105,8 @@ class _Reported:
 class Results(_Reported):
     """What an identification found; in a notebook it shows verdict, modes and errors.
 
-    Every ``plot_…`` takes the axes to draw on, by default new ones, and returns them: one, or a
-    list of several.
+    Every figure of the report has a ``plot_…`` of its name, which takes the axes to draw on, by
+    default new ones, and returns them: one, or a list of several.
 
     Attributes
     ----------
@@ -216,30 +213,10 @@ class Results(_Reported):
     def _repr_html_(self) -> str:
         return results_html(self.name, self.verdict, self.summary)
 
-    plot_measured_and_simulated = _figure("measured_and_simulated")
-    """First validation samples, measured and simulated from the input alone."""
-    plot_gain = _figure("gain")
-    """Gain with its 95 % band over the estimate from the data; trusted modes are marked."""
-    plot_frequency_response = _figure("frequency_response")
-    """Gain, phase and coherence over the data; without an input gain and phase."""
-    plot_nyquist = _figure("nyquist")
-    """The frequency response in the complex plane."""
-    plot_step_response = _figure("step_and_impulse", "step")
+    plot_step_response = _plot(CHARTS["step_and_impulse"], "step")
     """Response to a unit step with its 95 % band; of a model with input."""
-    plot_impulse_response = _figure("step_and_impulse", "impulse")
+    plot_impulse_response = _plot(CHARTS["step_and_impulse"], "impulse")
     """Response to one sample of 1 with its 95 % band; without an input, of the noise filter."""
-    plot_poles_zeros = _figure("poles_zeros")
-    """Poles and zeros with 95 % ellipses, and the modes with 95 % intervals."""
-    plot_stabilization = _figure("stabilization")
-    """Natural frequencies of the models of every order."""
-    plot_residual_correlation = _figure("residuals")
-    """Correlations of the residuals with themselves and with the input."""
-    plot_residual_spectrum = _figure("residual_spectrum")
-    """Spectrum of the one-step errors on the validation samples; flat if they are white."""
-    plot_spectrum = _figure("spectrum")
-    """Multitaper spectrum of the output with its 95 % band and its peaks."""
-    plot_horizons = _figure("horizons")
-    """Error of the prediction of the validation samples over its horizon."""
 
     def compare(
         self, *others: Results, labels: Sequence[str] = (), setups: bool = False
@@ -356,6 +333,8 @@ class ModelComparison(_Reported, Comparison):
         return build_comparison(self, template_folder())
 
 
+for _name, _chart_of in CHARTS.items():
+    setattr(Results, f"plot_{_name}", _plot(_chart_of))
 for _class in (Results, VaryingResults, ModelComparison):
     for _name, _method in vars(_class).items():
         if _name.startswith("plot_"):

@@ -38,7 +38,7 @@ FIGURES = {
     "simulation": Figure("errors", "time_domain", ("simulation.csv",)),
     "simulation_as_recorded": Figure("errors", "time_domain", ("simulation.csv",)),
     "horizons": Figure("errors", "time_domain", ("horizons.csv",)),
-    "residuals": Figure("residual_tests", "time_domain", _CORRELATIONS),
+    "residual_correlation": Figure("residual_tests", "time_domain", _CORRELATIONS),
     "residual_spectrum": Figure("residual_tests", "frequency_domain", ("simulation.csv",)),
     "record": Figure("recording", "time_domain", ("recording.npz", "prepared.npz")),
     "spectrum": Figure("recording", "frequency_domain", ("spectrum.csv",)),
