@@ -207,6 +207,18 @@ def test_a_candidate_that_is_scored_late_stands_once_among_the_others(monkeypatc
     assert set(names) >= {each.name for each in found}
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_orders_of_the_noise_are_refined_by_likelihood(seed):
+    """Simulation errors, which are those of the noise, do not tell them."""
+    u, e = np.random.default_rng(seed).standard_normal((2, 500))
+    y = lfilter([0.0, 1.0], [1.0, -0.8], u) + 0.3 * lfilter([1.0, 0.5], [1.0, -0.9], e)
+    stretches = [Segment(u, y)]
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings(), delays=(1,))
+    searches = [search_structure(scorer, each, {}) for each in ("oe", "bj")]
+    chosen = compare_structures(scorer, searches).choice("simulation").candidate
+    assert chosen.orders == Orders(nb=1, nc=1, nd=1, nf=1, nk=1)
+
+
 def test_folds_that_a_model_does_not_lead_to_are_estimated_anew(monkeypatch):
     u, y, _ = output_error_record(300)
     stretches = [Segment(u, y)]

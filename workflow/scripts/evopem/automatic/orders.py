@@ -221,7 +221,10 @@ def _polynomials(candidate: Candidate) -> PolynomialModel:
 def refine_orders(
     scorer: Scorer, start: Candidate, score: Score, rounds: int = 2
 ) -> list[Candidate]:
-    """Change one order after the other as long as a score falls; all that was tried, best last."""
+    """Change one order after the other as long as a score falls; all that was tried, best last.
+
+    By their BIC only the best is scored on held-out samples.
+    """
     best, tried, work = start, [start], 0
     for _ in range(rounds):
         for orders in _neighbours(best.orders):
@@ -233,12 +236,12 @@ def refine_orders(
                 best.structure, orders, models, own_starts=False, scored=False
             )
             tried += [candidate] if candidate is not None else []
-        tried = scorer.with_scores(tried)
+        tried, least = (tried, 0.0) if score is BIC else (scorer.with_scores(tried), GAIN)
         lowest = min(tried, key=score)
-        if not score(lowest) < (1.0 - GAIN) * score(best):
+        if not score(lowest) < score(best) - least * score(best):
             break
         best = lowest
-    return [*tried, best]
+    return [*tried, scorer.with_own_scores(best)]
 
 
 def _neighbours(o: Orders) -> list[Orders]:

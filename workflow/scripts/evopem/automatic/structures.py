@@ -124,8 +124,9 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
     if scorer.has_input:
         level, about_level = _level_of(candidates)
         score = score_of(_kind_of(level))
-        for finalist in _finalists(candidates, score):
-            candidates.extend(refine_orders(scorer, finalist, score))
+        for criterion in (score, BIC):
+            for finalist in _finalists(candidates, criterion):
+                candidates.extend(refine_orders(scorer, finalist, criterion))
         # What was refined may have been searched, and scored only then.
         candidates = list(dict.fromkeys(map(scorer.known, candidates)))
         simulation, about = _for_simulation(scorer, candidates, _kind_of(level))
@@ -180,17 +181,11 @@ def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
 
 
 def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
-    """The best of the best structures of polynomials, and of several inputs the likeliest.
-
-    Several inputs begin with the same orders, also in a model that is taken for its likelihood.
-    """
+    """The best of the best structures of polynomials."""
     polynomials = [c for c in parametric(candidates) if c.polynomials is not None]
     names = dict.fromkeys(polynomial.structure for polynomial in polynomials)
     best = (min((c for c in polynomials if c.structure == n), key=score) for n in names)
-    finalists = sorted(best, key=score)[:FINALISTS]
-    if polynomials and polynomials[0].orders.inputs > 1:
-        finalists.append(min(polynomials, key=BIC))
-    return list(dict.fromkeys(finalists))
+    return sorted(best, key=score)[:FINALISTS]
 
 
 def _for_simulation(
