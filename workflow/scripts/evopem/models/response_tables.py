@@ -1,7 +1,8 @@
 """A model's modes and responses as tables, with their intervals."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ FEWEST_SAMPLES, MOST_SAMPLES = 50, 1000
 # Step of a central difference, in standard errors of a coefficient: small against the curvature of
 # a response, large against rounding.
 STEP = 1e-3
+UNKNOWN = np.full((1, 1, 1), np.nan)
 # Derivatives of responses that are computed at a time.
 BLOCK = 2_000_000
 
@@ -186,7 +188,7 @@ def frequency_response_table(
     plant: StateSpaceModel | None = None,
     frequencies: Array | None = None,
     rivals: Sequence[Model] = (),
-) -> dict[str, Array | list[str]]:
+) -> dict[str, Column]:
     """Gains of plant and noise filter with 95 % bands, and unwrapped phases, to half the rate.
 
     A row for each frequency of each pair of output and input, beside the noise filter from the
@@ -198,28 +200,43 @@ def frequency_response_table(
         count = FREQUENCIES if len(inputs) * len(outputs) <= 1 else FREQUENCIES_OF_PAIRS
         frequencies = resolving_frequencies(plant or model, count)
     shown = plant or model
-    response = shown.frequency_response(frequencies)
     bands = response_interval(shown, frequencies, rivals=rivals)
-    noise, of_noise = model.noise_response(frequencies), response_interval(model, frequencies, True)
-    blocks = []
-    for row in range(len(outputs)):
-        beside = _columns(noise[:, row, row], *(response[:, row, row] for response in of_noise))
-        of_pairs = [
-            _columns(response[:, row, k], *(band[:, row, k] for band in bands))
-            for k in range(len(inputs))
-        ] or [dict.fromkeys(beside, np.full(len(frequencies), np.nan))]
-        beside = {f"noise_{name}": column for name, column in beside.items()}
-        blocks += [of_pair | beside for of_pair in of_pairs]
-    count, pairs = len(frequencies), [(o, i) for o in outputs for i in inputs or ("",)]
+    columns = response_columns(shown.frequency_response(frequencies), *bands)
+    bands = response_interval(model, frequencies, noise=True)
+    of_noise = response_columns(model.noise_response(frequencies), *bands)
+    columns |= {f"noise_{name}": _of_itself(values) for name, values in of_noise.items()}
+    return by_pair(outputs, inputs, "frequency_hz", frequencies, columns)
+
+
+def by_pair(
+    outputs: Sequence[str],
+    inputs: Sequence[str],
+    name: str,
+    axis: Array,
+    columns: Mapping[str, Array],
+) -> dict[str, Column]:
+    """Rows along an axis for each pair of output and input, of columns (N, l, m).
+
+    Columns may be alike for all outputs or inputs, (N, 1, m) or (N, l, 1).  Without an input there
+    is a row for each output, NaN in columns of none.
+    """
+    pairs, shape = list(product(outputs, inputs or ("",))), (len(outputs), len(inputs) or 1)
+    filled = {name: of_pairs if of_pairs.size else UNKNOWN for name, of_pairs in columns.items()}
     return {
-        "output": [output for output, _ in pairs for _ in range(count)],
-        "input": [source for _, source in pairs for _ in range(count)],
-        "frequency_hz": np.tile(frequencies, len(pairs)),
-        **{name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]},
+        "output": [output for output, _ in pairs for _ in axis],
+        "input": [source for _, source in pairs for _ in axis],
+        name: np.tile(axis, len(pairs)),
+        **{
+            name: np.broadcast_to(of_pairs, (len(axis), *shape)).transpose(1, 2, 0).ravel()
+            for name, of_pairs in filled.items()
+        },
     }
 
 
-def _columns(response: Complex, lower: Array, upper: Array, phase_error: Array) -> dict[str, Array]:
+def response_columns(
+    response: Complex, lower: Array, upper: Array, phase_error: Array
+) -> dict[str, Array]:
+    """Gains with intervals, and continuous phases with standard errors (rad), (F, l, m) each."""
     return {
         "gain": np.abs(response),
         "gain_lower": lower,
@@ -229,10 +246,17 @@ def _columns(response: Complex, lower: Array, upper: Array, phase_error: Array) 
     }
 
 
+def _of_itself(values: Array) -> Array:
+    """Of each output from its own innovations, (N, l, 1)."""
+    return np.einsum("tii->ti", values)[..., None]
+
+
 def _unwrapped(angles: Array) -> Array:
     """Continuous angles, NaN where there is none, as at the frequency of an integrator."""
-    known, unwrapped = np.isfinite(angles), np.full(len(angles), np.nan)
-    unwrapped[known] = np.unwrap(angles[known])
+    unwrapped = np.full(angles.shape, np.nan)
+    for at in np.ndindex(angles.shape[1:]):
+        known = np.isfinite(angles[:, *at])
+        unwrapped[known, *at] = np.unwrap(angles[known, *at])
     return unwrapped
 
 
@@ -242,7 +266,7 @@ def time_response_table(
     outputs: Sequence[str],
     plant: Model,
     rivals: Sequence[Model] = (),
-) -> dict[str, Array | list[str]]:
+) -> dict[str, Column]:
     """Impulse and step response of the plant and impulse response of the noise filter.
 
     A row for each sample of each pair of output and input, beside the noise filter from the
@@ -250,15 +274,14 @@ def time_response_table(
     with the spread of ``rivals`` of the plant, as :func:`response_interval` has it; without an
     input one for each output, NaN for the plant.
     """
-    samples, pairs = response_length(model), [(o, i) for o in outputs for i in inputs or ("",)]
+    samples = response_length(model)
 
     def of_plant(plant: Any) -> Array:
         impulse = plant.impulse_response(samples)
         return np.stack([impulse, np.cumsum(impulse, axis=0)])
 
     def of_noise(model: Any) -> Array:
-        responses = np.einsum("tii->ti", model.noise_impulse_response(samples))
-        return np.repeat(responses[..., None], len(inputs) or 1, axis=2)[None]
+        return _of_itself(model.noise_impulse_response(samples))[None]
 
     columns: dict[str, Array] = {}
     for names, of_part, response in (
@@ -275,15 +298,9 @@ def time_response_table(
             errors[~np.isfinite(errors)] = np.nan
         for end, sign in (("", 0.0), ("_lower", -1.0), ("_upper", 1.0)):
             ends = values + sign * NORMAL_95 * errors if sign else values
-            for name, values_of_end in zip(names, ends, strict=True):
-                columns[name + end] = np.moveaxis(values_of_end, 0, 2).ravel()
-    unknown = np.full(samples * len(pairs), np.nan)
-    return {
-        "output": [output for output, _ in pairs for _ in range(samples)],
-        "input": [source for _, source in pairs for _ in range(samples)],
-        "time_s": np.tile(np.arange(samples) / model.sampling_rate, len(pairs)),
-        **{name: column if column.size else unknown for name, column in columns.items()},
-    }
+            columns |= {name + end: of_end for name, of_end in zip(names, ends, strict=True)}
+    times = np.arange(samples) / model.sampling_rate
+    return by_pair(outputs, inputs, "time_s", times, columns)
 
 
 def response_length(model: Model) -> int:

@@ -1,12 +1,9 @@
 """The stage of frequency responses: from the file to a model, its validation and its tables."""
 
-from collections.abc import Mapping
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from evopem.arrays import Array
 from evopem.config.defaults import yaml_text
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
@@ -19,8 +16,10 @@ from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.polynomial import save_model_mat
 from evopem.models.response_tables import (
     FREQUENCIES,
-    Column,
+    UNKNOWN,
+    by_pair,
     resolving_frequencies,
+    response_columns,
     time_response_table,
 )
 from evopem.pipeline.call import Log
@@ -89,6 +88,7 @@ def _save_tables(files: DatasetFiles, fit: ResponseFit, record: ModelRecord, mos
     Where inputs are held between samples, the model of the record has other responses than the fit.
     """
     responses, shown = fit.responses, resolving_frequencies(record.model, FREQUENCIES)
+    names, along = (record.output_names, record.input_names), "frequency_hz"
     error = NORMAL_95 * np.sqrt(fit.variance_factor) / fit.weights
     gain = np.abs(responses.values)
     measured = {
@@ -98,34 +98,15 @@ def _save_tables(files: DatasetFiles, fit: ResponseFit, record: ModelRecord, mos
         "phase_deg": np.angle(responses.values, deg=True),
     }
     measured = {f"frequency_response_{name}": values for name, values in measured.items()}
-    measured["coherence"] = np.full(gain.shape, np.nan)
-    write_table(files.spectrum, _by_pair(record, responses.frequencies, measured))
+    measured["coherence"] = UNKNOWN
+    write_table(files.spectrum, by_pair(*names, along, responses.frequencies, measured))
     shown = shown[shown <= most]
     response, (error, phase_error) = fit.response(shown), fit.relative_errors(shown)
     gain, factor = np.abs(response), np.exp(NORMAL_95 * error)
-    of_fit = {
-        "gain": gain,
-        "gain_lower": gain / factor,
-        "gain_upper": gain * factor,
-        "phase_deg": np.degrees(np.unwrap(np.angle(response), axis=0)),
-        "phase_se_deg": np.degrees(phase_error),
-    }
-    write_table(files.frequency_response, _by_pair(record, shown, of_fit))
-    names = record.input_names, record.output_names
-    write_table(files.time_response, time_response_table(record.model, *names, record.plant))
+    of_fit = response_columns(response, gain / factor, gain * factor, phase_error)
+    write_table(files.frequency_response, by_pair(*names, along, shown, of_fit))
+    times = time_response_table(record.model, *names[::-1], record.plant)
+    write_table(files.time_response, times)
     counts = list(fit.criteria)
     columns = {"modes": counts, "bic": list(fit.criteria.values())}
     write_table(files.candidates, columns | {"selected": [str(n == fit.modes) for n in counts]})
-
-
-def _by_pair(
-    record: ModelRecord, frequencies: Array, columns: Mapping[str, Array]
-) -> dict[str, Column]:
-    """Rows for each frequency of each pair of output and input, of (F, l, m) columns."""
-    pairs = list(product(record.output_names, record.input_names))
-    return {
-        "output": [output for output, _ in pairs for _ in frequencies],
-        "input": [source for _, source in pairs for _ in frequencies],
-        "frequency_hz": np.tile(frequencies, len(pairs)),
-        **{name: values.transpose(1, 2, 0).ravel() for name, values in columns.items()},
-    }

@@ -1,16 +1,16 @@
 """Spectrum: Thomson's multitaper estimate, its peaks, and an empirical frequency response."""
 
-from typing import Any
-
 import numpy as np
 
+from evopem.arrays import Array
 from evopem.config.settings import SpectrumSettings
 from evopem.files.atomic import write_table
 from evopem.files.json_form import save
+from evopem.models.response_tables import by_pair
 from evopem.results.layout import DatasetFiles
 from evopem.signals.peaks import summarize_spectrum
 from evopem.signals.prepared_data import load_prepared
-from evopem.signals.spectra import frequency_response, multitaper_spectrum
+from evopem.signals.spectra import Spectrum, frequency_response, multitaper_spectrum
 
 # Points of the transforms where there are several pairs of channels, so that tables stay small.
 MOST_OF_PAIRS = 2048
@@ -32,31 +32,25 @@ def estimate_spectrum(files: DatasetFiles, settings: SpectrumSettings) -> None:
     spectra = [multitaper_spectrum(signal, rate, width, nfft) for signal in samples.outputs.T]
     of_inputs = [multitaper_spectrum(signal, rate, width, nfft) for signal in samples.inputs.T]
     response = frequency_response(samples, width, nfft) if count else None
-    tables: list[dict[str, Any]] = []
-    for row, spectrum in enumerate(spectra):
-        first_columns = {
-            "output": [recording.output_names[row]] * len(spectrum.frequencies),
-            "frequency_hz": spectrum.frequencies,
-            "density": spectrum.density,
-            "lower": spectrum.lower,
-            "upper": spectrum.upper,
+
+    def of_channels(estimates: list[Spectrum], name: str) -> Array:
+        return np.stack([getattr(spectrum, name) for spectrum in estimates], axis=1)
+
+    columns = {
+        name: of_channels(spectra, name)[:, :, None] for name in ("density", "lower", "upper")
+    }
+    if response is not None:
+        columns |= {
+            "input_density": of_channels(of_inputs, "density")[:, None],
+            "frequency_response_gain": response.gain,
+            "frequency_response_gain_lower": response.gain_lower,
+            "frequency_response_gain_upper": response.gain_upper,
+            "frequency_response_phase_deg": response.phase_deg,
+            "coherence": response.coherence[:, :, None],
         }
-        if response is None:
-            tables.append(first_columns)
-            continue
-        for column, of_input in enumerate(of_inputs):
-            tables.append(
-                first_columns
-                | {
-                    "input": [recording.input_names[column]] * len(spectrum.frequencies),
-                    "input_density": of_input.density,
-                    "frequency_response_gain": response.gain[:, row, column],
-                    "frequency_response_gain_lower": response.gain_lower[:, row, column],
-                    "frequency_response_gain_upper": response.gain_upper[:, row, column],
-                    "frequency_response_phase_deg": response.phase_deg[:, row, column],
-                    "coherence": response.coherence[:, row],
-                }
-            )
-    columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-    write_table(files.spectrum, columns)
+    names = recording.output_names, recording.input_names
+    table = by_pair(*names, "frequency_hz", spectra[0].frequencies, columns)
+    if response is None:
+        del table["input"]
+    write_table(files.spectrum, table)
     save([summarize_spectrum(spectrum) for spectrum in spectra], files.spectrum_summary)
