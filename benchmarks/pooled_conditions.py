@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,9 +20,9 @@ from scipy.signal import lfilter
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "workflow" / "scripts")]
 
-from evopem.automatic.varying import CLEARLY, compared  # noqa: E402
+from evopem.automatic.varying import moving_model  # noqa: E402
+from evopem.config.settings import VaryingSettings  # noqa: E402
 from evopem.estimation.varying import Scheduled  # noqa: E402
-from evopem.estimation.varying_choice import choose_varying  # noqa: E402
 from evopem.signals.recording import Recording, Segment  # noqa: E402
 
 RATE, SAMPLES, RECORDINGS, ORDER, ZETA = 100.0, 300, 6, 2, 0.03
@@ -52,23 +51,17 @@ def recorded(structure: str, changes: bool, generator: np.random.Generator) -> S
 
 def judged(scheduled: Scheduled, changes: bool) -> tuple[bool, list[tuple[float, float]]]:
     """Whether held-out recordings are predicted better, and deviations of modes in errors."""
-    choose = partial(choose_varying, most=ORDER, nk=(1,))
-    moving = choose(scheduled, dimensions=(2, 3))
-    choices = (
-        partial(choose, dimensions=(2, 3)),
-        partial(choose, kinds=("legendre",), dimensions=(1,)),
-    )
-    moves = bool(np.any(moving.free[:, 1:]))
-    better = moves and compared(scheduled, *choices)[2] > CLEARLY
-    deviations = []
-    basis = moving.model.basis
+    varying, deviations = moving_model(scheduled, ORDER, (1,), VaryingSettings(), "temperature"), []
+    if varying.moves is None:
+        return False, deviations
+    basis = varying.model.basis
     for temperature in np.linspace(basis.low, basis.high, 11) if changes else ():
-        modes = moving.model.frozen(float(temperature)).modes()
+        modes = varying.model.frozen(float(temperature)).modes()
         truth = frequency(temperature, changes)
         mode = min(modes, key=lambda mode: abs(mode.frequency_hz - truth))
         of_damping = (mode.damping_ratio - ZETA) / mode.damping_se
         deviations.append(((mode.frequency_hz - truth) / mode.frequency_se_hz, of_damping))
-    return better, deviations
+    return varying.moves.is_better, deviations
 
 
 def main() -> None:

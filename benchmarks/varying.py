@@ -27,7 +27,7 @@ from evopem import Orders, Recording, SearchSettings, estimate
 from evopem.automatic.varying import moving_model
 from evopem.config.settings import VaryingSettings
 from evopem.estimation.varying import Scheduled, VaryingProblem, fit_varying
-from evopem.estimation.varying_choice import choose_autoregression, undersmoothed
+from evopem.estimation.varying_choice import autoregressions, undersmoothed
 from evopem.models.polynomial import state_space_of
 from evopem.models.varying import all_free, delayed_inputs, filtered
 from evopem.signals.recording import Segment
@@ -137,7 +137,7 @@ def spectra(records, _kinds, samples=1200):
             errors.setdefault(name, []).append(np.abs(estimate - truth).sum() / truth.sum())
 
         began = time.process_time()
-        chosen = choose_autoregression(scheduled, 12, ())
+        chosen = autoregressions(scheduled, 12, ())[0]
         tar = fit_varying(scheduled, chosen.orders, chosen.basis).model
         theta = tar.coefficients(times)
         of_tar = spectrum(

@@ -20,7 +20,7 @@ from evopem import (
 )
 from evopem.automatic.varying import Moves, Varying, blocks, held_out_errors
 from evopem.estimation.varying import Scheduled, VaryingProblem, fit_varying
-from evopem.estimation.varying_choice import choose_varying, undersmoothed
+from evopem.estimation.varying_choice import choose_again, choose_varying, race, undersmoothed
 from evopem.files.json_form import from_json, load, to_json
 from evopem.models.modes import Mode
 from evopem.models.varying import (
@@ -245,9 +245,8 @@ def test_a_condition_schedules_recordings():
 
 @pytest.mark.parametrize("structure", ["ar", "arx", "armax", "oe"])
 def test_the_structure_is_chosen(structure):
-    chosen = choose_varying(
-        Scheduled.of(moving(structure, 1200)), 3, () if structure == "ar" else (1,)
-    )
+    scheduled = Scheduled.of(moving(structure, 1200))
+    chosen = choose_varying(scheduled, race(scheduled, 3, () if structure == "ar" else (1,)))
     assert chosen.model.orders.structure == ("arx" if structure == "ar" else structure)
     assert denominator_size(chosen.model) == 2
     assert np.any(chosen.free[:2, 1:])
@@ -259,7 +258,8 @@ def denominator_size(model):
 
 def test_what_stays_has_no_moving_terms():
     a = np.tile(denominators([12.0]), (2000, 1))
-    chosen = choose_varying(Scheduled.of(moving("arx", a=a)), 3, (1,))
+    scheduled = Scheduled.of(moving("arx", a=a))
+    chosen = choose_varying(scheduled, race(scheduled, 3, (1,)))
     assert not np.any(chosen.free[:, 1:])
 
 
@@ -393,17 +393,16 @@ def test_what_cannot_move_is_refused(given, sentence):
 
 def test_each_fold_is_held_out_of_the_choice():
     scheduled, seen = Scheduled.of(moving("arx", 800)), []
+    raced = race(scheduled, 2, (1,), ("legendre",), (1, 2, 3))
 
     def choose(others):
         seen.append(others.weights)
-        return choose_varying(others, 2, (1,), ("legendre",), (1, 2, 3))
+        return choose_again(others, raced)
 
     errors = held_out_errors(scheduled, choose)
     assert np.isfinite(errors[2:]).all()
     assert sum(seen).tolist() == [4.0] * 800
-    of_first = choose_varying(
-        Scheduled(scheduled.data, scheduled.schedule, seen[0]), 2, (1,), ("legendre",), (1, 2, 3)
-    )
+    of_first = choose_again(Scheduled(scheduled.data, scheduled.schedule, seen[0]), raced)
     held = np.flatnonzero(seen[0] == 0.0)[2:]
     np.testing.assert_allclose(errors[held], of_first.errors[held])
 

@@ -16,7 +16,12 @@ from evopem.config.settings import VaryingSettings
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.varying import Scheduled, VaryingEstimate
-from evopem.estimation.varying_choice import DIMENSIONS, choose_basis, choose_varying
+from evopem.estimation.varying_choice import (
+    DIMENSIONS,
+    choose_again,
+    choose_varying,
+    race,
+)
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.varying import KINDS, MovingMode, VaryingModel
@@ -40,7 +45,7 @@ Choose = Callable[[Scheduled], VaryingEstimate | None]
 class Moves:
     """What a moving model says; errors are of held-out samples one step ahead, in percent.
 
-    Of models that are chosen, as this one is, without these samples.
+    Of models that are chosen without them, among the few that compete for all samples.
     """
 
     text: str  # the structure, and the basis
@@ -131,21 +136,16 @@ def moving_model(
     dimensions = tuple(n for n in DIMENSIONS if n < levels + (2 - levels) // FOLDS)
     if settings.dimension != "auto":
         dimensions = (settings.dimension,)
-    choose: Callable[..., VaryingEstimate | None]
-    if isinstance(orders, Orders):
-        choose = partial(choose_basis, orders=orders)
-    else:
-        choose = partial(choose_varying, most=orders, nk=nk)
-    moving = partial(choose, kinds=kinds, dimensions=dimensions)
-    constant = partial(choose, kinds=KINDS[:1], dimensions=(1,))
-    chosen = moving(scheduled)
+    moving = race(scheduled, orders, nk, kinds, dimensions)
+    chosen = choose_varying(scheduled, moving)
     if chosen is None:
         return Varying("the record is too short for coefficients that move")
     if not np.any(chosen.free[:, 1:]):
         return Varying("BIC prefers coefficients that stay as they are")
     # The search takes most of the time: both sides of the comparison go without it.
-    by_descents = (partial(choose, searched=False) for choose in (moving, constant))
-    error, constant_error, standard_errors = compared(scheduled, *by_descents)
+    constant = race(scheduled, orders, nk, KINDS[:1], (1,))
+    again = [partial(choose_again, raced=raced) for raced in (moving, constant)]
+    error, constant_error, standard_errors = compared(scheduled, *again)
     model = replace(chosen.model, schedule=schedule)
     moves = Moves(
         model.text,

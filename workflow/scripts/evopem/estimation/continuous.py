@@ -5,21 +5,22 @@ are solved for (variable projection: Golub & Pereyra 1973).  Derivatives are exa
 denominator F are states of 1/F that the output itself drives.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, qr
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.linalg import block_diag
+from scipy.linalg.lapack import dpotrf, dtrtri
+from scipy.optimize import least_squares
 
 from evopem.arrays import Array
 from evopem.config.settings import Hold, SearchSettings
 from evopem.errors import InputError
-from evopem.estimation.pem.covariance import coloured_covariance
+from evopem.estimation.pem.covariance import coloured_covariance, pseudo_inverse_factor
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.search.memetic import discrete_recombination, memetic_search
 from evopem.models.continuous import AT_ZERO, ContinuousModel, ContinuousRecord, phi_functions
@@ -30,6 +31,8 @@ from evopem.signals.recording import Recording
 
 # Evaluations of the search, and of its descents and the last one.
 EVALUATIONS, COARSE, FINE = 600, 15, 100
+# Share of a column that is not along those before it, below which a Gram matrix loses its digits.
+CLEAR = 1e-5
 # What a descent starts away from the limits.
 EDGE = 1e-6
 # Radius in z from which on a pole integrates or grows.
@@ -50,9 +53,43 @@ class Fit(NamedTuple):
     """Errors of a point, with what their derivatives need."""
 
     columns: Array  # (N, c) what enters the output linearly
-    basis: Array  # (N, c) an orthonormal one of the columns
+    rows: Array  # (N, c) weighted
+    factor: Array  # (c, r) of the pseudo-inverse of rows' rows
     coefficients: Array  # (c,)
     errors: Array  # (N,)
+
+    @classmethod
+    def of(cls, columns: Array, y: Array, weights: Array) -> Self:
+        """Weighted least squares; a second pass for the digits that a Gram matrix loses."""
+        rows, coefficients, errors = columns * weights[:, None], np.zeros(columns.shape[1]), y
+        factor, _ = inverse_factor(rows)
+        for _ in range(2):
+            coefficients = coefficients + factor @ (factor.T @ (rows.T @ (errors * weights)))
+            errors = y - columns @ coefficients
+        return cls(columns, rows, factor, coefficients, errors)
+
+    def across(self, directions: Array) -> Array:
+        """What of directions, (N, k), is not along the rows."""
+        along = self.factor @ (self.factor.T @ (self.rows.T @ directions))
+        return np.asarray(directions - self.rows @ along)
+
+
+def triangle_of(rows: Array) -> tuple[Array, bool]:
+    """R of a QR decomposition, (n, n), and whether a Gram matrix was exact enough to give it."""
+    gram = rows.T @ rows
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    triangle, fails = dpotrf(gram / scale / scale[:, None])
+    if fails or np.diag(triangle).min(initial=1.0) < CLEAR:
+        return np.asarray(np.linalg.qr(rows, mode="r")), False
+    return triangle * scale, True
+
+
+def inverse_factor(rows: Array) -> tuple[Array, Array]:
+    """A factor F of the pseudo-inverse ``F F'`` of ``rows' rows``, and its null space."""
+    triangle, is_regular = triangle_of(rows)
+    if is_regular:
+        return np.asarray(dtrtri(triangle)[0]), np.zeros((len(triangle), 0))
+    return pseudo_inverse_factor(triangle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +137,7 @@ class ContinuousProblem:
         columns += [self._states(A, segment=k) for k in range(len(self._rows))]
         recordings = np.repeat(self.data.segment_recordings, [r.stop - r.start for r in self._rows])
         columns.append((recordings[:, None] == np.unique(recordings)).astype(float))
-        every = np.hstack(columns) * self._known[:, None]
-        scale = np.maximum(np.linalg.norm(every, axis=0), 1e-300)
-        basis, triangle = qr(every / scale, mode="economic")
-        along = basis.T @ y
-        coefficients = np.linalg.lstsq(triangle, along, 1e-12)[0] / scale
-        return Fit(every, basis, coefficients, y - basis @ along)
+        return Fit.of(np.hstack(columns) * self._known[:, None], y, self._known)
 
     def jacobian(self, point: Array, fit: Fit) -> Array:
         """Derivatives of the output by the entries of a point, its coefficients held, (N, k)."""
@@ -202,18 +234,10 @@ class ContinuousProblem:
 
         def slopes(point: Array) -> Array:
             fit = self.projection(point)
-            along = self.jacobian(point, fit)
-            return fit.basis @ (fit.basis.T @ along) - along
+            return -fit.across(self.jacobian(point, fit))
 
-        ends = [
-            least_squares(
-                lambda x: self.projection(x).errors,
-                *(start, slopes, self._limits),
-                **stops_of(steps, tolerance),
-            )
-            for start in self.repair(points)
-        ]
-        return descent_of(ends, self.data.samples)
+        given = slopes, self.repair(points), self.data.samples, steps, tolerance
+        return descents(lambda x: self.projection(x).errors, *given, bounds=self._limits)
 
     def polish(self, points: Array) -> Descent:
         """Descents to the last digits."""
@@ -249,13 +273,18 @@ class ContinuousProblem:
         return ContinuousModel(A, B, C, D, fit.coefficients[-1:], delays, self.hold, *about)
 
 
-def stops_of(steps: int, tolerance: float) -> dict[str, Any]:
-    """When descents by SciPy's ``least_squares`` end."""
-    return {"ftol": tolerance, "xtol": tolerance, "gtol": None, "max_nfev": steps}
-
-
-def descent_of(ends: Sequence[OptimizeResult], samples: int) -> Descent:
-    """Where such descents ended, with mean squares of so many errors."""
+def descents(
+    errors: Callable[[Array], Array],
+    slopes: Callable[[Array], Array],
+    starts: Array,
+    samples: int,
+    steps: int,
+    tolerance: float,
+    **options: Any,
+) -> Descent:
+    """Descents by SciPy's ``least_squares``, with mean squares of so many errors."""
+    options |= {"ftol": tolerance, "xtol": tolerance, "gtol": None, "max_nfev": steps}
+    ends = [least_squares(errors, start, slopes, **options) for start in starts]
     values = np.array([2.0 * end.cost / samples for end in ends])
     converged = np.array([end.status > 0 for end in ends])
     used = sum(end.nfev + end.njev for end in ends)

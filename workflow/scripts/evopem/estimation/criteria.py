@@ -66,10 +66,10 @@ def log_variance_of(errors: Array, functions: Array) -> tuple[Array, float, int]
     best = constant, count * (constant[0] + 1.0), 1
     if terms == 1:
         return best
-    weights, squares = constant.copy(), errors**2
+    weights, squares, inverse = constant.copy(), errors**2, np.linalg.pinv(functions, 1e-12)
     for _ in range(VARIANCE_STEPS):
         ratio = squares * np.exp(-functions @ weights)
-        step = np.linalg.lstsq(functions, ratio - 1.0, 1e-12)[0]
+        step = inverse @ (ratio - 1.0)
         weights = weights + np.clip(step, -1.0, 1.0)
         if np.max(np.abs(step)) < 1e-8:
             break

@@ -12,14 +12,14 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
 from evopem.arrays import Array, Flags, Indices
 from evopem.config.settings import SearchSettings
-from evopem.estimation.continuous import Fit, descent_of, stops_of
+from evopem.estimation.continuous import Fit, descents, inverse_factor, triangle_of
 from evopem.estimation.criteria import log_variance_of
-from evopem.estimation.pem.covariance import coloured_covariance, pseudo_inverse_factor
+from evopem.estimation.pem.covariance import coloured_covariance
 from evopem.estimation.pem.kernels.bfgs import Descent
+from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.search.memetic import discrete_recombination, memetic_search
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance
@@ -87,6 +87,11 @@ class VaryingEstimate:
     errors: Array  # (N,) one step ahead, NaN where the past is not known
     free: Flags  # (n, dimension), the weights that were estimated
 
+    @property
+    def is_searched(self) -> bool:
+        """Whether some of these are not solved for."""
+        return bool(self.free[self.model.rows["searched"]].any())
+
 
 @dataclass(frozen=True, eq=False)
 class VaryingProblem:
@@ -122,7 +127,7 @@ class VaryingProblem:
     @cached_property
     def searched(self) -> slice:
         """Rows of the weights that are searched."""
-        return rows_of(self.orders)["a" if self.is_output_error else "c"]
+        return rows_of(self.orders)["searched"]
 
     @cached_property
     def _is_linear(self) -> Flags:
@@ -173,7 +178,8 @@ class VaryingProblem:
     def projection(self, point: Array) -> Fit:
         """Errors of a point, weighted, whose other weights fit best."""
         moving, y, columns = self.coefficients(point), self._output, self._regressors
-        if self._radius(point) > self.limit * (1.0 + 1e-9):
+        frozen = self._at_moments @ self._weights_of(point).T
+        if not np.isfinite(stability_barriers(frozen, self.limit * (1.0 + 1e-6))[0]).all():
             return self._hopeless
         with np.errstate(all="ignore"):
             if self.is_output_error:
@@ -187,29 +193,20 @@ class VaryingProblem:
             size = float(np.linalg.norm(columns)) + float(np.linalg.norm(y))
         if not size < HOPELESS**2 * (1.0 + np.linalg.norm(self._output)):
             return self._hopeless
-        rows = columns * self._weight[:, None]
-        sizes = np.linalg.norm(rows, axis=0)
-        scale = np.where(sizes > 0.0, sizes, np.inf)  # nothing is known before a segment held out
-        basis, triangle = np.linalg.qr(rows / scale)
-        along = basis.T @ (y * self._weight)
-        coefficients = np.linalg.lstsq(triangle, along, 1e-12)[0] / scale
-        return Fit(columns, basis, coefficients, y - columns @ coefficients)
+        return Fit.of(columns, y, self._weight)
 
     @cached_property
     def _hopeless(self) -> Fit:
-        errors = HOPELESS * self._output
-        columns = 0.0 * self._regressors
-        return Fit(columns, np.zeros((len(errors), 0)), columns[0], errors)
+        return Fit.of(0.0 * self._regressors, HOPELESS * self._output, self._weight)
 
     @cached_property
     def limit(self) -> float:
         """Largest modulus of the frozen roots that are searched."""
         return RADIUS if self.is_output_error else min(RADIUS, 1.0 - FORGOTTEN / len(self.kept))
 
-    def _radius(self, point: Array) -> float:
-        return float(
-            root_radii(self.basis.at(self.basis.moments) @ self._weights_of(point).T).max()
-        )
+    @cached_property
+    def _at_moments(self) -> Array:
+        return self.basis.at(self.basis.moments)
 
     @cached_property
     def _impulses(self) -> Array:
@@ -244,9 +241,8 @@ class VaryingProblem:
         errors[problem.kept] = fit.errors
         past = lagged(errors, range(1, orders.nc + 1), self.scheduled.bounds)[self.kept]
         columns = np.hstack([self._moving(past, self.free[self.searched]), self._regressors])
-        rows = columns * self._weight[:, None]
-        solved = np.linalg.lstsq(rows, self._output * self._weight, 1e-10)[0]
-        return np.asarray(solved[: int(self.free[self.searched].sum())])
+        solved = Fit.of(columns, self._output, self._weight).coefficients
+        return solved[: int(self.free[self.searched].sum())]
 
     def random(self, count: int, generator: np.random.Generator) -> Array:
         """Random roots, and slopes of a tenth of what they give, (count, k)."""
@@ -269,7 +265,8 @@ class VaryingProblem:
         repaired = []
         for point in points:
             weights = self._weights_of(point)
-            drawn_in = min(self.limit / max(self._radius(point), 1e-300), 1.0)
+            radius = float(root_radii(self._at_moments @ weights.T).max())
+            drawn_in = min(self.limit / max(radius, 1e-300), 1.0)
             powers = drawn_in ** np.arange(1, len(weights) + 1)
             repaired.append((weights * powers[:, None])[self.free[self.searched]])
         return np.array(repaired)
@@ -277,7 +274,7 @@ class VaryingProblem:
     def triangle(self) -> tuple[int, Array]:
         """How many errors of an autoregression count, and R of its regressors and the output."""
         rows = np.column_stack([self._regressors, self._output]) * self._weight[:, None]
-        return int(np.count_nonzero(self._weight)), np.asarray(np.linalg.qr(rows, mode="r"))
+        return int(np.count_nonzero(self._weight)), triangle_of(rows)[0]
 
     def values(self, points: Array) -> Array:
         """Mean squares of the weighted errors, (M,)."""
@@ -302,32 +299,31 @@ class VaryingProblem:
 
         def slopes(point: Array) -> Array:
             (fit,) = last
-            along = self._weighed(self.jacobian(point, fit))
-            return np.asarray(along - fit.basis @ (fit.basis.T @ along))
+            return fit.across(self._weighed(self.jacobian(point, fit)))
 
-        options = {"x_scale": "jac", **stops_of(steps, tolerance)}
-        starts = self.repair(points)
-        ends = [least_squares(errors, start, slopes, **options) for start in starts]
-        return descent_of(ends, self._count)
+        given = self.repair(points), self._count, steps, tolerance
+        return descents(errors, slopes, *given, x_scale="jac")
 
     def polish(self, points: Array) -> Descent:
         """Descents to the last digits that count."""
-        return self.descend(points, FINE, 1e-8)
+        return self.descend(points, FINE, 1e-6)
 
-    def estimate(self, point: Array) -> VaryingEstimate:
-        """The model of a point, with its covariance and the variance of its noise."""
+    def estimate(self, point: Array, with_covariance: bool = True) -> VaryingEstimate:
+        """The model of a point, with the variance of its noise."""
         fit, data = self.projection(point), self.scheduled.data
         counted, weights = self._weight > 0.0, np.zeros(self.free.shape)
         weights[self.searched] = self._weights_of(point)
         weights[self._is_linear] = fit.coefficients[: int(self._is_linear.sum())]
-        of_noise = log_variance_of(fit.errors[counted], self.functions[counted])
-        log_variance, likelihood, terms = of_noise
+        of_noise = fit.errors[counted], self.functions[counted]
+        log_variance, likelihood, terms = log_variance_of(*of_noise)
         errors = np.full(data.samples, np.nan)
         errors[self.kept] = fit.errors
+        covariance = None
+        if with_covariance:
+            covariance = self._covariance(point, fit, counted, log_variance)
         model = VaryingModel(
-            *(self.orders, self.basis, weights, log_variance, data.sampling_rate),
-            *(self._covariance(point, fit, counted, log_variance), "time"),
-            *(data.input_names, data.output_names),
+            *(self.orders, self.basis, weights, log_variance, data.sampling_rate, covariance),
+            *("time", data.input_names, data.output_names),
         )
         bic = likelihood + (int(self.free.sum()) + terms) * float(np.log(self._count))
         return VaryingEstimate(model, bic, errors, self.free)
@@ -345,9 +341,8 @@ class VaryingProblem:
             within = np.diff(np.searchsorted(np.flatnonzero(counted), self.bounds)).tolist()
             covariance = coloured_covariance(slopes, errors, len(at), "quadratic", True, within)
         else:
-            triangle = np.asarray(np.linalg.qr(slopes, mode="r"))
             freedom = len(errors) / max(len(errors) - slopes.shape[1], 1)
-            inverse, null_space = pseudo_inverse_factor(triangle)
+            inverse, null_space = inverse_factor(slopes)
             covariance = ParameterCovariance(np.sqrt(freedom) * inverse, null_space)
         if covariance is None:
             return None

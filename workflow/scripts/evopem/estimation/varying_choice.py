@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from evopem.arrays import Array, Flags
+from evopem.arrays import Array, Flags, Indices
+from evopem.estimation.continuous import triangle_of
 from evopem.estimation.varying import (
     Scheduled,
     VaryingEstimate,
@@ -15,13 +16,21 @@ from evopem.estimation.varying import (
     fit_varying,
 )
 from evopem.models.orders import Orders
-from evopem.models.varying import KINDS, Basis, BasisKind, all_free, denominator_order, rows_of
+from evopem.models.varying import (
+    KINDS,
+    Basis,
+    BasisKind,
+    VaryingModel,
+    all_free,
+    denominator_order,
+    rows_of,
+)
 
 DIMENSIONS = (2, 3, 4, 5, 6, 8, 10)
 # Samples for each weight below which there is no such model.
 FEWEST_PER_WEIGHT = 8
-# Terms whose t-statistics are below it are dropped together, where BIC agrees.
-INSIGNIFICANT = 1.5
+# Models of a race that compete again without the samples that judge the choice.
+FINALISTS = 3
 # Orders in a row above the best one that end the ladder of a structure.
 PATIENCE = 2
 # Samples above which autoregressions alone are tried: the searches would take minutes.
@@ -36,42 +45,39 @@ class Chosen(NamedTuple):
     basis: Basis
 
 
-def arx_of(order: int, nk: Sequence[int]) -> Orders:
-    """ARX, or AR without an input, whose inputs have as many coefficients as A."""
-    return Orders("arx" if nk else "", na=order, nb=(order,) * len(nk), nk=tuple(nk))
+def orders_of(structure: str, order: int, nk: Sequence[int]) -> Orders:
+    """ARX, ARMAX or output error, or AR and ARMA without an input, of polynomials of one length."""
+    name = structure if nk else {"arx": "", "armax": "arma"}[structure]
+    poles = ("nf",) if structure == "oe" else ("na", "nc")[: 1 + (structure == "armax")]
+    return Orders(name, nb=(order,) * len(nk), nk=tuple(nk), **dict.fromkeys(poles, order))
 
 
-def choose_autoregression(
+def autoregressions(
     scheduled: Scheduled,
     most: int,
     nk: Sequence[int],
     kinds: Sequence[BasisKind] = KINDS,
     dimensions: Sequence[int] = DIMENSIONS,
-) -> Chosen | None:
-    """The ARX model of smallest BIC over orders 1 to ``most``, bases and their dimensions.
+) -> list[Chosen]:
+    """ARX models of orders 1 to ``most``, bases and their dimensions, that of smallest BIC first.
 
     One triangle of each basis serves all orders, and where functions are nested all dimensions.
     """
-    nested = [kind for kind in kinds if kind != "spline"]
-    # Splines of fewer functions than a cubic one are polynomials.
-    apart = [n for n in dimensions if n > 4 and "spline" in kinds]
-    tried: list[tuple[BasisKind, int]] = [
-        *product(nested, [max(dimensions)]),
-        *(("spline", n) for n in apart),
-    ]
-    every = [
-        chosen
-        for kind, dimension in tried
-        for chosen in _of_basis(scheduled, most, nk, scheduled.basis(kind, dimension), dimensions)
-    ]
-    return min(every, key=lambda chosen: chosen.bic, default=None)
+    every: list[Chosen] = []
+    for kind in kinds:
+        # Splines of fewer functions than a cubic one are polynomials.
+        apart = [n for n in dimensions if n > 4] if kind == "spline" else [max(dimensions)]
+        for basis in (scheduled.basis(kind, n) for n in apart):
+            every += _of_basis(scheduled, most, nk, basis, dimensions)
+    return sorted(every, key=lambda chosen: chosen.bic)
 
 
 def _of_basis(
     scheduled: Scheduled, most: int, nk: Sequence[int], basis: Basis, dimensions: Sequence[int]
 ) -> Iterator[Chosen]:
-    free = all_free(arx_of(most, nk), basis)
-    problem = VaryingProblem(scheduled, arx_of(most, nk), basis, free)
+    orders = orders_of("arx", most, nk)
+    free = all_free(orders, basis)
+    problem = VaryingProblem(scheduled, orders, basis, free)
     samples, triangle = problem.triangle()
     rows, terms = np.nonzero(free)
     smaller = [basis.dimension] if basis.kind == "spline" else dimensions
@@ -80,63 +86,67 @@ def _of_basis(
         kept = np.flatnonzero(((of_polynomial < order) | (rows == rows[-1])) & (terms < dimension))
         if samples < FEWEST_PER_WEIGHT * len(kept):
             continue
-        smallest = np.asarray(np.linalg.qr(triangle[:, [*kept, -1]], mode="r"))
+        smallest, _ = triangle_of(triangle[:, [*kept, -1]])
         left = float(smallest[-1, -1] ** 2)
         likelihood = samples * (np.log(max(left / samples, 1e-300)) + 1.0)
         bic = likelihood + (len(kept) + 1) * np.log(samples)
-        yield Chosen(float(bic), arx_of(order, nk), replace(basis, dimension=dimension))
+        yield Chosen(float(bic), orders_of("arx", order, nk), replace(basis, dimension=dimension))
 
 
-def choose_basis(
+def race(
     scheduled: Scheduled,
-    orders: Orders,
+    orders: Orders | int,
+    nk: Sequence[int] = (),
     kinds: Sequence[BasisKind] = KINDS,
     dimensions: Sequence[int] = DIMENSIONS,
-    searched: bool = True,
-) -> VaryingEstimate | None:
-    """The model of known orders along the basis of smallest BIC, otherwise as of all structures."""
-    bases = [scheduled.basis(kind, n) for kind, n in product(kinds, dimensions)]
-    tried = (_descended(scheduled, orders, basis, ()) for basis in bases)
-    if (lowest := _lowest(filter(None, tried))) is None:
-        return None
-    ended = min(_ends(scheduled, lowest, searched), key=lambda estimate: estimate.bic)
-    return undersmoothed(scheduled, pruned(scheduled, ended))
+) -> list[VaryingEstimate]:
+    """The models of smallest BIC by short descents, with all terms but those of C.
+
+    ``orders``: known ones; or the highest of all structures, autoregressions and others apart.
+    None where the record is too short.
+    """
+    if isinstance(orders, Orders):
+        bases = [scheduled.basis(kind, n) for kind, n in product(kinds, dimensions)]
+        return _lowest(_descended(scheduled, orders, basis) for basis in bases)
+    linear, most = autoregressions(scheduled, orders, nk, kinds, dimensions)[:FINALISTS], orders
+    lowest: list[VaryingEstimate] = []
+    # What changes the poles of a noisy simulation is seen with more functions than its errors.
+    tried = dimensions if linear and scheduled.data.samples <= MOST_SEARCHED else ()
+    for dimension in [n for n in tried if n >= linear[0].basis.dimension]:
+        basis = replace(linear[0].basis, dimension=dimension)
+        climbed = _lowest(_climbed(scheduled, most, nk, basis))
+        if not climbed or (lowest and lowest[0].bic <= climbed[0].bic):
+            break
+        lowest, most = climbed, denominator_order(climbed[0].model.orders)
+    return [*_lowest(_descended(scheduled, *chosen[1:]) for chosen in linear), *lowest]
 
 
 def choose_varying(
-    scheduled: Scheduled,
-    most: int,
-    nk: Sequence[int],
-    kinds: Sequence[BasisKind] = KINDS,
-    dimensions: Sequence[int] = DIMENSIONS,
-    searched: bool = True,
+    scheduled: Scheduled, raced: Sequence[VaryingEstimate], searched: bool = True
 ) -> VaryingEstimate | None:
-    """The model of smallest BIC of all structures, terms that BIC does not need dropped.
+    """The model of smallest BIC of a race, without the terms that BIC does not need.
 
     With a function more in each coefficient that moves: see :func:`undersmoothed`.  By descents
-    alone unless ``searched``.
+    alone unless ``searched``.  None of an empty race.
     """
-    chosen = choose_autoregression(scheduled, most, nk, kinds, dimensions)
-    if chosen is None:
-        return None
-    best = pruned(scheduled, fit_varying(scheduled, chosen.orders, chosen.basis))
-    basis, lowest = chosen.basis, None
-    # What changes the poles of a noisy simulation is seen with more functions than its errors.
-    tried = dimensions if scheduled.data.samples <= MOST_SEARCHED else ()
-    for dimension in [n for n in tried if n >= chosen.basis.dimension]:
-        basis = replace(basis, dimension=dimension)
-        climbed = _lowest(_climbed(scheduled, most, nk, basis))
-        if climbed is None or (lowest is not None and lowest.bic <= climbed.bic):
-            break
-        lowest, most = climbed, denominator_order(climbed.model.orders)
-    if lowest is not None and lowest.bic < best.bic:
-        ended = min(_ends(scheduled, lowest, searched), key=lambda estimate: estimate.bic)
-        best = min(best, pruned(scheduled, ended), key=lambda estimate: estimate.bic)
-    return undersmoothed(scheduled, best)
+    best: VaryingEstimate | None = None
+    for is_searched in (False, True):
+        group = _lowest(estimate for estimate in raced if estimate.is_searched == is_searched)
+        if group and (best is None or group[0].bic < best.bic):
+            ends = _lowest(_ends(scheduled, group[0], searched))
+            best = _lowest([pruned(scheduled, ends[0]), best])[0]
+    return undersmoothed(scheduled, best) if best else None
 
 
-def _lowest(estimates: Iterable[VaryingEstimate]) -> VaryingEstimate | None:
-    return min(estimates, key=lambda estimate: estimate.bic, default=None)
+def choose_again(scheduled: Scheduled, raced: Sequence[VaryingEstimate]) -> VaryingEstimate | None:
+    """The choice among the models of a race for other samples, by descents from where they are."""
+    again = [_from(scheduled, estimate.model, estimate.free) for estimate in raced]
+    return choose_varying(scheduled, again, searched=False)
+
+
+def _lowest(estimates: Iterable[VaryingEstimate | None]) -> list[VaryingEstimate]:
+    """Those that compete, that of smallest BIC first."""
+    return sorted(filter(None, estimates), key=lambda estimate: estimate.bic)[:FINALISTS]
 
 
 def _climbed(
@@ -144,34 +154,26 @@ def _climbed(
 ) -> Iterator[VaryingEstimate]:
     """ARMA, or ARMAX and output error, of rising orders until BIC rises."""
     of_armax: dict[int, Array] = {}  # weights of A by order: near those of F
-    for structure in ("armax", "oe") if nk else ("arma",):
-        since, lowest = 0, np.inf
+    for structure in ("armax", "oe") if nk else ("armax",):
+        criteria: list[float] = []
         starts: list[Array] = []
         for order in range(1, most + 1):
-            starts = starts[-1:]
             if structure == "oe" and order in of_armax:
-                starts = [of_armax[order], *starts]
-            estimate = _descended(scheduled, _orders_of(structure, order, nk), basis, starts)
+                starts.insert(0, of_armax[order])
+            estimate = _descended(scheduled, orders_of(structure, order, nk), basis, starts)
             if estimate is None:
                 break
             yield estimate
             weights, rows = estimate.model.weights, estimate.model.rows
-            starts = [weights[rows["a" if structure == "oe" else "c"]]]
+            starts = [weights[rows["searched"]]]
             of_armax.setdefault(order, weights[rows["a"]])
-            since = since + 1 if estimate.bic >= lowest else 0
-            lowest = min(lowest, estimate.bic)
-            if since >= PATIENCE:
+            criteria.append(estimate.bic)
+            if int(np.argmin(criteria)) < order - PATIENCE:
                 break
 
 
-def _orders_of(structure: str, order: int, nk: Sequence[int]) -> Orders:
-    plant = {"nb": (order,) * len(nk), "nk": tuple(nk)} if nk else {}
-    poles = {"nf": order} if structure == "oe" else {"na": order, "nc": order}
-    return Orders(structure, **plant, **poles)  # type: ignore[arg-type]
-
-
 def _descended(
-    scheduled: Scheduled, orders: Orders, basis: Basis, given: Sequence[Array]
+    scheduled: Scheduled, orders: Orders, basis: Basis, given: Sequence[Array] = ()
 ) -> VaryingEstimate | None:
     """Short descents from two stages and from given weights; C stays as it is."""
     free = all_free(orders, basis)
@@ -180,46 +182,61 @@ def _descended(
     free[rows_of(orders)["c"], 1:] = False
     problem = VaryingProblem(scheduled, orders, basis, free)
     if not np.any(free[problem.searched]):
-        return problem.estimate(np.empty(0))
+        return problem.estimate(np.empty(0), False)
     starts, shape = [problem.start()], free[problem.searched].shape
     for weights in given:
         padded = np.zeros(shape)
         padded[: len(weights)] = weights
         starts.append(padded[free[problem.searched]])
     ended = problem.descend(np.array(starts))
-    return problem.estimate(ended.points[np.argmin(ended.values)])
+    return problem.estimate(ended.points[np.argmin(ended.values)], False)
 
 
 def _ends(scheduled: Scheduled, raced: VaryingEstimate, searched: bool) -> list[VaryingEstimate]:
     """What a model of a race becomes: by descent, by the search, and with a C that moves."""
     model, free = raced.model, raced.free
-    ended = [_from(scheduled, raced, free)]
-    if searched:
+    ended = [_from(scheduled, model, free)]
+    if searched and raced.is_searched:
         ended.append(fit_varying(scheduled, model.orders, model.basis, free))
     if not free.all():
-        ended.append(_from(scheduled, ended[-1], np.ones_like(free)))
+        ended.append(_from(scheduled, ended[-1].model, np.ones_like(free)))
     return ended
 
 
 def pruned(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
-    """The model without terms that BIC does not need: all insignificant ones, else the least."""
-    model = estimate.model
-    while model.covariance is not None:
-        errors = model.covariance.standard_errors(np.eye(estimate.free.size))
-        droppable = estimate.free.copy()
-        droppable[:, 0] = False
-        errors = errors.reshape(droppable.shape)
-        sizes = np.where(droppable, np.abs(model.weights) / np.maximum(errors, 1e-300), np.inf)
-        least = np.arange(sizes.size).reshape(sizes.shape) == np.argmin(sizes)
-        steps = [sizes < INSIGNIFICANT, least]
-        for dropped in (step for step in steps if np.any(step & droppable)):
-            smaller = _from(scheduled, estimate, estimate.free & ~dropped)
-            if smaller.bic < estimate.bic:
-                estimate, model = smaller, smaller.model
-                break
-        else:
-            return estimate
+    """The model without terms that BIC does not need: as many as seems right, else the least."""
+    order = _dropped(estimate)
+    for count in sorted({len(order), min(len(order), 1)} - {0}, reverse=True):
+        free = estimate.free.copy()
+        free.flat[order[:count]] = False
+        smaller = _from(scheduled, estimate.model, free)
+        if smaller.bic < estimate.bic:
+            return pruned(scheduled, smaller)
     return estimate
+
+
+def _dropped(estimate: VaryingEstimate) -> Indices:
+    """Terms that BIC seems not to need, one after the other, as the covariance lets others go on.
+
+    (The increase by a term that is left out is its squared t-statistic: Wald.)
+    """
+    known, droppable, dropped = estimate.model.covariance, estimate.free.copy(), list[int]()
+    if known is None:
+        return np.arange(0)
+    covariance, single = known.factor @ known.factor.T, np.eye(droppable.size)
+    weights = np.where(known.identifiable(single), estimate.model.weights.ravel(), 0.0)
+    droppable[:, 0] = False
+    while True:
+        variances = np.maximum(np.diag(covariance), 1e-300)
+        increases = np.where(droppable.ravel(), weights**2 / variances, np.inf)
+        least = int(np.argmin(increases))
+        if not increases[least] < np.log(len(estimate.errors)):
+            return np.array(dropped, dtype=np.intp)
+        along = covariance[:, least] / variances[least]
+        weights = weights - along * weights[least]
+        covariance = covariance - np.outer(along, covariance[least])
+        droppable.flat[least] = False
+        dropped.append(least)
 
 
 def undersmoothed(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEstimate:
@@ -236,17 +253,13 @@ def undersmoothed(scheduled: Scheduled, estimate: VaryingEstimate) -> VaryingEst
     is_long = len(estimate.errors) >= FEWEST_PER_WEIGHT * free.sum()
     if not is_long or len(np.unique(scheduled.schedule)) < basis.dimension or not np.any(moves):
         return estimate
-    problem = VaryingProblem(scheduled, model.orders, basis, free)
-    functions = basis.at(basis.moments)
-    values = model.basis.at(basis.moments) @ model.weights.T
-    padded: Array = np.asarray(np.linalg.pinv(functions) @ values).T[problem.searched]
-    start = padded[free[problem.searched]]
-    return fit_varying(scheduled, model.orders, basis, free, starts=[start])
+    values = model.coefficients(basis.moments)
+    weights = np.linalg.pinv(basis.at(basis.moments)) @ values
+    return _from(scheduled, replace(model, basis=basis, weights=weights.T), free)
 
 
-def _from(scheduled: Scheduled, estimate: VaryingEstimate, free: Flags) -> VaryingEstimate:
-    """The model of some of the weights, from where that of all of them ended."""
-    model = estimate.model
-    rows = VaryingProblem(scheduled, model.orders, model.basis, free).searched
+def _from(scheduled: Scheduled, model: VaryingModel, free: Flags) -> VaryingEstimate:
+    """The model of some of the weights, from where another one ended."""
+    rows = model.rows["searched"]
     start: Array = model.weights[rows][free[rows]]
     return fit_varying(scheduled, model.orders, model.basis, free, starts=[start])

@@ -139,7 +139,7 @@ class VaryingModel:
 
     @cached_property
     def rows(self) -> dict[str, slice]:
-        """Rows of the weights of ``a`` (F of output error), ``b``, ``c`` and ``level``."""
+        """Rows of the weights of each polynomial: see :func:`rows_of`."""
         return rows_of(self.orders)
 
     def coefficients(self, schedule: ArrayLike) -> Array:
@@ -259,12 +259,10 @@ def first_residual(orders: Orders) -> int:
 
 
 def rows_of(orders: Orders) -> dict[str, slice]:
-    """Rows of the weights of each polynomial."""
+    """Rows of ``a`` (F of output error), ``b``, ``c``, ``level``; ``searched`` are C, or F."""
     ends = np.cumsum([0, denominator_order(orders), sum(orders.nb), orders.nc, 1]).tolist()
-    return {
-        key: slice(*pair)
-        for key, pair in zip(("a", "b", "c", "level"), pairwise(ends), strict=True)
-    }
+    a, b, c, level = (slice(*pair) for pair in pairwise(ends))
+    return {"a": a, "b": b, "c": c, "level": level, "searched": a if any(orders.nf) else c}
 
 
 def all_free(orders: Orders, basis: Basis) -> Flags:
