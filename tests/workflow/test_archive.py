@@ -31,6 +31,9 @@ def test_each_has_its_place_and_a_caption(archive):
         assert f'"{category}"' in html
     for figure in FIGURES:
         assert figure.replace("_", " ") in html
-    # Captions come as HTML, with the data set's name put in; figures are told apart by labels.
+    # Captions come as HTML, with the data set's name put in; what a figure shows is a label of it.
     assert html.count("truth: a figure of its report") == len(FIGURES)
-    assert "{{" not in "".join(re.findall(r"truth: [^<]+", html))
+    shown = re.findall(r'"shows": *"([^"]+)"', html)
+    assert len(set(shown)) == len(FIGURES)
+    assert "G in the complex plane, and the estimate from the data." in shown
+    assert "{{" not in "".join(shown)

@@ -113,13 +113,27 @@ def recorded_files(rule):
     return existing
 
 
+def figure_caption(figure):
+    """What a figure of a model with an input shows, as its page says it, in Snakemake's report."""
+    if not OPTIONS & {"--report", "--report-after-run"}:
+        return ""
+    from jinja2 import ChainableUndefined, Environment
+
+    environment = Environment(
+        undefined=ChainableUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    text = (TEMPLATE_FOLDER / "captions.html.j2").read_text(encoding="utf-8")
+    macro = getattr(environment.from_string(text).module, figure)
+    return str(macro({"model": {"has_input": True}})).strip().partition("\n")[2]
+
+
 def shown(path):
     """A result as Snakemake's own report holds it, where it does."""
     name = path.rpartition("/")[2]
     if "/figures/" in path:
         stem = name.removesuffix(".svg")
         caption, group = "figure", "Figures"
-        labels = {"figure": stem.replace("_", " ")}
+        labels = {"figure": stem.replace("_", " "), "shows": figure_caption(stem)}
     elif name in SHOWN:
         caption, group = SHOWN[name]
         labels = {"file": name}
