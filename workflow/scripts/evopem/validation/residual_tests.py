@@ -177,11 +177,6 @@ class ResidualCorrelation:
     bound95: Array  # (L,) 95 % bound of each, were the residuals white and independent of the input
 
     @property
-    def largest(self) -> float:
-        """Largest magnitude."""
-        return float(np.max(np.abs(self.values)))
-
-    @property
     def largest_ratio(self) -> float:
         """Largest correlation in 95 % bounds."""
         return float(np.max(np.abs(self.values) / self.bound95))

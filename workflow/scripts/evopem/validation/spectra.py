@@ -54,8 +54,6 @@ class SplitSpectra:
     # Share of the validation input's power in bands without power in the estimation input, 0 to 1;
     # NaN where a part is too short or constant
     share_outside: float
-    # Share of the estimation input's power in bands without power in the validation input
-    share_untested: float
     # The bands of ``share_outside``, with at least a hundredth of the power each
     bands_hz: tuple[tuple[float, float], ...]
     resolution_hz: float  # of both spectra
@@ -83,14 +81,13 @@ def split_spectra(
     parts = [np.asarray(part, dtype=float) for part in (estimation, validation)]
     length = min(LONGEST_SEGMENT, *(part.size for part in parts))
     if length < FEWEST_SAMPLES or any(not np.ptp(part) > 0.0 for part in parts):
-        return SplitSpectra(math.nan, math.nan, (), math.nan, None)
+        return SplitSpectra(math.nan, (), math.nan, None)
     first, second = (_relative_density(part, length) for part in parts)
     frequencies = np.asarray(np.fft.rfftfreq(length, 1.0 / sampling_rate), np.float64)
     outside = second > NO_POWER * first
     share = float(second[outside].sum())
     return SplitSpectra(
         share_outside=share,
-        share_untested=float(first[first > NO_POWER * second].sum()),
         bands_hz=_bands(frequencies, outside, second),
         resolution_hz=2.0 * TIME_HALFBANDWIDTH * sampling_rate / length,
         comparable=share <= LARGEST_SHARE,

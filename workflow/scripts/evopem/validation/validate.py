@@ -135,7 +135,7 @@ def validate(
         outputs=outputs,
         inputs=_inputs(model, prepared),
         pairs=tuple(
-            PairCorrelation(*names, pair.share_inside, pair.largest, pair.largest_ratio)
+            PairCorrelation(*names, pair.share_inside, pair.largest_ratio)
             for names, pair in crossed
         ),
         horizons=horizons,

@@ -96,7 +96,6 @@ class PairCorrelation:
     output: str
     input: str
     share_inside95: float  # 0 to 1
-    max_abs: float
     max_in_bounds: float  # largest correlation, in units of its bound
 
 
