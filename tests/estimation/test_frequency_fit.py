@@ -338,6 +338,8 @@ def test_results_of_responses_are_read_and_compared(identified, tmp_path, monkey
 def test_keys_that_responses_do_not_have():
     keys = {"file": "frf.csv", "frequency": "f", "input": "u", "output": "y"}
     settings = complete({"datasets": {"a": keys | {"orders": {"nx": [2, 8]}}}}).datasets["a"]
+    # The response of the place that is driven has the name of its input.
+    complete({"datasets": {"a": keys | {"input": "*", "output": "*"}}})
     again = complete({"datasets": {"a": settings.keys}}).datasets["a"]
     assert again == settings
     for key, value in (("structure", "oe"), ("time", "t"), ("resample", 10.0)):

@@ -91,6 +91,7 @@ def test_set_ups_of_different_sensors_are_scaled_by_a_common_input(results):
     other = with_output_name(results, "tip")
     compared = Comparison.of([results, other], ["root", "tip"], setups=True)
     assert compared.merged.outputs == ("output", "tip")
+    assert compared.modes["trusted"].all()
     for mode in compared.merged.modes:
         np.testing.assert_allclose(mode.shape, [1.0, 1.0], rtol=1e-6)
         assert np.isfinite(mode.shape_se_real).all()

@@ -65,7 +65,7 @@ def test_clipped_samples_are_breaks_and_the_model_comes_from_all_stretches(clipp
     (likely,) = record.likely_delays
     assert 1 in likely
     assert (len(likely) > 1) == any(
-        "With 95 % probability the delay" in remark for remark in record.remarks
+        "Delay in samples, with 95 % probability" in remark for remark in record.remarks
     )
     model = load(ModelRecord, clipped.model)
     (delay,) = json.loads(Path(clipped.verdict).read_text())["delays"]

@@ -164,7 +164,7 @@ def test_intervals_after_an_automatic_choice_are_given_with_care(results, monkey
     found = verdict(chosen_by_scores(results, record))
     (use,) = [use for use in found.uses if use.name == "standard errors"]
     assert use.answer == "care"
-    assert "leave out the choice" in use.reason
+    assert "take the chosen orders for the true ones" in use.reason
     alone = chosen_by_scores(results, record, tried=1)
     assert answers(verdict(alone))["standard errors"] == "good"
 

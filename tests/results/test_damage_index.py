@@ -104,7 +104,7 @@ def test_a_vanished_mode_is_an_event_and_one_that_others_lack_is_none(tmp_path):
     table.to_csv(tmp_path / "damage_index.csv")
     for known in (table, pd.read_csv(tmp_path / "damage_index.csv")):
         told = " ".join(damage_sentences(known, 0.01))
-        assert "unchanged ones lack: bridge-41 (2) and bridge-58 (2)." in told
+        assert "Modes not found: mode 2 in bridge-41 and mode 2 in bridge-58; fewer than" in told
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from evopem.results.layout import DatasetFiles
 from evopem.signals.inspection import causality_test, roles_of
 from evopem.signals.recording import load_recording
 from evopem.signals.recording_info import RecordingInfo
+from evopem.terminal.new_configuration import certain_channels
 
 
 def driven(seed, samples=500, noise=1.0, feedback=0.0):
@@ -91,7 +92,19 @@ def test_a_stated_rate_stands_for_a_time(tmp_path):
 
 
 def test_a_file_without_a_time_is_read_as_ever(tmp_path):
-    assert roles_of(write(tmp_path / "a.csv", "a,b", *driven(1))) is None
+    path = write(tmp_path / "a.csv", "a,b", *driven(1))
+    assert roles_of(path) is None
+    # Of a command that is given the rate, the test tells the roles.
+    assert roles_of(path, timed=False).input == "a"
+    keys, sentence = certain_channels(str(path))
+    assert (keys["input"], keys["output"]) == (["a"], ["b"])
+    assert "and not the reverse" in sentence
+
+
+def test_what_is_not_sampled_with_the_times_is_no_channel(tmp_path):
+    u, y = driven(2)
+    np.savez(tmp_path / "a.npz", b=y, a=u, window=u[:40], t=times(), fs=50.0)
+    assert roles_of(tmp_path / "a.npz").input == "a"
 
 
 def test_the_channels_of_the_first_file_are_those_of_all(tmp_path):

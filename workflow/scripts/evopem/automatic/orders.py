@@ -313,11 +313,11 @@ def decide_delays(
     sets = "; ".join(
         name + in_runs(of_input) for name, of_input in zip(before, likely, strict=True)
     )
-    sentence = f"With 95 % probability the delay in samples is {sets}."
+    sentence = f"Delay in samples, with 95 % probability: {sets}."
     if any(len(of_input) > 1 for of_input in likely):
-        sentence += " The smallest is taken that the data hardly speak against."
+        sentence += " Taken is the shortest that is not clearly less probable than the others."
     if shortest:
-        sentence += " The input depends on past residuals, and feedback looks like a delay of 0."
+        sentence += " The input depends on past residuals: feedback, which looks like a delay of 0."
     criterion = "−2 ln of the probability over that of the likeliest delay"
     about = Decision("delay", _listed(delays), alternatives, criterion, sentence)
     return DelayChoice(delays, about, likely, shortest)

@@ -101,7 +101,9 @@ class Comparison:
 
     @cached_property
     def trusted(self) -> set[Mode]:
-        """The modes of all models that nothing speaks against."""
+        """The modes of all models that nothing speaks against; of set-ups, the merged ones."""
+        if self.merged:
+            return {mode for modes in self.matched for mode in modes if mode is not None}
         return {mode for model in self.models for mode in model.validation.modes.trusted}
 
     @property

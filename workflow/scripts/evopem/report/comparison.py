@@ -60,10 +60,9 @@ def _mode_rows(comparison: Comparison) -> list[ModeRow]:
     """
     rows = []
     for modes in comparison.matched:
-        trusted = modes if comparison.merged else comparison.trusted
         texts = [mode_cells(mode) if mode else (MISSING, MISSING) for mode in modes]
         cells = [
-            row if mode is None or mode in trusted else (f"({row[0]})", f"({row[1]})")
+            row if mode is None or mode in comparison.trusted else (f"({row[0]})", f"({row[1]})")
             for mode, row in zip(modes, texts, strict=True)
         ]
         spread = fixed(spread_percent(modes), 2)

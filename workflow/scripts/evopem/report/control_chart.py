@@ -37,17 +37,18 @@ def _sentences(table: pd.DataFrame, false_alarms: float) -> Iterator[str]:
         amount = f"{len(exceeding) or 'None'} of {plural(judged, 'recording')}"
         yield (
             f"{amount} {'lie' if len(exceeding) > 1 else 'lies'} above the limit of the damage"
-            f" index, where {share} of unchanged ones would"
-            f" ({number(false_alarms * judged, 2)} of these){names}."
+            f" index{names}. At its false-alarm rate of {share},"
+            f" {number(false_alarms * judged, 2)} of them are expected there by chance."
         )
     if (above & reference).any():
         yield f"Of the reference itself, {_named(table[above & reference])} lie above it."
     if not (missing := table[table["missing_modes"].notna() & ~reference]).empty:
         cells = zip(missing["dataset"], missing["missing_modes"].astype(str), strict=True)
         lacking = [
-            f"{name} ({', '.join(modes.removesuffix('.0').split())})" for name, modes in cells
+            f"mode {', '.join(modes.removesuffix('.0').split())} in {name}" for name, modes in cells
         ]
-        yield f"Without modes that fewer than 5{THIN}% of unchanged ones lack: {_listed(lacking)}."
+        rare = f"fewer than 5{THIN}% of the unchanged recordings lack them"
+        yield f"Modes not found: {_listed(lacking)}; {rare}."
     for reason, rows in table[~known & ~reference].groupby("not_judged"):
         yield f"Not judged, because {reason}: {_listed(rows['dataset'].tolist())}."
 

@@ -189,7 +189,7 @@ def _floor(floor: Floor, several: bool) -> str:
         f"Of the simulation error{of_output} of {percent(floor.error_percent)} on the validation"
         f" samples, at most {percent(floor.rest.high, 2)} can be this model’s: noise, disturbances,"
         f" nonlinearity and change, which no linear model of these inputs removes, are"
-        f" {percent(floor.floor.low, 2)} or more. The parts add up in squares."
+        f" {percent(floor.floor.low, 2)} or more. The squares of the parts add up."
     )
 
 
@@ -224,7 +224,7 @@ def _sentence(distortion: Distortion, parts: ErrorParts, several: bool) -> str:
             f" {percent(extra.high, 2)}) nonlinear distortion, which no linear model removes, and"
             f" {rest} this model{'' if distortion.separated else ON_LINES}{_parity(parts)}"
         )
-    return f"{of} {periods}{samples}, {split}. The parts add up in squares."
+    return f"{of} {periods}{samples}, {split}. The squares of the parts add up."
 
 
 def show(text: str) -> None:

@@ -248,8 +248,8 @@ def _frequency_response(results: DatasetResults) -> Use:
     table = results.responses
     table = table[table["source"] == results.model_source[0]]
     half, whole = _widest_band(table).tolist()
-    over = "frequency, of the pair known least" if len(results.pairs) > 1 else "frequency"
-    text = f"95 % band of ±{number(half, 2)}{THIN}% of the gain (median over {over})"
+    over = "frequency, of the least known pair" if len(results.pairs) > 1 else "frequency"
+    text = f"gain known to ±{number(half, 2)}{THIN}% (95 % band, median over {over})"
     if not math.isfinite(half):
         unlimited = "has no upper limit at half of the frequencies or more"
         text = f"its 95 % band {'is not known' if math.isnan(half) else unlimited}"
@@ -321,12 +321,12 @@ def _intervals(results: DatasetResults) -> Use:
         findings.append(("care", f"not known of {unknown} of {plural(len(errors), 'coefficient')}"))
     if len(results.scores) > 1:
         # Intervals of models that the automatic recipe chose cover less (docs/report.md).
-        findings.append(("care", "those of coefficients leave out the choice of the model"))
+        findings.append(("care", "those of coefficients take the chosen orders for the true ones"))
     if not findings and checked[0] == "good":
         coloured = not results.model.has_noise_model and white(results.validation) is not True
-        text = "the colour of the residuals is taken into account"
-        text = "from errors at frequencies" if results.of_responses else text
-        findings.append(("good", text if coloured else "white residuals"))
+        text = "corrected for coloured residuals" if coloured else "white residuals"
+        text = "from the errors at the frequencies" if results.of_responses else text
+        findings.append(("good", text))
     return _use("standard_errors", "standard errors", *findings, checked)
 
 

@@ -61,21 +61,24 @@ def inspect_file(path: str | Path) -> FileContents:
     """Read all channels of a measured file and tell times from signals.
 
     A time has even steps, or holds dates, or increases and is named as one. A channel that cannot
-    be read, or holds text or a constant, is left out.
+    be read, or holds text or a constant, is left out, and one of another length than the times.
     """
     signals: list[SignalColumn] = []
     time: TimeColumn | None = None
-    unread = ""
+    unread, stamps = "", 0
     for reference, channel in _channels(path, lambda *_: True):
         if isinstance(channel, InputError):
             unread = unread or str(channel)
         elif _is_time(channel) or (time is None and _is_named_time(channel)):
+            stamps = stamps or channel.values.size
             time = time or _time_column(channel, reference, str(path))
         elif _is_signal(channel):
             signals.append(
                 SignalColumn(reference, channel.unit, channel.values.size, channel.sampling_rate)
             )
-    return FileContents(tuple(signals), time, unread)
+    rates = {signal.sampling_rate for signal in signals if signal.samples == stamps}
+    sampled = (x for x in signals if x.samples == stamps or x.sampling_rate not in rates)
+    return FileContents(tuple(sampled), time, unread)
 
 
 def time_from_file(path: str | Path, signals: Sequence[Reference]) -> Reference | None:
@@ -248,13 +251,14 @@ class ChannelRoles:
         )
 
 
-def roles_of(path: str | Path) -> ChannelRoles | None:
-    """Tell the channels of a file with a time, or a rate, and two signals; None where it has none.
+def roles_of(path: str | Path, timed: bool = True) -> ChannelRoles | None:
+    """Tell the channels of a file with two signals, by the words of their names or by causality.
 
-    By the words of their names, else by a test of causality.
+    ``timed``: only of a file with a time or a rate; None where it has none.
     """
     contents = inspect_file(path)
-    if contents.time is None and not all(signal.sampling_rate for signal in contents.signals):
+    has_rate = contents.time or all(signal.sampling_rate for signal in contents.signals)
+    if timed and not has_rate:
         return None
     source, time = str(path), contents.time.reference if contents.time else None
     if len(contents.signals) != 2:

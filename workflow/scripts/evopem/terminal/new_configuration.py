@@ -5,7 +5,6 @@ import os
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -160,10 +159,12 @@ def _channels(
 def certain_channels(path: str) -> tuple[dict[str, Any], str]:
     """Input, output and time of a recording where they are certain, and a sentence about them.
 
-    By the words of the names, else, of two signals with times or a rate, by a test of causality.
+    By the words of the names, else, of two signals, by a test of causality.
     """
     contents = inspect_file(path)
     signals, time = contents.signals, contents.time.reference if contents.time else None
+    names = [str(signal.reference) for signal in signals]
+    problem = f"which of its channels are inputs and outputs is not certain ({', '.join(names)})"
     keys: dict[str, Any] = {}
     sources = roles = None
     if len(signals) > 1:
@@ -173,18 +174,19 @@ def certain_channels(path: str) -> tuple[dict[str, Any], str]:
             keys |= {"output": [target.reference for target in targets], "time": time}
             return keys, f"{path}: {_taken(keys)}, by their names."
         if len(signals) == 2:
-            with suppress(InputError):
-                roles = roles_of(path)
+            try:
+                roles = roles_of(path, timed=False)
+            except InputError as error:
+                problem = error.problem
     if roles is not None:
         keys = {"input": [roles.input], "output": [roles.output], "time": roles.time}
         return keys, f"{path}: {roles.sentence}"
-    names = [str(signal.reference) for signal in signals]
-    problem = f"which of its channels are inputs and outputs is not certain ({', '.join(names)})"
     if len(signals) < 2:
-        problem = contents.unread or f"it holds {len(signals)} channels that can be used"
+        few = "only one" if signals else "none"
+        problem = contents.unread or f"{few} of its channels can be used"
     outputs = [str(signal.reference) for signal in named(signals, OUTPUT_NAMES)]
-    few = not sources or set(outputs) == set(names)
-    example = ["none", *(outputs or names[:1])] if few else [names[0], names[1]]
+    alone = not sources or set(outputs) == set(names)
+    example = ["none", *(outputs or names[:1])] if alone else [names[0], names[1]]
     options = " ".join(
         f"--{role} {shlex.quote(name)}"
         for role, name in zip(["input", *["output"] * len(example)], example, strict=False)
