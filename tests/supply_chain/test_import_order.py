@@ -106,3 +106,15 @@ def test_a_job_loads_the_slow_parts_of_scipy_only_where_it_needs_them():
     slow = "{'scipy.signal', 'scipy.stats', 'matplotlib.pyplot'}"
     assert len(lines) > 5
     assert printed_by(*lines, f"print({slow} & set(sys.modules))") == "set()"
+
+
+def test_a_polynomial_estimate_loads_nothing_of_state_space():
+    """Nor SciPy's special functions: every process would wait for them."""
+    lines = [
+        "import numpy, evopem",
+        "u, y = numpy.random.default_rng(1).standard_normal((2, 300))",
+        "settings = evopem.SearchSettings(objective='quadratic', evaluations=50)",
+        "evopem.estimate(u, y, (2, 2, 2, 1), settings=settings)",
+    ]
+    slow = "{'scipy.special', 'scipy.signal', 'evopem.estimation.state_space'}"
+    assert printed_by(*lines, f"print({slow} & set(sys.modules))") == "set()"

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,7 @@ from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
 from evopem.config.settings import OutputWeighting, ScoringWindow, SearchSettings
-from evopem.config.structures import REGULARISED, check_model
+from evopem.config.structures import REGULARISED, STATE_SPACE_FORMS, check_model
 from evopem.estimation.impulse_response import estimate_response
 from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import checked_errors
@@ -25,12 +25,13 @@ from evopem.estimation.prediction_estimate import (
 from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.problem import SearchResult
 from evopem.estimation.simulation_estimate import simulation_estimate
-from evopem.estimation.state_space.estimate import estimate_state_space
-from evopem.estimation.state_space.local_estimates import STRUCTURES, StateSpaceEstimate
 from evopem.models.constraint_checks import Focus, check_fit
 from evopem.models.orders import Orders, orders_in_state_space, orders_of
 from evopem.models.polynomial import of_signals
 from evopem.signals.recording import Recording, recording_of
+
+if TYPE_CHECKING:
+    from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 
 # Mean of the output, in standard deviations, from which on it biases the poles noticeably.
 LEVEL_WARNING = 0.3
@@ -54,7 +55,7 @@ def estimate(
     earlier: SearchResult | None = None,
     log: Callable[[str], None] | None = None,
     target: Target | None = None,
-) -> PolynomialEstimate | StateSpaceEstimate:
+) -> "PolynomialEstimate | StateSpaceEstimate":
     """Find the model of a structure and orders with the smallest prediction errors, globally.
 
     Parameters
@@ -134,7 +135,9 @@ def estimate(
     if not level:
         _warn_of_level(recording.outputs)
     _warn_of_inputs(recording)
-    if structure in STRUCTURES:
+    if structure in STATE_SPACE_FORMS:
+        from evopem.estimation.state_space.estimate import estimate_state_space  # slow to load
+
         if expert:
             raise ValueError(
                 f"{' and '.join(expert)} cannot be given: all samples of a state-space model count,"

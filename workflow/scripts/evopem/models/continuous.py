@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
+import scipy  # whose parts load on first use: they take longer than a small estimate
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import eig, expm, logm
-from scipy.special import chdtrc
 
 from evopem.arrays import Array, Complex
 from evopem.config.settings import Hold
@@ -66,7 +65,8 @@ class TransferFunction:
         ratios, spread = ratios[free], spread[np.ix_(free, free)]
         if not np.isfinite(spread).all():
             return float("nan")
-        return float(chdtrc(max(len(ratios), 1), ratios @ np.linalg.pinv(spread) @ ratios))
+        wald = ratios @ np.linalg.pinv(spread) @ ratios
+        return float(scipy.special.chdtrc(max(len(ratios), 1), wald))
 
     @property
     def relative_degree(self) -> int:
@@ -214,7 +214,7 @@ class ContinuousModel:
         """
         listed = [Quantity("static gain", *self.static_gain(output, place), "")]
         path = self.path(output, place)
-        poles, left, right = eig(path.A, left=True, right=True)
+        poles, left, right = scipy.linalg.eig(path.A, left=True, right=True)
         slopes = np.zeros(path.A.size + 2 * len(path.A) + 2, dtype=complex)
         for k in np.argsort(np.abs(poles), kind="stable"):
             pole, size = complex(poles[k]), float(abs(poles[k]))
@@ -288,7 +288,7 @@ def phi_functions(matrix: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     n = len(matrix)
     raised = np.zeros((3 * n, 3 * n), dtype=matrix.dtype)
     raised[:n, :n], raised[: 2 * n, n:] = matrix, np.eye(2 * n)
-    power = expm(raised)[:n]
+    power = scipy.linalg.expm(raised)[:n]
     return power[:, :n], power[:, n : 2 * n], power[:, 2 * n :]
 
 
@@ -364,7 +364,7 @@ def _in_continuous_time(parts: list[Array], step: float, hold: Hold) -> list[Arr
 
     With a first-order hold, of ``h phi1(Ah)^2 B`` and ``D + h C phi2(Ah) B``.
     """
-    logarithm, (B, C, D) = np.real(logm(parts[0])), parts[1:]
+    logarithm, (B, C, D) = np.real(scipy.linalg.logm(parts[0])), parts[1:]
     _, first, second = phi_functions(logarithm)
     if hold == "zero-order":
         return [logarithm / step, np.linalg.solve(first, B) / step, C, D]

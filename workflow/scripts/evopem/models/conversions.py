@@ -6,8 +6,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from evopem.arrays import Array
 from evopem.models.orders import Orders
@@ -119,8 +119,8 @@ def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceMo
     factor, null_space = (
         np.vstack([np.zeros(part.shape[1]), part])[source]
         for part in (
-            block_diag(*(covariance.factor for covariance in both)),
-            block_diag(*(covariance.null_space for covariance in both)),
+            scipy.linalg.block_diag(*(covariance.factor for covariance in both)),
+            scipy.linalg.block_diag(*(covariance.null_space for covariance in both)),
         )
     )
     return replace(model, covariance=ParameterCovariance(factor, null_space))
@@ -129,7 +129,7 @@ def side_by_side(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceMo
 def _stacked(plant: StateSpaceModel, noise: StateSpaceModel) -> StateSpaceModel:
     return replace(
         plant,
-        A=block_diag(plant.A, noise.A),
+        A=scipy.linalg.block_diag(plant.A, noise.A),
         B=np.vstack([plant.B, np.zeros((noise.order, plant.inputs))]),
         C=np.hstack([plant.C, noise.C]),
         K=np.vstack([plant.K, noise.K]),

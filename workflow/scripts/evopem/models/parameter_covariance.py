@@ -10,11 +10,10 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
-from scipy.special import ndtri
 
 from evopem.arrays import Array, Flags, Indices
 
-NORMAL_95 = float(ndtri(0.975))
+NORMAL_95 = 1.959963984540054
 """Factor of a standard error for a 95 % interval."""
 # A gradient depends on an unidentifiable direction where the terms of their scalar product cancel
 # to no less than this share of their sum of magnitudes.

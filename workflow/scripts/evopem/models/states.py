@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike
-from scipy.linalg.blas import dtbsv
 
 from evopem.arrays import Array
 
@@ -83,9 +83,7 @@ def _least_squares(columns: Array, goal: Array) -> Array:
         return np.asarray(np.linalg.lstsq(columns, goal, STATE_RANK)[0])
     except np.linalg.LinAlgError:
         # The iteration for singular values may not end; a decomposition with pivots needs none.
-        from scipy.linalg import lstsq
-
-        return np.asarray(lstsq(columns, goal, STATE_RANK, lapack_driver="gelsy")[0])
+        return np.asarray(scipy.linalg.lstsq(columns, goal, STATE_RANK, lapack_driver="gelsy")[0])
 
 
 def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array:
@@ -99,9 +97,10 @@ def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array
     for column in range(n):
         matrix[n - column : 2 * n - column, column::n] = -dynamics[:, column, None]
     states = np.vstack([np.zeros(n) if initial is None else initial, drive[:-1]])
+    substituted = scipy.linalg.blas.dtbsv
     for first in range(0, samples, PART - 1):
         part = states[first : first + PART]  # whose first state is known
-        solution = dtbsv(2 * n - 1, matrix[:, : part.size], part.ravel(), lower=1, diag=1)
+        solution = substituted(2 * n - 1, matrix[:, : part.size], part.ravel(), lower=1, diag=1)
         part[:] = solution.reshape(part.shape)
     return states[:samples]
 
