@@ -16,12 +16,7 @@ from evopem.config.settings import VaryingSettings
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.varying import Scheduled, VaryingEstimate
-from evopem.estimation.varying_choice import (
-    DIMENSIONS,
-    choose_again,
-    choose_varying,
-    race,
-)
+from evopem.estimation.varying_choice import DIMENSIONS, choose_again, choose_varying, race
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.varying import KINDS, MovingMode, VaryingModel
@@ -100,11 +95,11 @@ def what_moves(
     most = min(max(record.plant.order + ORDERS_ABOVE, FEWEST_ORDERS), MOST_ORDERS)
     scheduled, schedule = whole(prepared, settings), settings.condition or "time"
     varying = moving_model(scheduled, most, record.delays, settings, schedule)
-    if varying.moves is None or not max(tests.constant.p_value, tests.linear.p_value) < REJECTED:
-        return varying
-    linear, constant = tests.linear.share, tests.constant.share
-    moves = replace(varying.moves, nonlinear_share=linear, changing_share=constant)
-    return replace(varying, moves=moves)
+    if varying.moves and max(tests.constant.p_value, tests.linear.p_value) < REJECTED:
+        linear, constant = tests.linear.share, tests.constant.share
+        moves = replace(varying.moves, nonlinear_share=linear, changing_share=constant)
+        varying = replace(varying, moves=moves)
+    return varying
 
 
 def whole(prepared: PreparedData, settings: VaryingSettings) -> Scheduled:
@@ -148,14 +143,8 @@ def moving_model(
     error, constant_error, standard_errors = compared(scheduled, *again)
     model = replace(chosen.model, schedule=schedule)
     moves = Moves(
-        model.text,
-        error,
-        constant_error,
-        standard_errors,
-        standard_errors > CLEARLY,
-        bool(model.radii().max() < 1.0),
-        followed(model),
-        schedule,
+        *(model.text, error, constant_error, standard_errors, standard_errors > CLEARLY),
+        *(bool(model.radii().max() < 1.0), followed(model), schedule),
     )
     return Varying("", moves, model)
 

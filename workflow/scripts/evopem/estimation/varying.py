@@ -183,10 +183,9 @@ class VaryingProblem:
             return self._hopeless
         with np.errstate(all="ignore"):
             if self.is_output_error:
-                level = columns[:, self._level]
-                driven = np.hstack([columns[:, : self._level.start], self._impulses])
+                driven = np.hstack([columns, self._impulses])
                 columns = filtered(driven, moving, self.bounds)
-                columns = np.insert(columns, [self._level.start] * level.shape[1], level, axis=1)
+                columns[:, self._level] = driven[:, self._level]
             elif moving.shape[1]:
                 both = filtered(np.column_stack([y, columns]), moving, self.bounds)
                 y, columns = both[:, 0], both[:, 1:]

@@ -9,12 +9,7 @@ import numpy as np
 
 from evopem.arrays import Array, Flags, Indices
 from evopem.estimation.continuous import triangle_of
-from evopem.estimation.varying import (
-    Scheduled,
-    VaryingEstimate,
-    VaryingProblem,
-    fit_varying,
-)
+from evopem.estimation.varying import Scheduled, VaryingEstimate, VaryingProblem, fit_varying
 from evopem.models.orders import Orders
 from evopem.models.varying import (
     KINDS,
