@@ -155,6 +155,11 @@ def test_a_response_whose_simulation_or_band_is_poor_is_given_with_care(results,
     pairs = [table, table.assign(output="second"), wide.assign(output="third")]
     assert response(replace(results, frequency_response=pd.concat(pairs))).answer == "care"
     assert response(replace(results, frequency_response=pd.concat(pairs[:2]))).answer == "good"
+    # At 0 Hz a record without its mean tells nothing.
+    at_zero, largest = table["frequency_hz"] == 0.0, 1e4 * table["gain"].max()
+    assert at_zero.any()
+    unknown = table.assign(gain_upper=table["gain_upper"].mask(at_zero, largest))
+    assert response(replace(results, frequency_response=unknown)).answer == "good"
 
 
 def test_intervals_after_an_automatic_choice_are_given_with_care(results, monkeypatch):

@@ -266,10 +266,10 @@ def _frequency_response(results: DatasetResults) -> Use:
 
 
 def _widest_band(table: pd.DataFrame) -> Array:
-    """Widest half bands over the gain of all pairs, percent: median, root mean square; or NaN."""
+    """Widest half bands over gains but at 0 Hz, of all pairs, %: median, root mean square; NaN."""
     bands = []
     for _, pair in table.groupby([column for column in ("output", "input") if column in table]):
-        inside = pair[(pair["gain"] > 0) & pair["gain_lower"].notna()]
+        inside = pair[(pair["gain"] > 0) & pair["gain_lower"].notna() & (pair["frequency_hz"] > 0)]
         half, gain = (inside["gain_upper"] - inside["gain_lower"]) / 2.0, inside["gain"]
         power = float(np.linalg.norm(half)) / max(float(np.linalg.norm(gain)), 1e-300)
         bands.append((100.0 * (half / gain).median(), 100.0 * power))
