@@ -334,12 +334,12 @@ def test_reasons_to_doubt_a_mode(results):
     assert of(reached=None, needed_by_noise=None) == [few]
     compared = {"order": 6, "compared": 4}
     assert of(recurrence=0.5, orders=(4, 5, 6), **compared) == [
-        "only 2 of the other orders with poles to spare (4) agree on its frequency and damping"
+        "only 2 of the 4 other orders with enough poles share its frequency and damping"
     ]
     # Orders that need all their poles elsewhere are not compared, and may have it all the same.
     assert of(recurrence=0.0, orders=(2, 3, 6), **compared) == [
-        "none of the other orders with poles to spare (4) agree on its frequency and damping,"
-        " though 2 without do"
+        "none of the 4 other orders with enough poles share its frequency and damping,"
+        " and 2 with fewer do"
     ]
     assert of(recurrence=np.nan) == []
 

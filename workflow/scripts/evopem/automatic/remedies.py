@@ -135,10 +135,10 @@ def _statement(
     if holding:
         best = min(holding, key=score)
         others = sorted(set(scorer.checks(best).failed) - set(scorer.checks(current).failed))
-        fails = f", and of which {' and '.join(f'“{failing}”' for failing in others)} fails"
+        fails = f", and {' and '.join(f'“{failing}”' for failing in others)} fails"
         return (
-            f"“{check}” holds for {best.name}, whose error on held-out samples is"
-            f" {score(best):.3g} % instead of {score(current):.3g} %{fails if others else ''}."
+            f"“{check}” holds for {best.name}, which was not taken: its error on held-out samples"
+            f" is {score(best):.3g} %, now {score(current):.3g} %{fails if others else ''}."
         )
     if not tried:
         return f"“{check}” failed, and no remedy for it was tried."
@@ -197,7 +197,7 @@ def _with_another_noise_model(
 
 # Why a check fails, where no remedy makes it hold.
 CAUSES = {
-    WHITE: "the noise of this record is none of a linear filter of these orders",
+    WHITE: "no linear noise filter of these orders whitens the residuals",
     INDEPENDENT_OF_INPUT: "the response is not linear, the input depends on the output, or another"
     " input acts",
     INSIDE_BOUND: "the record is too short to distinguish a drift from an integrator",

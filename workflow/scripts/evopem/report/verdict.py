@@ -249,7 +249,7 @@ def _frequency_response(results: DatasetResults) -> Use:
     table = table[table["source"] == results.model_source[0]]
     half, whole = _widest_band(table).tolist()
     over = "frequency, of the least known pair" if len(results.pairs) > 1 else "frequency"
-    text = f"gain known to ±{number(half, 2)}{THIN}% (95 % band, median over {over})"
+    text = f"gain ±{percent(half, 2)} (95 % band, median over {over})"
     if not math.isfinite(half):
         unlimited = "has no upper limit at half of the frequencies or more"
         text = f"its 95 % band {'is not known' if math.isnan(half) else unlimited}"
@@ -371,7 +371,7 @@ def _line(results: DatasetResults, evidence: ModeEvidence) -> ModeLine:
         words.append(f"of the model of order {evidence.order}")
     if not reasons and is_number(evidence.recurrence):
         share = fixed(100 * evidence.recurrence, 0)
-        words.append(f"{share}{THIN}% of the other orders with poles to spare have it")
+        words.append(f"{share}{THIN}% of the other orders with enough poles have it")
     shape = evidence.shape_doubt
     if evidence.pair is not None:
         shape += f"; the plane of its shape and that of mode {evidence.pair + 1} is known"

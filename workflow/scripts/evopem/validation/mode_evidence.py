@@ -363,9 +363,9 @@ def doubts(
         of_them = round(evidence.recurrence * evidence.compared)
         others = len(evidence.orders) - 1 - of_them
         reasons.append(
-            f"{f'only {of_them}' if of_them else 'none'} of the other orders with poles to spare"
-            f" ({evidence.compared}) agree on its frequency and damping"
-            + (f", though {others} without do" if others > 0 else "")
+            f"{f'only {of_them}' if of_them else 'none'} of the {evidence.compared} other orders"
+            " with enough poles share its frequency and damping"
+            + (f", and {others} with fewer do" if others > 0 else "")
         )
     if not evidence.confirmed:
         reasons.append(

@@ -224,7 +224,7 @@ class Stage:
     wildcards: Mapping[str, str] = field(default_factory=dict)
     # Attributes of the source that hold recorded files which the stage reads
     recorded: tuple[str, ...] = ()
-    seconds: float = 1.0  # of processor time, measured on recordings of about a thousand samples
+    seconds: float = 0.1  # of processor time, measured on recordings of about a thousand samples
     demand: Demand = "reading"  # how memory and time grow with the recording
     is_page: bool = False  # whether it belongs to the report
     is_part: bool = False  # whether its outputs are parts of those of another stage

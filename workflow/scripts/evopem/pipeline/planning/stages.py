@@ -66,7 +66,7 @@ STAGES = (
         "prepare",
         "preparation:prepare_samples",
         "preparing the samples",
-        seconds=4.0,
+        seconds=2.0,
         inputs=("recording", _OTHER),
         outputs=_SCORED,
         given=("is_validated", "given", "requirements"),
@@ -90,7 +90,7 @@ STAGES = (
         "search_structure",
         "structure_search:search_structure",
         "searching the orders of {structure} models",
-        seconds=3.0,
+        seconds=1.0,
         inputs=("search:{nested}", *_SCORED),
         outputs=("search:{structure}", "models_of_orders:{structure}"),
         given=("fits", "nested"),
@@ -101,7 +101,7 @@ STAGES = (
         "choose",
         "structure_search:choose",
         "comparing the structures",
-        seconds=6.0,
+        seconds=4.0,
         inputs=("search:{wanted}", *_SCORED),
         outputs=_COMPARED,
         given=("fits",),
@@ -154,6 +154,7 @@ STAGES = (
         "estimate_varying",
         "varying:estimate_varying",
         "what moves",
+        seconds=2.0,
         applies="varying",
         inputs=(*_PREPARED, "model"),
         outputs=("varying", "varying_modes"),
@@ -164,7 +165,7 @@ STAGES = (
         "validate",
         "validation:complete_results",
         "validation",
-        seconds=2.0,
+        seconds=0.5,
         inputs=(
             *("truth if not source.all_files", "recording", "recording_info", _OTHER_INFO),
             *("model", "other_model:{purposes}", "frequency_response", "time_response"),
@@ -187,7 +188,7 @@ STAGES = (
         "report",
         "report:write_report",
         "figures and report",
-        seconds=4.0,
+        seconds=6.0,
         inputs=(
             *("truth if not source.all_files", "decisions if automatic", "config", "recording"),
             *("recording_info", _OTHER_INFO, *_PREPARED, "spectrum", "spectrum_summary"),
@@ -201,7 +202,7 @@ STAGES = (
         "identify_responses",
         "frequency_responses:identify_responses",
         "fitting the frequency responses",
-        seconds=4.0,
+        seconds=40.0,
         applies=_OF_RESPONSES,
         outputs=("model_mat", "summary", "verdict", *_OF_PAGE),
         settings={"settings": ""},
@@ -212,7 +213,7 @@ STAGES = (
         "report_responses",
         "report:write_report",
         "figures and report",
-        seconds=2.0,
+        seconds=6.0,
         applies=_OF_RESPONSES,
         inputs=_OF_PAGE,
         outputs=("figures", "report"),
@@ -242,17 +243,20 @@ def stages_of(settings: DatasetSettings, with_report: bool = True) -> list[Stage
     ]
 
 
-_TOLD_FROM = 0.15
+# Share of all work from which on the time left is told, and the seconds of work as measured that
+# speak for a machine and a recording like those measured, beside the time that this one took.
+_TOLD_FROM, _MEASURED = 0.15, 10.0
 
 
 def seconds_left(elapsed: float, done: Iterable[str], left: Iterable[str]) -> float | None:
-    """About how long the jobs of stages will take, from the time that others took.
+    """About how long the jobs of stages will take, by their weights and the time that others took.
 
     None while those done are too little of all work.
     """
     of_stage = {stage.name: stage.seconds for stage in STAGES}
-    worked, ahead = (sum(of_stage.get(name, 1.0) for name in names) for names in (done, left))
-    return elapsed * ahead / worked if worked > _TOLD_FROM * (worked + ahead) else None
+    worked, ahead = (sum(of_stage.get(name, 0.1) for name in names) for names in (done, left))
+    slowness = (elapsed + _MEASURED) / (worked + _MEASURED)
+    return slowness * ahead if worked > _TOLD_FROM * (worked + ahead) else None
 
 
 def left_in_words(seconds: float | None) -> str:

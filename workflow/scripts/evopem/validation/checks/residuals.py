@@ -186,9 +186,10 @@ def _of_class(test: ResidualTest, what: str, reason: str = "") -> Found:
     passed = test.p_value >= SIGNIFICANCE or test.share < SMALL_SHARE
     return (
         passed,
-        f"The whitened residuals and {what}: {p_text(test.p_value)}, {100 * test.share:.2g} % of"
-        f" their variance ({100 * SIGNIFICANCE:g} % significance and a share of"
-        f" {100 * SMALL_SHARE:g} % are needed to object).{'' if passed else reason}",
+        f"Regression of the whitened residuals on {what}: {p_text(test.p_value)}, explains"
+        f" {100 * test.share:.2g} % of their variance (failed where p is below"
+        f" {100 * SIGNIFICANCE:g} % and more than {100 * SMALL_SHARE:g} % is explained)."
+        f"{'' if passed else reason}",
     )
 
 
