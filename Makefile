@@ -77,6 +77,7 @@ bench: $(VENV)/installed-dev  ## compare the estimator's speed with others', in 
 
 screenshots: report $(VENV)/installed-dev  ## take the README's pictures of the default run
 	$(BIN)/python docs/take_screenshots.py results/arm/report.html
+	$(BIN)/python docs/draw_softening.py
 
 clean:  ## remove the environment; results stay
 	rm -rf $(VENV)
