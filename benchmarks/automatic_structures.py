@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from polynomial_selection import FREQUENCIES, NORMAL_95, truth_of
+from simulated_records import polynomial_record
 from threadpoolctl import threadpool_limits
 
 import evopem
@@ -28,7 +29,6 @@ from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import covariance_of
 from evopem.models.response_tables import response_standard_errors
 from evopem.signals.recording import Segment
-from evopem.synthesis.armax import polynomial_record
 
 Array = NDArray[np.float64]
 

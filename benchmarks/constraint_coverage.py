@@ -5,13 +5,19 @@ Run from the project folder: PYTHONPATH=workflow/scripts python benchmarks/const
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 from evidence import write_section
 from numpy.typing import NDArray
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+
+from simulated_records import polynomial_record
+
 from evopem import Constraints, SearchSettings, estimate
 from evopem.models.polynomial import PolynomialModel
-from evopem.synthesis.armax import polynomial_record
 
 RECORDS, SAMPLES, NOISE = 100, 600, 20.0
 ONE = np.ones(1)

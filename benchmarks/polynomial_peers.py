@@ -24,14 +24,14 @@ from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+sys.path[:0] = [str(ROOT / "workflow" / "scripts"), str(ROOT / "tests")]
 
 from evidence import write_section  # noqa: E402
 from filtered_polynomials import FilteredPolynomials  # noqa: E402
 from polynomial_structures import QUADRATIC, TRUTHS, named  # noqa: E402
+from simulated_records import polynomial_record  # noqa: E402
 
 from evopem import Orders, PolynomialModel, estimate  # noqa: E402
-from evopem.synthesis.armax import polynomial_record  # noqa: E402
 
 Array = NDArray[np.float64]
 # The coefficients a, b, c, d, f without leading ones.

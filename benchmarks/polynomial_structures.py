@@ -23,17 +23,17 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+sys.path[:0] = [str(ROOT / "workflow" / "scripts"), str(ROOT / "tests")]
 
 from evidence import write_section  # noqa: E402
 from filtered_polynomials import FilteredPolynomials  # noqa: E402
+from simulated_records import polynomial_record  # noqa: E402
 
 from evopem import Orders, PolynomialModel, SearchSettings, estimate  # noqa: E402
 from evopem.config.structures import ORDER_NAMES  # noqa: E402
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E402
 from evopem.models.orders import orders_of  # noqa: E402
 from evopem.signals.recording import Segment  # noqa: E402
-from evopem.synthesis.armax import polynomial_record  # noqa: E402
 
 Array = NDArray[np.float64]
 

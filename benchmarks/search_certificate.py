@@ -22,7 +22,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
+sys.path[:0] = [str(ROOT / "workflow" / "scripts"), str(ROOT / "tests")]
+
+from simulated_records import polynomial_record  # noqa: E402
 
 from evopem import PolynomialModel, SearchSettings  # noqa: E402
 from evopem.estimation.prediction_errors import (  # noqa: E402
@@ -46,7 +48,6 @@ from evopem.estimation.search.global_search import (  # noqa: E402
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.orders import Orders, orders_of  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
-from evopem.synthesis.armax import polynomial_record  # noqa: E402
 
 Row = dict[str, Any]
 Array = NDArray[np.float64]

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from simulated_records import polynomial_record
 
 from evopem import Constraints, FixedPole, Prior, SearchSettings, estimate
 from evopem.errors import InputError
 from evopem.files.json_form import from_json, to_json
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import max_root_radius
-from evopem.synthesis.armax import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
 SHORT = SearchSettings(objective="quadratic", evaluations=0)

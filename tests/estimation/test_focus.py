@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from simulated_records import polynomial_record
 
 from evopem import SearchSettings, estimate
 from evopem.config.settings import ScoringWindow
@@ -10,7 +11,6 @@ from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.orders import STRUCTURES
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
-from evopem.synthesis.armax import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
 SHORT = SearchSettings(objective="quadratic", evaluations=0)

@@ -5,10 +5,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from scipy.stats import chi2
+from simulated_records import polynomial_record
 
 from evopem import SearchSettings, estimate
 from evopem.models.polynomial import PolynomialModel
-from evopem.synthesis.armax import polynomial_record
 
 QUADRATIC = SearchSettings(objective="quadratic")
 SHORT = SearchSettings(objective="quadratic", evaluations=1)

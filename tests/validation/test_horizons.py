@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulated_records import polynomial_record
 
 from evopem import PolynomialModel, SearchSettings, estimate
 from evopem.signals.recording import Recording
-from evopem.synthesis.armax import polynomial_record
 from evopem.validation.responses import stretches_of
 from evopem.validation.tables import error_percent
 

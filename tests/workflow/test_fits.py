@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from identified import undrawn_page
+from simulated_records import polynomial_record
 
 from evopem.config.settings import SearchSettings
 from evopem.estimation.estimate import estimate_polynomial
@@ -13,7 +14,6 @@ from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.fleet import DatasetSummary
 from evopem.signals.prepared_data import load_prepared
-from evopem.synthesis.armax import polynomial_record
 
 from .conftest import Folder
 

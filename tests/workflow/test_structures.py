@@ -8,12 +8,12 @@ import pandas as pd
 import pytest
 from identified import undrawn_page
 from scipy.io import loadmat
+from simulated_records import polynomial_record
 
 import evopem
 from evopem.files.json_form import load
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.fleet import DatasetSummary
-from evopem.synthesis.armax import polynomial_record
 
 from .conftest import Folder
 
