@@ -8,8 +8,9 @@ Values come out in one form: ranges as tuples, paths, channels and units as they
 
 import ast
 import inspect
-import textwrap
+import sys
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from itertools import pairwise
 from types import NoneType
 from typing import (
@@ -69,7 +70,8 @@ def mapping(name: str, keys: Mapping[str, Any], required: Iterable[str] = ()) ->
 
 def keys_of_fields(settings: type, names: Iterable[str] = ()) -> dict[str, Any]:
     """Fields of settings as keys, all of them or some; a user leaves out what is None."""
-    hints, said = get_type_hints(settings, include_extras=True), _said_of_fields(settings)
+    hints = get_type_hints(settings, include_extras=True)
+    said = _said_of_fields(settings.__module__)[settings.__name__]
     return {
         name.rstrip("_"): _about(_without_none(hints[name]), said[name])
         if name in said
@@ -82,15 +84,19 @@ def _group(settings: type) -> Any:
     return mapping(settings.__name__.strip("_"), keys_of_fields(settings))
 
 
-def _said_of_fields(settings: type) -> dict[str, str]:
-    """The text below each field of settings."""
-    (body,) = ast.parse(textwrap.dedent(inspect.getsource(settings))).body
-    assert isinstance(body, ast.ClassDef)
+@cache  # a module is parsed once, not for each of its classes
+def _said_of_fields(module: str) -> dict[str, dict[str, str]]:
+    """The text below each field of the classes of a module."""
+    tree = ast.parse(inspect.getsource(sys.modules[module]))
     return {
-        field.target.id: " ".join(str(said.value.value).split())
-        for field, said in pairwise(body.body)
-        if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
-        if isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant)
+        settings.name: {
+            field.target.id: " ".join(str(said.value.value).split())
+            for field, said in pairwise(settings.body)
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)
+            if isinstance(said, ast.Expr) and isinstance(said.value, ast.Constant)
+        }
+        for settings in tree.body
+        if isinstance(settings, ast.ClassDef)
     }
 
 

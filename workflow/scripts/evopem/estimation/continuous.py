@@ -12,10 +12,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 from scipy.linalg.lapack import dpotrf, dtrtri
-from scipy.optimize import least_squares
 
 from evopem.arrays import Array
 from evopem.config.settings import Hold, SearchSettings
@@ -149,7 +148,7 @@ class ContinuousProblem:
         delays = self.delays(point)
         for count, place, segment in sources:
             numerator, left = np.split(left, [count])
-            both = block_diag(A, A)
+            both = scipy.linalg.block_diag(A, A)
             both[n, n - count : n] = numerator
             states = self._states(both, place, delays[place], segment)
             by_coefficient -= states[:, n:]
@@ -284,7 +283,7 @@ def descents(
 ) -> Descent:
     """Descents by SciPy's ``least_squares``, with mean squares of so many errors."""
     options |= {"ftol": tolerance, "xtol": tolerance, "gtol": None, "max_nfev": steps}
-    ends = [least_squares(errors, start, slopes, **options) for start in starts]
+    ends = [scipy.optimize.least_squares(errors, start, slopes, **options) for start in starts]
     values = np.array([2.0 * end.cost / samples for end in ends])
     converged = np.array([end.status > 0 for end in ends])
     used = sum(end.nfev + end.njev for end in ends)

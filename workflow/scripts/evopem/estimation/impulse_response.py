@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.estimation.criteria import criteria_of
@@ -137,8 +138,6 @@ class Evidence:
 
     def descended(self, kernel: Kernel, starts: Sequence[Array]) -> tuple[float, Array]:
         """The lowest value of a descent from the best of some starts, and where it is."""
-        from scipy.optimize import minimize
-
         first = starts[0]
         if len(starts) > 1:
             first = min(starts, key=lambda start: self.value(kernel, start.ravel())[0])
@@ -151,7 +150,7 @@ class Evidence:
                 (-MOST_CORRELATED, MOST_CORRELATED),
             )[: first.shape[1]]
         ]
-        ended = minimize(
+        ended = scipy.optimize.minimize(
             lambda hyper: self.value(kernel, hyper),
             np.clip(first.ravel(), *np.transpose(bounds)),
             jac=True,
@@ -164,10 +163,8 @@ class Evidence:
     def fitted(self, kernel: Kernel, hyper: Array) -> tuple[Array, Array, float, float]:
         """Mean of b, a factor of its covariance over the noise variance, that variance, and the
         trace of the hat matrix, by a QR decomposition that bears any noise variance."""
-        from scipy.linalg import block_diag
-
         pairs = zip(self._rows(hyper), self.blocks, strict=True)
-        root = block_diag(*(_root(kernel(h, x.shape[1])[0]) for h, x in pairs))
+        root = scipy.linalg.block_diag(*(_root(kernel(h, x.shape[1])[0]) for h, x in pairs))
         # Of b = root beta, where beta has the variance of the noise.
         x = np.hstack(self.blocks) @ root
         orthogonal, upper = np.linalg.qr(np.vstack([x, np.eye(len(root))]))

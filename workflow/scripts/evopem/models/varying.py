@@ -11,11 +11,9 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.polynomial.legendre import legvander
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline
-from scipy.linalg.lapack import dtbtrs
-from scipy.optimize import linear_sum_assignment
 
 from evopem.arrays import Array, Flags, Indices
 from evopem.errors import InputError
@@ -54,7 +52,7 @@ class Basis:
         degree = min(3, self.dimension - 1)
         inner = np.linspace(0.0, 1.0, self.dimension - degree + 1)
         knots = np.r_[np.zeros(degree), inner, np.ones(degree)]
-        splines = BSpline.design_matrix(x, knots, degree).toarray()
+        splines = scipy.interpolate.BSpline.design_matrix(x, knots, degree).toarray()
         return np.column_stack([np.ones(len(x)), splines[:, 1:]])  # they add to 1
 
     @property
@@ -82,7 +80,7 @@ def filtered(columns: Array, coefficients: Array, bounds: Indices) -> Array:
     known = lagged(np.ones(samples), range(1, m + 1), bounds)
     for lag in range(1, m + 1):
         bands[lag, : samples - lag] = (coefficients * known)[lag:, lag - 1]
-    return np.asarray(dtbtrs(bands, columns, uplo="L", diag="U")[0])
+    return np.asarray(scipy.linalg.lapack.dtbtrs(bands, columns, uplo="L", diag="U")[0])
 
 
 @dataclass(frozen=True)
@@ -189,7 +187,7 @@ class VaryingModel:
             modes = self.frozen(value).modes()
             last = np.array([path[-1][1].pole for path in paths])
             distances = np.abs(np.subtract.outer(last, [mode.pole for mode in modes]))
-            pairs = linear_sum_assignment(distances) if paths and modes else ((), ())
+            pairs = scipy.optimize.linear_sum_assignment(distances) if paths and modes else ((), ())
             for k, j in zip(*pairs, strict=True):
                 paths[k].append((value, modes[j]))
             paths += [[(value, modes[j])] for j in range(len(modes)) if j not in pairs[1]]

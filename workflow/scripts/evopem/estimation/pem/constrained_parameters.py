@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array
 from evopem.estimation.pem.constrained_polynomials import (
@@ -189,15 +190,13 @@ class ConstrainedParameters:
 
     def active(self, z: Array) -> tuple[tuple[str, ...], Array]:
         """Inequalities that are active, and a basis of the free directions of a point, (n, k)."""
-        from scipy.linalg import block_diag
-
         bounded, _, _ = self.bounded(z)
         point, derivatives = self.point(bounded)
         of_polynomials = [
             p.active(bounded[self.columns[name]]) for name, p in self.polynomials.items()
         ]
         names = {name for is_active, _ in of_polynomials for name in is_active}
-        tangent = block_diag(*(free for _, free in of_polynomials))
+        tangent = scipy.linalg.block_diag(*(free for _, free in of_polynomials))
         if self.tied:
             tangent[self.parts["c"]] = tangent[self.parts["a"]]
         for name, given in self.gains.items():

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # whose parts load on first use
 
 from evopem.arrays import Array, Indices
 from evopem.estimation.pem.least_squares import autoregression
@@ -155,12 +156,12 @@ def filtered_backwards(
     columns: Array, noise_filter: tuple[Array, Array], counts: Sequence[int] = ()
 ) -> Array:
     """Columns filtered backwards in time, each of the stretches of so many rows alone."""
-    from scipy.signal import lfilter
-
     if len(noise_filter[0]) == 1 and len(noise_filter[1]) == 1:
         return columns
     parts = np.split(columns, np.cumsum(np.asarray(counts, dtype=int))[:-1])
-    return np.concatenate([lfilter(*noise_filter, part[::-1], axis=0)[::-1] for part in parts])
+    return np.concatenate(
+        [scipy.signal.lfilter(*noise_filter, part[::-1], axis=0)[::-1] for part in parts]
+    )
 
 
 def tangent_covariance(
@@ -186,8 +187,6 @@ def two_stage_covariance(
     whose residuals the errors of the first stage add to.  ``to_second`` (m, n): derivatives of the
     plant's m parameters, as the second stage holds them, by the n of the first.  ``crossed`` (N,
     m): derivatives of the errors of the second stage by those."""
-    from scipy.linalg import block_diag
-
     plant, plant_priors, plant_null = (
         to_second @ part for part in first.response(noise_filter, deviation)
     )
@@ -195,7 +194,8 @@ def two_stage_covariance(
     # noise responds to any addition to the residuals; crossed @ plant is such an addition.
     passed = noise @ crossed
     innovations = np.concatenate([plant, noise + passed @ plant])
-    priors, null_space = block_diag(plant_priors, noise_priors), block_diag(plant_null, noise_null)
+    priors = scipy.linalg.block_diag(plant_priors, noise_priors)
+    null_space = scipy.linalg.block_diag(plant_null, noise_null)
     priors[len(plant) :, : plant_priors.shape[1]] = passed @ plant_priors
     return _of_responses(np.hstack([innovations, priors]), null_space, deviation)
 
