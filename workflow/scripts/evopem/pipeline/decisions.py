@@ -136,7 +136,7 @@ def decision_record(
     )
     return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        (*_remarks(prepared.estimation.segments), *untold, *remedied.statements),
+        (*_remarks(prepared.estimation.segments, choice.level), *untold, *remedied.statements),
         other_model,
         delay.likely,
     )
@@ -159,7 +159,7 @@ def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
     return (Decision("channels", pairs[0], alternatives, criterion, roles.sentence),)
 
 
-def _remarks(stretches: Sequence[Segment]) -> tuple[str, ...]:
+def _remarks(stretches: Sequence[Segment], level: str) -> tuple[str, ...]:
     recordings = len({stretch.recording for stretch in stretches})
     remarks = []
     if recordings > 1:
@@ -175,5 +175,10 @@ def _remarks(stretches: Sequence[Segment]) -> tuple[str, ...]:
             f"The estimation samples are {len(stretches)} stretches with breaks between them: the"
             f" model comes from all {total_samples(stretches)} samples, each stretch with its own"
             f" initial state, the spectrum from the longest stretch of {longest} samples."
+        )
+    if level == "state" and recordings == 1:
+        remarks.append(
+            "The level drifts: simulations of other samples fit their level along with the initial"
+            " state."
         )
     return tuple(remarks)

@@ -27,8 +27,9 @@ from evopem.results.dataset import DatasetResults, read_results
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
-from evopem.validation.distortion import Distortion, Floor
+from evopem.validation.distortion import Distortion
 from evopem.validation.error_parts import ErrorParts
+from evopem.validation.model_class import Floor
 from evopem.validation.validation import Validation
 
 _WIDTH = 96
