@@ -50,6 +50,10 @@ SAME_FREQUENCY, SAME_DAMPING = 0.05, 0.5
 VISIBLE_SHARE, VISIBLE_RATIO = 0.02, 2.0
 # Least standard errors, half of what a mode may be off by, from which on the record tells it.
 TOLD_FREQUENCY, TOLD_DAMPING = SAME_FREQUENCY / 2.0, SAME_DAMPING / 2.0
+# The same of the delay, in samples of the model, which may be off by two.
+MOST_OFF, TOLD_DELAY = 2.0, 1.0
+# As many likely delays at most are a statement of the delay.
+FEW_DELAYS = 3
 # Share of noise in the variance of an input from which on feedback should be found.
 FED_BACK = 0.01
 # Structures of polynomials whose true orders an oracle may be given.
@@ -115,6 +119,7 @@ def judged(case: Case, found: Any) -> Line:
             factor = RATE / found.model.sampling_rate
             line["decimation"] = round(factor, 1)
             line["delays"] = [round(nk * factor, 1) for nk in delays_of(found.model)]
+            line["delay_error"] = case.delay_error()
             likely = found.results.decisions.likely_delays
             line["likely"] = [[round(nk * factor, 1) for nk in delays] for delays in likely]
     return line
@@ -331,7 +336,7 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
     driven = [line for line in inside if "response_error" in line]
     said = [line for line in driven if line["verdict"]["response"] == "good"]
     with_oracle = [line for line in driven if "oracle" in line]
-    unfaulted = [line for line in driven if line["delays"]]
+    with_delays = [line for line in driven if line["delays"]]
     sets = [(delays, line) for line in driven for delays in line.get("likely", ())]
     trusted = [line["modes"] for line in inside]
     shapes = [shape for line in inside for shape in line.get("shapes", ()) if shape["trusted"]]
@@ -355,6 +360,14 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
             for factor in (1.5, 2.0)
         ),
         (
+            "response within 1.5 times the larger of that and the Cramér-Rao bound, without drift",
+            rate(
+                line["response_error"] <= 1.5 * np.fmax(line["oracle"], line["bound"])
+                for line in with_oracle
+                if "drift" not in line["faults"]
+            ),
+        ),
+        (
             "response within 1.5 times the least expected error (Cramér-Rao)",
             rate(
                 line["response_error"] <= 1.5 * line["bound"]
@@ -374,12 +387,13 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
             "response “good”, but off by more than 30 %",
             rate(line["response_error"] > 0.3 for line in said),
         ),
-        (
-            "delay off by more than 2 samples of the model",
-            rate(
-                max(abs(delay - line["delay"]) for delay in line["delays"]) > 2 * line["decimation"]
-                for line in unfaulted
-            ),
+        *(
+            (f"delay off by more than 2 samples of the model{where}", rate(map(_is_off, group)))
+            for where, group in (
+                ("", with_delays),
+                (", three delays at most are likely", filter(_states_delay, with_delays)),
+                (", the record tells it (Cramér-Rao)", filter(_tells_delay, with_delays)),
+            )
         ),
         (
             "delay not among the likely ones",
@@ -388,7 +402,7 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
                 for delays, line in sets
             ),
         ),
-        ("likely delays are three at most", rate(len(delays) <= 3 for delays, _ in sets)),
+        ("likely delays are three at most", rate(len(delays) <= FEW_DELAYS for delays, _ in sets)),
         (
             "trusted mode is none",
             of_counts(sum(m["false"] for m in trusted), sum(m["trusted"] for m in trusted)),
@@ -451,6 +465,21 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
             rate(line["checks"]["Response to the input significant"] is True for line in unrelated),
         ),
     ]
+
+
+def _is_off(line: Line) -> bool:
+    most = MOST_OFF * line["decimation"]
+    return max(abs(delay - line["delay"]) for delay in line["delays"]) > most
+
+
+def _states_delay(line: Line) -> bool:
+    """Whether the report names few delays of each input."""
+    return all(len(likely) <= FEW_DELAYS for likely in line["likely"])
+
+
+def _tells_delay(line: Line) -> bool:
+    """Whether the record tells the delay to half of what it may be off by; unless not known."""
+    return not line.get("delay_error", np.nan) >= TOLD_DELAY * line["decimation"]
 
 
 def _within(lines: Iterable[Line], factor: float) -> str:

@@ -226,16 +226,33 @@ class Case:
     def spread(self) -> Array:
         """A square root of the least covariance of the coefficients of all sections (Cramér-Rao).
 
-        Of the true orders, from noise whose colour is known, and with a state at the first sample
-        that is not.  NaN where rounding makes 20,000 samples of the noise grow, as of many slow
-        poles.
+        Of the true orders and delay, from noise whose colour is known, and with a state at the
+        first sample that is not.  NaN where rounding makes 20,000 samples of the noise grow, as of
+        many slow poles.
         """
+        return self._spread_of(self._by_coefficients())
+
+    def delay_error(self) -> float:
+        """Least standard error of the delay as a real number, in samples (Cramér-Rao).
+
+        The coefficients of the true orders are not known either.  NaN where :attr:`spread` is.
+        """
+        inputs = np.vstack([self.earlier, self.clean[0]])
+        sooner, later = (self.system.respond(np.roll(inputs, k, axis=0)) for k in (-1, 1))
+        by_delay = 0.5 * (later - sooner)[-len(self.outputs) :].T
+        return float(np.linalg.norm(self._spread_of([*self._by_coefficients(), by_delay])[-1]))
+
+    def _by_coefficients(self) -> list[Array]:
+        """Derivatives of the outputs, (l, N) each."""
+        inputs = _late(np.vstack([self.earlier, self.clean[0]]), self.system.nk)
+        return [part[:, -len(self.outputs) :] for part in _derivatives(self.system, inputs)]
+
+    def _spread_of(self, columns: Sequence[Array]) -> Array:
+        """A square root of the least covariance of what outputs have some derivatives by."""
         s, (u, y) = self.system, self.clean
-        inputs = np.vstack([self.earlier, u])
-        columns = [part[:, -len(u) :] for part in _derivatives(s, _late(inputs, s.nk))]
         count = len(columns)
-        columns += _free_responses(s, len(u))
-        noise = y - s.respond(inputs)[-len(u) :]
+        columns = [*columns, *_free_responses(s, len(u))]
+        noise = y - s.respond(np.vstack([self.earlier, u]))[-len(u) :]
         try:
             whitenings = self._whitenings(noise.std(axis=0))
         except np.linalg.LinAlgError:

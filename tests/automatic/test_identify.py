@@ -15,7 +15,7 @@ from evopem.automatic.cross_validation.folds import FoldPlan, decide_folds, deci
 from evopem.automatic.cross_validation.simulation import simulated
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.orders import search_structure
+from evopem.automatic.orders import refine_orders, search_structure
 from evopem.automatic.structures import compare_structures
 from evopem.config.settings import OrderRanges
 from evopem.errors import NoModelError
@@ -217,6 +217,20 @@ def test_orders_of_the_noise_are_refined_by_likelihood(seed):
     searches = [search_structure(scorer, each, {}) for each in ("oe", "bj")]
     chosen = compare_structures(scorer, searches).choice("simulation").candidate
     assert chosen.orders == Orders(nb=1, nc=1, nd=1, nf=1, nk=1)
+
+
+def test_a_plant_is_estimated_again_from_a_likelier_model_with_noise():
+    """Its own search may have ended at another optimum."""
+    u, y, _ = output_error_record(300)
+    stretches, orders = [Segment(u, y)], Orders(nb=2, nf=2, nk=1)
+    known, scorer = (
+        Scorer(stretches, decide_folds(stretches), CommonSettings(), delays=(1,)) for _ in range(2)
+    )
+    plant = known.candidate("oe", orders, scored=False)
+    scorer.remember([replace(plant, bic=plant.bic + 1.0)])
+    with_noise = scorer.candidate("bj", Orders(nb=2, nd=1, nf=2, nk=1), scored=False)
+    refine_orders(scorer, with_noise, candidates.BIC)
+    assert scorer.candidate("oe", orders).bic == pytest.approx(plant.bic, abs=1e-6)
 
 
 def test_folds_that_a_model_does_not_lead_to_are_estimated_anew(monkeypatch):

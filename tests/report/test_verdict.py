@@ -66,6 +66,7 @@ def test_the_error_of_the_simulation_decides(results, monkeypatch, error, answer
     [
         ("Stable", False, "the frequency response", "no"),
         ("White_residuals", False, "one-step prediction", "care"),
+        ("White_residuals", False, "the frequency response", "care"),
         ("White_residuals", None, "standard errors", "care"),
         ("Residuals_independent_of_the_input", False, "the frequency response", "care"),
         ("Roots_inside_the_stability_bound", False, "standard errors", "no"),

@@ -248,14 +248,15 @@ class Scorer:
         models: Sequence[PolynomialModel] = (),
         own_starts: bool = True,
         scored: bool = True,
+        again: bool = False,
     ) -> Candidate | None:
         """The candidate of these orders; None where the record does not carry them.
 
         Descents start from the models, and with ``own_starts`` from estimates by linear algebra;
-        ``scored`` on held-out samples.
+        ``scored`` on held-out samples; ``again`` where it is known, which stays if it is likelier.
         """
         key = (structure, orders)
-        if key not in self._known:
+        if again or key not in self._known:
             if not self.limits.allow(structure, orders):
                 return None
             if not self._carries(structure, orders):
@@ -266,7 +267,8 @@ class Scorer:
                 )
             except NoModelError:
                 return None
-            self._known[key] = self.described(structure, fitted)
+            candidate = self.described(structure, fitted)
+            self._known[key] = min(self._known.get(key, candidate), candidate, key=BIC)
         return self.with_own_scores(self._known[key]) if scored else self._known[key]
 
     def _carries(self, structure: str, orders: Orders) -> bool:

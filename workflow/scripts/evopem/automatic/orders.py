@@ -44,6 +44,7 @@ PATHS: Mapping[str, Mapping[str, Sequence[int]]] = {
     "bj": {FINITE: LONG_PATH, "bj": PATH},
 }
 PATIENCE = 3
+ROUNDS = 2  # over the orders of a model that is refined
 # The BIC of one-step and of simulation errors must fall by this much to count as a gain.
 LEAST_GAINS = 0.002, 0.01
 # Samples times parameters of all candidates of a structure, and of a refinement: the cost of a fit
@@ -218,30 +219,33 @@ def _polynomials(candidate: Candidate) -> PolynomialModel:
     return candidate.polynomials
 
 
-def refine_orders(
-    scorer: Scorer, start: Candidate, score: Score, rounds: int = 2
-) -> list[Candidate]:
-    """Change one order after the other as long as a score falls; all that was tried, best last.
+def refine_orders(scorer: Scorer, start: Candidate, score: Score) -> list[Candidate]:
+    """Change one order after the other as long as a score falls; all that was tried.
 
-    By their BIC only the best is scored on held-out samples.
+    By their BIC only the best is scored on held-out samples, and so is its plant of own poles.
     """
     best, tried, work = start, [start], 0
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         for orders in _neighbours(best.orders):
             if orders.structure != best.orders.structure or work >= MOST_WORK:
                 continue
             work += scorer.samples * orders.parameters
-            models = [_polynomials(best)]
-            candidate = scorer.candidate(
-                best.structure, orders, models, own_starts=False, scored=False
-            )
+            given = best.structure, orders, [_polynomials(best)]
+            candidate = scorer.candidate(*given, own_starts=False, scored=False)
             tried += [candidate] if candidate is not None else []
         tried, least = (tried, 0.0) if score is BIC else (scorer.with_scores(tried), GAIN)
         lowest = min(tried, key=score)
         if not score(lowest) < score(best) - least * score(best):
             break
         best = lowest
-    return [*tried, scorer.with_own_scores(best)]
+    plant = with_white_noise(scorer, best) if score is BIC and any(best.orders.nf) else None
+    return [*tried, *filter(None, [plant]), scorer.with_own_scores(best)]
+
+
+def with_white_noise(scorer: Scorer, start: Candidate) -> Candidate | None:
+    """The plant of a model alone; its own search may have ended at another optimum."""
+    o = changed(start.orders, nc=-start.orders.nc, nd=-start.orders.nd)
+    return scorer.candidate(o.structure, o, [_polynomials(start)], own_starts=False, again=True)
 
 
 def _neighbours(o: Orders) -> list[Orders]:

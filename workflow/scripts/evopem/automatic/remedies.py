@@ -8,6 +8,7 @@ from typing import Self
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Decision, Trial
 from evopem.automatic.fold_errors import as_good, score_of
+from evopem.automatic.orders import with_white_noise
 from evopem.automatic.remedy_orders import (
     DELAY,
     LENGTH,
@@ -18,7 +19,6 @@ from evopem.automatic.remedy_orders import (
     with_noise_models,
 )
 from evopem.automatic.structures import Choice
-from evopem.models.orders import Orders
 from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
@@ -184,10 +184,7 @@ def _with_another_noise_model(
             return described, True
     if candidate.structure == "oe":
         return candidate, False
-    o = candidate.orders
-    orders = Orders(nb=o.nb, nf=o.nf, nk=o.nk)
-    models = [candidate.polynomials] if candidate.polynomials else []
-    alone = scorer.candidate("oe", orders, models)
+    alone = with_white_noise(scorer, candidate)
     if alone is None:
         return candidate, False
     taken = _is_better(scorer, alone, candidate) and _is_allowed(scorer, alone, candidate, choice)

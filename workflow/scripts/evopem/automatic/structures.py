@@ -183,9 +183,8 @@ def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
 def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
     """The best of the best structures of polynomials."""
     polynomials = [c for c in parametric(candidates) if c.polynomials is not None]
-    names = dict.fromkeys(polynomial.structure for polynomial in polynomials)
-    best = (min((c for c in polynomials if c.structure == n), key=score) for n in names)
-    return sorted(best, key=score)[:FINALISTS]
+    best = {c.structure: c for c in sorted(polynomials, key=score, reverse=True)}
+    return sorted(best.values(), key=score)[:FINALISTS]
 
 
 def _for_simulation(

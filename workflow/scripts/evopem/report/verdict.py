@@ -76,7 +76,7 @@ DESIRABLE: dict[str, tuple[str, ...]] = {
     "Excitation adequate": ("response",),
     "Validation input comparable": ("simulation",),
     "Simulation independent of its initial state": ("simulation",),
-    "White residuals": ("prediction", "spectrum", "intervals"),
+    "White residuals": ("prediction", "response", "spectrum", "intervals"),
     "Residuals independent of the input": ("response", "intervals"),
     "Roots inside the stability bound": ("response",),
     "Constant in time": ("simulation", "response", "modes"),
