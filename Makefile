@@ -12,6 +12,8 @@ LONGEST := tests/workflow tests/packaging tests/fletcher_powell tests/estimation
 WORKERS := $(shell echo $$(($$(nproc 2>/dev/null || echo 1) + 1)))
 EXTRAS := --extra workflow --extra slurm --extra control
 UPGRADE ?=
+# Without stored code each process of the tests would compile all of it.
+unexport PYTHONDONTWRITEBYTECODE
 COMPILE := $(BIN)/uv pip compile pyproject.toml $(EXTRAS) --universal --python-version 3.11 \
 	--generate-hashes --no-emit-index-url --no-emit-find-links --no-header --quiet
 

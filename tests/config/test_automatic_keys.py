@@ -90,6 +90,7 @@ def test_the_complete_configuration_gives_the_same_settings(keys):
         (", level: false", "datasets.pump.level: the automatic recipe always estimates a level"),
         (", delay: {orders: 3}", "datasets.pump.delay.orders: the automatic recipe has no such"),
         (", search: {prune: true}", "datasets.pump.search.prune: the automatic recipe has no such"),
+        (", search: {mu: 5}", "datasets.pump.search.mu: the automatic recipe has no such key"),
         (", structure: oe, orders: {nc: 2}", "datasets.pump.orders.nc: structure oe has no such"),
         (", structure: impulse, recipe: chapter", "orders, and a regularised response has none"),
         (", purpose: control", "give what the model is for, auto, simulation, prediction or modes"),

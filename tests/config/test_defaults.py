@@ -98,7 +98,7 @@ def test_a_file_needs_no_other_key():
 def test_own_keys_go_before_defaults_and_these_before_built_in_values():
     config = completed(
         """
-        defaults: {search: {mu: 5, lambda: 50}, spectrum: {nfft: 1024}}
+        defaults: {recipe: chapter, search: {mu: 5, lambda: 50}, spectrum: {nfft: 1024}}
         datasets:
           one: {synthesis: armax, search: {mu: 7}}
           two: {synthesis: armax}
@@ -111,8 +111,9 @@ def test_own_keys_go_before_defaults_and_these_before_built_in_values():
 
 
 def test_the_order_of_keys_and_the_way_numbers_are_written_do_not_count():
-    one = completed("datasets: {a: {synthesis: armax, search: {mu: 7, seed: 3}, resample: 50}}")
-    two = completed("datasets: {a: {resample: 50.0, search: {seed: 3.0, mu: 7}, synthesis: armax}}")
+    head = "datasets: {a: {recipe: chapter, "
+    one = completed(head + "synthesis: armax, search: {mu: 7, seed: 3}, resample: 50}}")
+    two = completed(head + "resample: 50.0, search: {seed: 3.0, mu: 7}, synthesis: armax}}")
     assert repr(one) == repr(two)
 
 
@@ -239,8 +240,16 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         (ARM % "search: ", "datasets.arm.search", "there is no value"),
         (ARM % "search: {refine: wurst}", "datasets.arm.search.refine", "did you mean worst?"),
         (ARM % "search: {objective: abs}", "datasets.arm.search.objective", "abs is not known"),
-        (ARM % "search: {nu: 200}", "datasets.arm.search.nu", "nu is 200 and lambda is 100"),
-        (ARM % "search: {lambda: 12}", "datasets.arm.search.lambda", "mu is 15 and lambda is 12"),
+        (
+            ARM % "recipe: chapter, search: {nu: 200}",
+            "datasets.arm.search.nu",
+            "nu is 200 and lambda is 100",
+        ),
+        (
+            ARM % "recipe: chapter, search: {lambda: 12}",
+            "datasets.arm.search.lambda",
+            "mu is 15 and lambda is 12",
+        ),
         (ARM % "search: {seed: -1}", "datasets.arm.search.seed", "-1 is below 0"),
         (ARM % f"delay: {{nk: '{'9' * 500}'}}", "arm.delay.nk", "99... as text"),
         (f"{{datasets: {{a: {{file: x}}}}, shard: 1/{'9' * 5000}}}", "shard", "is not known"),
@@ -248,7 +257,7 @@ FILE = "datasets: {arm: {file: x.csv, %s}}"
         (ARM % "search: {max_root_radius: 1}", "search.max_root_radius", "1 is not below 1"),
         ("{datasets: {a: {file: x}}, defaults: {file: x}}", "defaults.file", "no such key"),
         (
-            "{datasets: {a: {file: x}}, defaults: {search: {lambda: 5}}}",
+            "{datasets: {a: {file: x}}, defaults: {recipe: chapter, search: {lambda: 5}}}",
             "defaults.search.mu",
             "lambda is 5",
         ),

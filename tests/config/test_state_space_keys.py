@@ -110,12 +110,12 @@ def test_a_list_or_a_mapping_of_one_is_the_channel_itself():
 
 
 def test_several_channels_take_the_settings_that_one_takes():
-    keys = "search: {mu: 3, lambda: 9, nu: 2}\n    spectrum: {nfft: 512}\n"
+    keys = "search: {seed: 3}\n    spectrum: {nfft: 512}\n"
     keys += "    transforms: {difference: 1, difference_input: 1}"
     one, several = dataset(keys), dataset(f"output: [2, 3]\n    {keys}")
     for name in ("preparation", "spectrum"):
         assert getattr(one, name) == getattr(several, name)
-    assert (several.search.mu, several.spectrum.nfft) == (3, 512)
+    assert (several.search.seed, several.spectrum.nfft) == (3, 512)
     assert one.automatic.preparation == several.automatic.preparation
 
 

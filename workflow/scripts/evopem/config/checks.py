@@ -38,7 +38,10 @@ IN_TIME = (
 OF_ONE_OUTPUT = ("transforms.box_cox", "varying")
 FEWEST_CONDITIONS = 4
 """Different values of a condition that coefficients move with: a line, and what checks it."""
-OF_CHAPTER = ("level", "delay.orders", "search.n_initial_discard", "search.prune")
+OF_CHAPTER = (
+    *("level", "delay.orders", "search.n_initial_discard", "search.prune"),
+    *("search.mu", "search.lambda", "search.nu", "search.refine"),
+)
 """Keys that the chapter's recipe alone has."""
 
 

@@ -185,8 +185,7 @@ def _built_in(kind: Kind, keys: Keys) -> dict[str, Any]:
         built_in["purpose"] = "auto"
         if are_one(kind.outputs):
             built_in["varying"] = "auto"
-        for key in ("objective", "evaluations", "n_initial_discard", "prune", "max_root_radius"):
-            del search[key]
+        search = {"seed": search["seed"]}
         del split["discard"]
     return built_in | {"search": search}
 
