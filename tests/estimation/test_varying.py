@@ -19,6 +19,7 @@ from evopem import (
     identify,
 )
 from evopem.automatic.varying import Moves, Varying, blocks, held_out_errors
+from evopem.estimation.continuous import Fit
 from evopem.estimation.varying import Scheduled, VaryingProblem, fit_varying
 from evopem.estimation.varying_choice import choose_again, choose_varying, race, undersmoothed
 from evopem.files.json_form import from_json, load, to_json
@@ -112,6 +113,16 @@ def test_an_autoregression_is_least_squares():
     expected = np.linalg.lstsq(columns, y[2:], None)[0]
     np.testing.assert_allclose(fit.model.weights.ravel(), expected, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(fit.errors[2:], y[2:] - columns @ expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("apart", [1e-3, 1e-7])
+def test_columns_that_are_nearly_alike_lose_no_digits(apart):
+    """By a Gram matrix, or by QR where it loses too many."""
+    y, first, second, third = np.random.default_rng(4).normal(size=(4, 500))
+    columns = np.column_stack([first, second, first + apart * third, np.ones(500)])
+    fit, expected = Fit.of(columns, y, np.ones(500)), np.linalg.lstsq(columns, y, None)[0]
+    np.testing.assert_allclose(fit.errors, y - columns @ expected, atol=1e-8)
+    np.testing.assert_allclose(fit.across(columns), 0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("structure", ["armax", "oe"])
