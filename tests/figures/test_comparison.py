@@ -1,5 +1,6 @@
 """Models side by side: modes matched across all of them, and labels that tell them apart."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,11 @@ from evopem.config.channels import ChannelPlace, Geometry
 from evopem.errors import InputError
 from evopem.figures.comparison import Comparison, spread_percent
 from evopem.models.modes import Mode
-from evopem.report.comparison import build_comparison, merged_sentences
+from evopem.report.comparison import (
+    build_comparison,
+    dependences,
+    merged_sentences,
+)
 from evopem.report.templates import template_folder
 
 
@@ -44,6 +49,38 @@ def test_modes_are_matched_across_all_models(results):
     assert spread_percent(compared.matched[0]) == pytest.approx(100 * 0.1 / 5.05)
     assert np.isnan(spread_percent(compared.matched[3]))
     assert compared.modes["mode"].tolist() == [1, 1, 2, 2, 3, 3, 4]
+
+
+def driven_by(results, amplitudes, frequencies):
+    """Models of recordings whose inputs have other amplitudes, each with one mode."""
+    recording, models = results.recording, []
+    for number, (amplitude, frequency) in enumerate(zip(amplitudes, frequencies, strict=True)):
+        other = with_frequencies(results, frequency, name=f"r{number}")
+        driven = replace(recording, inputs=amplitude * (recording.inputs - recording.inputs.mean()))
+        models.append(replace(other, recording=driven))
+    return Comparison.of(models)
+
+
+def test_a_mode_that_goes_with_the_amplitude_is_said(results):
+    amplitudes, errors = np.arange(1.0, 7.0), 0.01 * np.random.default_rng(3).standard_normal(6)
+    compared = driven_by(results, amplitudes, 5.0 - 0.05 * amplitudes + errors)
+    (sentence,) = dependences(compared)
+    assert sentence.startswith("Dependence on the standard deviation of input: from ")
+    slope = np.polyfit(amplitudes, 5.0 - 0.05 * amplitudes + errors, 1)[0]
+    told = float(re.search("changes by −([0-9.]+) ± ", sentence)[1])
+    assert told == pytest.approx(-5.0 * slope, abs=0.001)
+    # Of one recording, or three, nothing is said; of constant modes that nothing was found.
+    assert not dependences(driven_by(results, np.ones(6), 5.0 + errors))
+    assert not dependences(driven_by(results, amplitudes[:3], 5.0 + errors[:3]))
+    (none,) = dependences(driven_by(results, amplitudes, 5.0 + errors))
+    assert none.startswith("No dependence of a mode on amplitude")
+
+
+def test_a_constant_mode_is_seldom_said_to_depend(results):
+    draws = np.random.default_rng(8).standard_normal((60, 6))
+    amplitudes = np.arange(1.0, 7.0)
+    found = [dependences(driven_by(results, amplitudes, 5.0 + 0.01 * draw))[0] for draw in draws]
+    assert sum(sentence.startswith("Dependence") for sentence in found) <= 3
 
 
 def test_models_of_one_name_are_told_apart(results):

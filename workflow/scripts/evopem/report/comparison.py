@@ -30,9 +30,14 @@ from evopem.report.numbers import (
     number,
     percent,
     plural,
+    with_error,
 )
 from evopem.report.verdict import verdict
+from evopem.results.fleet import mode_values
+from evopem.validation.level_changes import fits
 
+# Probability of any dependence that is said where there is none, and recordings that it needs.
+FALSE_ALARMS, FEWEST = 0.01, 4
 SAME = "All models were validated on the same samples."
 DIFFERENT = (
     "The models were validated on different samples: their errors are no ranking of the models."
@@ -74,7 +79,39 @@ def _remark(comparison: Comparison) -> str:
     """Whether the errors of the models can be compared; of set-ups, whether they fit each other."""
     if comparison.merged:
         return " ".join(merged_sentences(comparison.merged))
-    return SAME if comparison.has_same_validation else DIFFERENT
+    remark = SAME if comparison.has_same_validation else DIFFERENT
+    return " ".join([remark, *dependences(comparison)])
+
+
+def dependences(comparison: Comparison) -> list[str]:
+    """How trusted modes go with amplitude and mean of an input, over recordings of one machine.
+
+    By regressions weighted by standard errors and the scatter beyond them, tested together.
+    """
+    recordings = [model.recording for model in comparison.models if model.recording]
+    inputs = zip(*(recording.inputs.T for recording in recordings), strict=False)
+    tests = []
+    for name, signals in zip(recordings[0].input_names if recordings else (), inputs, strict=False):
+        for words, level in (("standard deviation", np.std), ("mean", np.mean)):
+            x = np.array([level(signal) for signal in signals])
+            if len(comparison.models) > len(x) or len(x) < FEWEST or np.ptp(x) == 0.0:
+                continue
+            design = np.column_stack([np.ones(len(x)), (x - x.mean()) / np.ptp(x)])
+            for modes in comparison.matched:
+                if all(mode in comparison.trusted for mode in modes):
+                    hertz, errors = np.array([mode_values(mode)[:2] for mode in modes if mode]).T
+                    slopes, covariances, p_value, _ = fits(hertz, errors, design[None], 1)
+                    change, error = slopes[0, 1], covariances[0, 1, 1] ** 0.5
+                    said = (
+                        f"Dependence on the {words} of {name}: from {number(x.min(), 3)} to"
+                        f" {number(x.max(), 3)} the mode at {number(hertz.mean())} Hz changes by"
+                        f" {with_error(change, error)} Hz, significant at"
+                    )
+                    tests.append((float(p_value[0]), said))
+    limit = f"{percent(100.0 * FALSE_ALARMS, 1)} ({len(tests)} tests together)."
+    none = f"No dependence of a mode on amplitude or mean of an input is significant at {limit}"
+    sentences = [f"{said} {limit}" for p, said in tests if p < FALSE_ALARMS / len(tests)]
+    return sentences or [none] * bool(tests)
 
 
 def merged_sentences(merged: MergedModes) -> list[str]:
