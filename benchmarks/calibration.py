@@ -54,8 +54,9 @@ TOLD_FREQUENCY, TOLD_DAMPING = SAME_FREQUENCY / 2.0, SAME_DAMPING / 2.0
 MOST_OFF, TOLD_DELAY = 2.0, 1.0
 # As many likely delays at most are a statement of the delay.
 FEW_DELAYS = 3
-# Share of noise in the variance of an input from which on feedback should be found.
-FED_BACK = 0.01
+# Share of noise in the variance of an input from which on feedback should be found, and what it
+# comes to in squared standard errors of a correlation where the record tells it.
+FED_BACK, TOLD_FEEDBACK = 0.01, 16.0
 # Structures of polynomials whose true orders an oracle may be given.
 ORACLES = {"fir", "arx", "armax", "oe", "bj"}
 
@@ -440,14 +441,17 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
                 sum(m["told"] for m in trusted if "missed_far" in m),
             ),
         ),
-        (
-            "feedback found, where the noise is 1 % of the input",
-            rate(
-                line["checks"]["Free of feedback"] is False
-                for line in inside
-                if line.get("fed_back", 0.0) >= FED_BACK
-                and line["checks"].get("Free of feedback") is not None
-            ),
+        *(
+            (
+                f"feedback found, where the noise is 1 % of the input{where}",
+                rate(
+                    line["checks"]["Free of feedback"] is False
+                    for line in inside
+                    if line.get("fed_back", 0.0) >= max(FED_BACK, least / line["samples"])
+                    and line["checks"].get("Free of feedback") is not None
+                ),
+            )
+            for where, least in (("", 0.0), (" and the record tells it", TOLD_FEEDBACK))
         ),
         *(
             (
