@@ -252,11 +252,10 @@ def _complete_sums(buffers):
 
 
 @njit
-def _add_responses(record, buffers, column):
+def _add_responses(record, buffers, step, across):
     """Add what enters the copies of y and u_i from the past, to the columns or to the rows."""
     parts, sums = buffers.parts, buffers.sums
     width = buffers.width
-    step, across = (width, 1) if column else (1, width)
     for p in range(parts.shape[0]):
         if parts[p, 6] < 0:
             continue
@@ -300,8 +299,9 @@ def _gauss_newton(record, workspace, buffers):
             _add_products_of_parts(record, buffers, segment, now, high - low, alive)
         _keep_last(buffers, segment, history, end - begin, alive)
     _complete_sums(buffers)
-    _add_responses(record, buffers, True)
-    _add_responses(record, buffers, False)
+    next_row, width = np.intp(1), buffers.width
+    _add_responses(record, buffers, width, next_row)
+    _add_responses(record, buffers, next_row, width)
 
 
 @njit

@@ -108,7 +108,7 @@ def _loss_and_gradient(record, workspace, absolute):
     fill(lam, 0, lam.shape[0], 0.0)
     fill(xi, 0, xi.shape[0], 0.0)
     stretch = CHUNK + history
-    loss = constant(0.0)
+    loss, first = constant(0.0), np.intp(0)  # a bare 0 would be a type of its own
     end = y.size
     while True:
         begin = max(end - CHUNK, start)
@@ -122,7 +122,7 @@ def _loss_and_gradient(record, workspace, absolute):
                 store_eight(lam, now, -1, s)
                 _correlate(s, workspace.v, row - 1, record.nd, gradient, record.at_d)
                 s = add_lags(parameters, record.at_d, record.nd, lam, now + 1, -1, s)
-            _correlate(s, y, t - 1, record.na, gradient, 0)
+            _correlate(s, y, t - 1, record.na, gradient, first)
             if record.level:
                 _add_sum(s, gradient, record.at_level)
             for i in range(record.inputs):
@@ -136,7 +136,7 @@ def _loss_and_gradient(record, workspace, absolute):
         if begin == start:
             break
         following = min(CHUNK, begin - start)
-        _move(lam, 0, following, history)
+        _move(lam, first, following, history)
         for i in range(record.inputs):
             if record.nf[i] > 0:
                 _move(xi, i * stretch, following, history)
