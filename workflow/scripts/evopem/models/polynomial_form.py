@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -70,7 +70,7 @@ class Polynomials:
         if len({len(self.B), len(self.F), len(self.nk)}) > 1:
             raise ValueError("B, F and nk need one entry for each input")
 
-    @property
+    @cached_property
     def orders(self) -> Orders:
         """Orders na, nb, nc, nd, nf and nk."""
         return Orders(
