@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measured import measured_inputs
 from records import output_error_record
 from scipy.signal import lfilter
 
@@ -17,7 +18,7 @@ from evopem.files.json_form import load
 from evopem.pipeline.acquisition import read_recording
 from evopem.pipeline.preparation import prepare_samples
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import load_prepared, measured_inputs, measured_outputs
+from evopem.signals.prepared_data import load_prepared, measured_outputs
 from evopem.signals.recording import Segment
 
 SLOPE = 0.03

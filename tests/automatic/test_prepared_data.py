@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import measured_inputs
 
 from evopem.automatic.preparation.decimation import decimated
 from evopem.automatic.preparation.plan import (
@@ -15,7 +16,7 @@ from evopem.automatic.preparation.plan import (
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.signals.preparation import prepare as divide
-from evopem.signals.prepared_data import measured_inputs, measured_outputs
+from evopem.signals.prepared_data import measured_outputs
 from evopem.signals.recording import Recording
 from evopem.signals.recording_checks import joined
 

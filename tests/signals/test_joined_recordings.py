@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import measured_inputs
 
 from evopem.config.channels import ChannelSettings
 from evopem.config.settings import PreparationSettings, SplitSettings
@@ -15,7 +16,6 @@ from evopem.results.layout import DatasetFiles
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import (
     load_prepared,
-    measured_inputs,
     measured_outputs,
     save_prepared,
 )

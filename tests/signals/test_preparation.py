@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from measured import measured_inputs
 
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
 from evopem.errors import InputError
 from evopem.signals.preparation import prepare
 from evopem.signals.prepared_data import (
     load_prepared,
-    measured_inputs,
     measured_outputs,
     save_prepared,
 )

@@ -475,6 +475,16 @@ def test_the_response_to_the_input_is_judged_at_one_percent(good, p_value, passe
     assert f"coefficient 0.3, p = {p_value:.2g}." in check.statement
 
 
+def test_inputs_that_hide_each_others_response_fail(good):
+    (source,) = good.validation.inputs
+    inputs = [replace(source, name=f"u{k}") for k in (1, 2, 3)]
+    assert good.with_("validation", inputs=tuple(inputs)).check("Inputs told").passed is True
+    inputs[::2] = [replace(each, hidden_hz=((0.5, 15.0),)) for each in inputs[::2]]
+    check = good.with_("validation", inputs=tuple(inputs)).check("Inputs told")
+    assert (check.passed, check.grade) == (False, "defect")
+    assert check.statement.startswith("u1, u3 cannot be told apart at 0.5 to 15 Hz")
+
+
 def test_a_validation_input_with_power_elsewhere_fails(good):
     split = replace(
         good.validation.inputs[0].split,

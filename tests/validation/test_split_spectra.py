@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter
 
-from evopem.validation.spectra import split_spectra
+from evopem.validation.spectra import hidden_bands, split_spectra
 
 RATE = 100.0
 
@@ -50,8 +50,9 @@ def test_a_sweep_cut_in_time_is_not(share, noise):
     assert found.share_outside > 0.8
     # The sweep rises by about 0.01 Hz a sample.
     first, last = found.bands_hz[0][0], found.bands_hz[-1][1]
-    assert first == pytest.approx(1 + 39 * share, abs=2 * found.resolution_hz)
-    assert last > 40.0 - 2 * found.resolution_hz
+    resolution = 2.0 * 4.0 * RATE / min(cut, 4000 - cut)
+    assert first == pytest.approx(1 + 39 * share, abs=2 * resolution)
+    assert last > 40.0 - 2 * resolution
 
 
 def test_a_narrower_validation_input_is_comparable():
@@ -66,3 +67,27 @@ def test_a_part_that_is_short_or_constant_is_not_judged():
     assert split_spectra(u, u[:40], RATE).comparable is None
     assert split_spectra(u, np.ones(200), RATE).comparable is None
     assert np.isnan(split_spectra(np.zeros(200), u, RATE).share_outside)
+
+
+def swept(samples, start, phase):
+    return chirp(np.arange(samples), start, samples, 0.15, phi=phase)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0])
+def test_two_nearly_equal_sweeps_hide_each_others_response(unit):
+    """Where they have power, up to 0.15 of the sampling rate, and an independent input nowhere."""
+    noise = np.random.default_rng(1).standard_normal(700)
+    inputs = np.column_stack([swept(700, 0.001, 30.0), unit * swept(700, 0.0015, 210.0), noise])
+    first, second, other = hidden_bands(inputs, 100.0)
+    for ((low, high),) in (first, second):
+        assert 0.0 < low < 1.0
+        assert 10.0 < high < 20.0
+    assert other == ()
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.98])
+def test_independent_inputs_hide_no_response(pole):
+    """Slow ones neither, nor one that is another a hundred samples later."""
+    u = lfilter([1.0], [1.0, -pole], np.random.default_rng(2).standard_normal((600, 3)), axis=0)
+    u[:, 2] = np.roll(u[:, 0], 100)
+    assert hidden_bands(u, 1.0) == [(), (), ()]

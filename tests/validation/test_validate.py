@@ -263,6 +263,17 @@ def test_the_input_of_the_true_model_is_significant_and_reaches_every_mode():
         assert result.inputs[0].split.comparable
 
 
+def test_inputs_that_follow_each_other_are_told():
+    """The second one is unrelated, then follows the first."""
+    model = lightly_damped()
+    u, y = response(model, 1200, noise=0.1)
+    both = replace(model, B=(model.B[0], np.array([0.01])), nk=(2, 1))
+    other = np.random.default_rng(2).standard_normal(len(u))
+    for second, hidden in ((other, False), (np.roll(u, 1) + 1e-3 * other, True)):
+        result, _ = validate(both, prepared(np.column_stack([u, second]), y, 1000))
+        assert [bool(each.hidden_hz) for each in result.inputs] == [hidden] * 2
+
+
 def test_inputs_stay_as_they_are():
     model = lightly_damped()
     u, y = response(model, 600, noise=0.1)

@@ -60,11 +60,11 @@ NEGLIGIBLE = 1e-3
 NAMED = 3
 
 # The uses that rest on a check: without an essential one they are not given, without a desirable
-# one with care. Notes are about the settings or the search and not about the model: no use rests on
-# them.
+# one with care. Notes are about the settings or the search, not the model: no use rests on them.
 ESSENTIAL: dict[str, tuple[str, ...]] = {
     "Stable": ("simulation", "response", "spectrum"),
     "Response to the input significant": ("simulation", "response", "intervals"),
+    "Inputs told apart": ("response",),
     "Free of feedback": ("simulation", "response", "intervals"),
     "Invertible": ("prediction",),
     "Roots inside the stability bound": ("intervals",),

@@ -5,8 +5,6 @@ to the response in the mean over the phases; what is left looks like noise that 
 period (Pintelon & Schoukens 2012, "System Identification", chapters 3 and 4).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.sparse import csr_array
 
@@ -88,42 +86,21 @@ def same_realisation(first: Complex, second: Complex, period: int) -> bool:
     return bool(np.max(np.abs(alike)) >= SAME * norms[0] * norms[1])
 
 
-@dataclass(frozen=True, eq=False)
-class LinearApproximation:
-    """Best linear approximation at E excited lines, from m inputs to l outputs.
-
-    Variances of the output hold for the mean of the periods of a realisation, and those of the
-    response for the mean of all realisations.  What depends on realisations is NaN where there
-    are no more of them than inputs.
-    """
-
-    response: Complex  # (E, l, m), output unit / input unit
-    output_noise: Array  # (E, l)
-    output_total: Array  # (E, l), of noise and of nonlinear distortion
-    response_noise: Array  # (E, l, m)
-    response_total: Array  # (E, l, m)
-
-
-def best_linear_approximation(inputs: Complex, outputs: Complex) -> LinearApproximation:
+def best_linear_approximation(inputs: Complex, outputs: Complex) -> tuple[Complex, Array]:
     """Best linear approximation from spectra of M realisations over P periods at E lines.
 
     Inputs (M, P, E, m), M >= m, and outputs (M, P, E, l).  Least squares over the realisations:
-    the mean of the responses where these have inputs of the same power.  Noise is what differs
-    from period to period, P >= 2, and distortion what differs from one realisation to another.
+    the mean of the responses where these have inputs of the same power.  Returns them, (E, l, m),
+    and the variance, (E, l), that noise and nonlinear distortion give the mean of the periods of a
+    realisation; NaN where there are no more realisations than inputs.
     """
-    realisations, periods, _, m = inputs.shape
+    realisations, _, _, m = inputs.shape
     u = np.moveaxis(inputs.mean(axis=1), 0, 2)  # (E, m, M)
     y = np.moveaxis(outputs.mean(axis=1), 0, 2)
-    inverse = np.linalg.pinv(u)
-    response = y @ inverse
-    of_period = outputs - np.einsum("elm,rpem->rpel", response, inputs)
-    noise = np.var(of_period, axis=1, ddof=1).mean(axis=0) / periods
+    response = y @ np.linalg.pinv(u)
     left = np.sum(np.abs(y - response @ u) ** 2, axis=2)
-    total = left / (realisations - m) if realisations > m else np.full(noise.shape, np.nan)
-    spread = np.sum(np.abs(inverse) ** 2, axis=1)[:, None, :]
-    return LinearApproximation(
-        response, noise, total, noise[:, :, None] * spread, total[:, :, None] * spread
-    )
+    total = left / (realisations - m) if realisations > m else np.full(left.shape, np.nan)
+    return response, total
 
 
 def interpolated_lines(known: Flags, others: Flags) -> csr_array:

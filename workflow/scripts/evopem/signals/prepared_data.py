@@ -109,22 +109,10 @@ def measured_outputs(transforms: Transforms, origin: StretchOrigin, outputs: Arr
     measured = invert_difference(outputs + origin.output_means, origin.output_initial)
     if transforms.box_cox is not None:
         measured = invert_box_cox(measured, transforms.box_cox, transforms.shift)
-    return _with_trend(measured, transforms, transforms.output_trends, origin)
-
-
-def measured_inputs(transforms: Transforms, origin: StretchOrigin, inputs: Array) -> Array:
-    """Take prepared inputs back to the measured unit, (n + difference_input, m)."""
-    measured = invert_difference(inputs + origin.input_means, origin.input_initial)
-    return _with_trend(measured, transforms, transforms.input_trends, origin)
-
-
-def _with_trend(
-    signals: Array, transforms: Transforms, slopes: tuple[float, ...], origin: StretchOrigin
-) -> Array:
-    if not any(slopes):
-        return signals
-    times = origin.start + np.arange(len(signals)) / transforms.sampling_rate
-    return signals + np.outer(times, slopes)
+    if any(transforms.output_trends):
+        times = origin.start + np.arange(len(measured)) / transforms.sampling_rate
+        measured = measured + np.outer(times, transforms.output_trends)
+    return measured
 
 
 def save_prepared(prepared: PreparedData, arrays: str | Path, transforms: str | Path) -> None:

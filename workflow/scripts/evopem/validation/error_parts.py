@@ -158,15 +158,15 @@ def parts_of(
     noise, w = of_period / periods, lines.weights
     power, driven = (np.mean(np.abs(x.mean(axis=1)) ** 2, axis=0) for x in (e, simulated))
     on, off = lines.excited, lines.left_out
-    fitted = best_linear_approximation(u[:, :, on], e[:, :, on, None])
-    allowed = _allowed(u.mean(axis=1), power, driven, fitted.response[:, 0], lines)
+    response, variances = best_linear_approximation(u[:, :, on], e[:, :, on, None])
+    allowed = _allowed(u.mean(axis=1), power, driven, response[:, 0], lines)
     level = power - noise
     level = np.where(off, level - np.minimum(allowed, np.maximum(level, 0.0)), 0.0)
     spread = np.where(off, (2.0 * np.maximum(level, 0.0) + noise) * noise, 0.0)
     spread *= periods / (periods - 1) / count
     p_values = fdtrc(2 * count, freedom, power[off] / (noise + allowed)[off])
     if lines.by_realisations:
-        at_lines, more = fitted.output_total[:, 0], count - u.shape[3]
+        at_lines, more = variances[:, 0], count - u.shape[3]
         noise_on = noise[on] + ROUNDING
         p_values = np.append(p_values, fdtrc(2 * more, freedom, at_lines / noise_on))
         distortion = float(w @ level + w[on] @ (at_lines - noise_on))

@@ -42,7 +42,7 @@ def validate_responses(fit: ResponseFit, modes: Sequence[Mode], most: int) -> Va
     responses, order = fit.responses, fit.model.order
     evidence = tuple(
         ModeEvidence(
-            *(mode, order, (order,), math.nan, NO_TEST, True, NO_TEST, None),
+            *(mode, order, (order,), math.nan, NO_TEST, True, None),
             doubts=tuple(_doubts(mode, responses)),
         )
         for mode in modes

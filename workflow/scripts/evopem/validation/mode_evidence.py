@@ -74,7 +74,6 @@ class ModeEvidence:
     # Of one-step predictions with the pole in the noise filter: of one output against those without
     # it and the zeros nearest to it, of several of what the mode adds, driven by past innovations,
     # beside all other modes
-    noise_test: HeldOutTest
     needed_by_noise: bool | None  # and whether a smaller model without it predicts worse
     # Largest share of the mode's response in the power of a held-out output; NaN where not known
     power_share: float = math.nan
@@ -242,7 +241,7 @@ def with_noise_modes(table: ModeTable, modes: Sequence[Mode], inputs: int) -> Mo
     untested = tuple(
         ModeEvidence(
             *(replace(mode, input_participation=nothing), table.order, (), math.nan),
-            *(NO_TEST, None, NO_TEST, None),
+            *(NO_TEST, None, None),
             doubts=("is of the noise filter alone, and was not tested",),
         )
         for mode in modes
@@ -293,7 +292,6 @@ def _judged(
         confirmed=inside or group.keys() >= set(ending),
         input_test=of_input,
         reached=of_input.significant(SIGNIFICANCE) if model.inputs else False,
-        noise_test=of_noise,
         needed_by_noise=needed if in_noise else False,
         power_share=power_share,
     )

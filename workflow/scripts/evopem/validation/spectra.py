@@ -25,6 +25,9 @@ NO_POWER = 100.0
 # Share of the validation input's power outside the estimation input's bands from which on the
 # validation is not comparable.
 LARGEST_SHARE = 0.05
+# Past samples by which inputs are told apart, frequencies at which they are, and how many times
+# other inputs enlarge the variance of a response that they hide; 2 by chance.
+PAST, PLACES, HIDDEN = 20, 200, 100.0
 TIME_HALFBANDWIDTH = 4.0
 # Shortest part whose spectrum is estimated, and longest segment.
 FEWEST_SAMPLES = 64
@@ -47,6 +50,27 @@ def excitation_order(inputs: ArrayLike, largest: int) -> int:
     return int(np.count_nonzero(eigenvalues > EXCITED * eigenvalues[-1]))
 
 
+def hidden_bands(inputs: Array, sampling_rate: float) -> list[tuple[tuple[float, float], ...]]:
+    """Bands in Hz in which the response to each input, (N, m), is hidden by those to the others.
+
+    The power of a wave in the past of an input that its covariance leaves (Capon 1969), alone and
+    beside the past of the others, above a floor 40 dB below the power of each input.
+    """
+    u = (inputs - inputs.mean(axis=0)) / np.maximum(inputs.std(axis=0), np.finfo(float).tiny)
+    lags = min(PAST, len(u))
+    past = np.hstack([np.lib.stride_tricks.sliding_window_view(column, lags) for column in u.T])
+    covariance = past.T @ past / len(past) + EXCITED * np.eye(past.shape[1])
+    frequencies = 0.5 * sampling_rate * np.arange(1, PLACES + 1) / PLACES
+    waves = np.exp(2j * np.pi * np.outer(np.arange(lags), frequencies / sampling_rate))
+    inverse, bands = np.linalg.inv(covariance), []
+    for first in range(0, len(covariance), lags):
+        part = slice(first, first + lags)
+        both = np.stack([np.linalg.inv(covariance[part, part]), inverse[part, part]])
+        alone, beside = np.einsum("lf,ilk,kf->if", waves.conj(), both, waves).real
+        bands.append(_bands(frequencies, beside > HIDDEN * alone, np.ones(PLACES)))
+    return bands
+
+
 @dataclass(frozen=True)
 class SplitSpectra:
     """How far the validation input has power where the estimation input has none."""
@@ -56,7 +80,6 @@ class SplitSpectra:
     share_outside: float
     # The bands of ``share_outside``, with at least a hundredth of the power each
     bands_hz: tuple[tuple[float, float], ...]
-    resolution_hz: float  # of both spectra
     # Whether ``share_outside`` is at most :data:`LARGEST_SHARE`; None where it is not known
     comparable: bool | None
 
@@ -81,7 +104,7 @@ def split_spectra(
     parts = [np.asarray(part, dtype=float) for part in (estimation, validation)]
     length = min(LONGEST_SEGMENT, *(part.size for part in parts))
     if length < FEWEST_SAMPLES or any(not np.ptp(part) > 0.0 for part in parts):
-        return SplitSpectra(math.nan, (), math.nan, None)
+        return SplitSpectra(math.nan, (), None)
     first, second = (_relative_density(part, length) for part in parts)
     frequencies = np.asarray(np.fft.rfftfreq(length, 1.0 / sampling_rate), np.float64)
     outside = second > NO_POWER * first
@@ -89,7 +112,6 @@ def split_spectra(
     return SplitSpectra(
         share_outside=share,
         bands_hz=_bands(frequencies, outside, second),
-        resolution_hz=2.0 * TIME_HALFBANDWIDTH * sampling_rate / length,
         comparable=share <= LARGEST_SHARE,
     )
 

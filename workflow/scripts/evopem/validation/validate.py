@@ -49,6 +49,7 @@ from evopem.validation.responses import (
 )
 from evopem.validation.spectra import (
     excitation_order,
+    hidden_bands,
     needed_excitation,
     peak_evidence,
     split_spectra,
@@ -304,7 +305,7 @@ def _crossed(
 
 def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]:
     estimation, validation = prepared.estimation, prepared.validation
-    inputs = []
+    inputs, hidden = [], hidden_bands(estimation.inputs, estimation.sampling_rate)
     for k in range(model.inputs):
         needed = needed_excitation(model.orders)[k] if isinstance(model, PolynomialModel) else 0
         u = estimation.inputs[:, k]
@@ -314,6 +315,7 @@ def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]
                 excitation_order(u, needed),
                 needed,
                 split_spectra(u, validation.inputs[:, k], estimation.sampling_rate),
+                hidden[k],
             )
         )
     return tuple(inputs)

@@ -87,6 +87,7 @@ class InputValidation:
     excitation_order: int  # of persistent excitation
     excitation_needed: int  # coefficients of the plant; 0 for a state-space model
     split: SplitSpectra  # its spectra in estimation and validation samples beside each other
+    hidden_hz: tuple[tuple[float, float], ...]  # where the others hide its response
 
 
 @dataclass(frozen=True)

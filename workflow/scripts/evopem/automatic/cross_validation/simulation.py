@@ -90,21 +90,16 @@ def errors_with_both_levels(
     return errors, errors_simulated_on(model, before, held_out, True, robust)
 
 
-def simulated(
-    model: Model, stretch: Segment, fitted_level: bool = False, robust: bool = False
-) -> Array:
+def simulated(model: Model, stretch: Segment, fitted_level: bool = False) -> Array:
     """Simulation from the initial state that fits the stretch, (N, l).
 
-    With ``fitted_level`` the level is fitted to the stretch as well; ``robust`` takes the least
-    absolute instead of the least squared errors.
+    With ``fitted_level`` the level is fitted to the stretch as well.
     """
     states = simulated_form(model)
     with np.errstate(all="ignore"):
         if np.abs(states.poles()).max(initial=0.0) >= STABLE:
             return np.full(stretch.outputs.shape, np.inf)
-        return states.simulate_from_fitted_state(
-            stretch.inputs, stretch.outputs, fitted_level, robust
-        )
+        return states.simulate_from_fitted_state(stretch.inputs, stretch.outputs, fitted_level)
 
 
 def prediction_errors(model: Model, stretch: Segment, before: Segment | None = None) -> Array:

@@ -92,6 +92,23 @@ def response_to_input(evidence: Evidence) -> Found | None:
     )
 
 
+@check(
+    "Inputs told apart",
+    "Use no response or delay of one of them. Record again with inputs that move independently.",
+)
+def told_apart(evidence: Evidence) -> Found | None:
+    """No input that follows from the others, and hides its response behind theirs."""
+    inputs = evidence.validation.inputs
+    if len(inputs) < 2:
+        return None
+    hidden = [channel for channel in inputs if channel.hidden_hz]
+    if not hidden:
+        return True, "No input follows from the others at any frequency."
+    where = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in hidden[0].hidden_hz[:4])
+    names = f"{listed([channel.name for channel in hidden])} cannot be told apart at {where}:"
+    return False, f"{names} the others make each one's standard error more than ten times as large."
+
+
 def responds(test: HeldOutTest) -> bool | None:
     """Whether a response is significant and no larger than can be the model's."""
     significant = test.significant(SIGNIFICANCE)
