@@ -405,7 +405,9 @@ def start_up() -> list[str]:
     """From the start of a process to the end of its first fit, and what numba alone takes."""
 
     def seconds(script: Path) -> float:
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(script.parent)}
+        kept = {"NUMBA_CACHE_DIR": str(script.parent), "PYTHONPYCACHEPREFIX": str(script.parent)}
+        # As of an installation, whose modules have their bytecode beside them.
+        environment = os.environ | kept | {"PYTHONDONTWRITEBYTECODE": ""}
         command = [sys.executable, str(script)]
         run = subprocess.run(
             command, env=environment, check=True, stdout=subprocess.PIPE, text=True
