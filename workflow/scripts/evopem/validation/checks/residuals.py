@@ -187,7 +187,7 @@ def _of_class(test: ResidualTest, what: str, reason: str = "") -> Found:
     return (
         passed,
         f"Regression of the whitened residuals on {what}: {p_text(test.p_value)}, explains"
-        f" {100 * test.share:.2g} % of their variance (failed where p is below"
+        f" {100 * test.share:.2g} % of their variance (fails where p is below"
         f" {100 * SIGNIFICANCE:g} % and more than {100 * SMALL_SHARE:g} % is explained)."
         f"{'' if passed else reason}",
     )
