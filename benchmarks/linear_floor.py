@@ -16,8 +16,7 @@ from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording
-from evopem.validation.distortion import Distortion
-from evopem.validation.model_class import floors_of
+from evopem.validation.distortion import Distortion, floors_of
 from evopem.validation.responses import divided
 
 WARM_UP, HELD_OUT = 500, 0.7

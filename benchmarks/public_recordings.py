@@ -140,8 +140,7 @@ def main() -> None:
         f"Geometric mean of the errors, capped at 100 %: {means[0]:.2f} times those of the peer "
         f"that chooses by itself, {means[1]:.2f} times the lowest of all peers, which is known "
         f"afterwards only. Failed checks that are defects: {np.mean(failed):.1f} a recording. "
-        "Dryer, robot arm, actuator, heat exchanger, tanks and coupled drives were in view when "
-        "rules were made; the others led to none. "
+        "All were in view when rules of the choice or of the checks were made. "
     )
     print(text)
     if not arguments.only:

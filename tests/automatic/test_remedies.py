@@ -52,7 +52,7 @@ def test_what_stays_failed_is_said_in_words():
     y = lfilter([0.0, 1.0, 0.6], A, u + 0.3 * u**3) + 1e-3 * generator.standard_normal(len(u))
     _, _, found = remedied(y, u, "arx", na=2, nb=2, nk=1)
     assert len(found.statements) == len(found.failed) > 0
-    assert any("repeat with the input" in each for each in found.statements)
+    assert any("did not hold for" in each for each in found.statements)
 
 
 def test_a_plant_keeps_its_simulations_beside_a_noise_model_of_its_own():

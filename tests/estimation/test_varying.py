@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,8 @@ from evopem import (
     estimate_varying,
     identify,
 )
-from evopem.automatic.varying import Moves, Varying, blocks, held_out_errors
+from evopem.automatic.varying import Moves, Varying, blocks, held_out_errors, what_moves
+from evopem.config.settings import VaryingSettings
 from evopem.estimation.continuous import Fit
 from evopem.estimation.varying import Scheduled, VaryingProblem, fit_varying
 from evopem.estimation.varying_choice import choose_again, choose_varying, race, undersmoothed
@@ -35,6 +37,7 @@ from evopem.models.varying import (
 from evopem.report.results_text import moving_sentence
 from evopem.report.verdict_file import VerdictFile
 from evopem.signals.recording import Segment
+from evopem.validation.model_class import ModelClass, ResidualTest
 
 RATE = 100.0
 ZETA = 0.03
@@ -327,6 +330,15 @@ def test_a_chirping_resonance_is_reported(chirp, tmp_path):
     assert covered.mean() > 0.7
 
 
+def test_no_moving_model_is_tried_where_nonlinearity_explains_the_change():
+    failed = ResidualTest(1e-6, 0.05)
+    tests = ModelClass(failed, failed, ResidualTest(0.5, 0.0), follows="constant")
+    record = SimpleNamespace(output_names=("y",))
+    prepared = SimpleNamespace(transforms=SimpleNamespace(several_recordings=False))
+    found = what_moves(prepared, record, VaryingSettings(), tests)
+    assert found.reason.startswith("beside nonlinearity the response does not change")
+
+
 def test_a_constant_system_has_no_moving_model():
     data = moving("arx", 1200, a=np.tile(denominators([12.0]), (1200, 1)))
     constant = identify(data.inputs, data.output, RATE, show_progress=False, structure="arx")
@@ -381,11 +393,12 @@ def test_a_mode_moves_by_more_than_the_error_of_two_correlated_moments():
     moves = Moves("ARX(2,2,1)", 3.0, 4.0, 5.0, True, True, (path(10.35),))
     assert not path(10.35).moves
     assert moving_sentence(moves).startswith("The machine changes, though no mode by more than")
-    moved = replace(moves, modes=(path(10.45),), nonlinear_share=0.02, changing_share=0.05)
+    moved = replace(moves, modes=(path(10.45),))
     assert moving_sentence(moved).startswith("The machine changes: mode 1 moves from 10 ± 0.2 to")
-    nonlinear = moving_sentence(replace(moved, nonlinear_share=0.23))
-    assert "may be nonlinear rather than change (of the one-step errors" in nonlinear
-    assert "explains 23 %, change 5.0 %)" in nonlinear.replace("\u202f", " ")
+    nonlinear = moving_sentence(replace(moved, is_nonlinear=True))
+    assert nonlinear.startswith(
+        "The machine may be nonlinear: beside powers it shows no change. With"
+    )
 
 
 @pytest.mark.parametrize(

@@ -24,12 +24,11 @@ from evopem.report.verdict_file import verdict_file
 from evopem.results.dataset import StatedDelay
 from evopem.results.fleet import summarize
 from evopem.validation.checks import CHECKS, Check
-from evopem.validation.distortion import Distortion
+from evopem.validation.distortion import Distortion, Floor
 from evopem.validation.error_parts import ErrorParts, Part
 from evopem.validation.frequency_responses import SPEAK_AGAINST
 from evopem.validation.held_out_tests import NO_TEST
 from evopem.validation.mode_evidence import doubts
-from evopem.validation.model_class import Floor
 
 
 def with_checks(monkeypatch, results, grade="defect", **outcomes):

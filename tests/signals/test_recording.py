@@ -120,6 +120,11 @@ def test_a_signal_of_a_few_levels_is_not_called_saturated():
     assert saturated_share(np.round(white * 20) / 20) == 0.0
     # Random steps rest at every level, the lowest and the highest ones among them.
     assert saturated_share(np.repeat(white[:50], 20)) == 0.0
+    # Coarse steps of an instrument keep a slow signal for as long at other values.
+    slow = np.convolve(np.cumsum(white), np.ones(20))[::-1]
+    assert saturated_share(np.round(0.3 * slow)) == 0.0
+    assert saturated_share(np.round(0.3 * np.minimum(slow, np.quantile(slow, 0.9)))) > 0.09
+    assert saturated_share(np.append(np.zeros(20), white**2)) == 0.0, "at rest before it begins"
 
 
 def test_masked_samples_are_missing():

@@ -20,9 +20,9 @@ from evopem.signals.recording_info import ChannelInfo, RecordingInfo
 from evopem.validation.checks import CHECKS, Evidence, checks
 from evopem.validation.checks.roots import cancelling_pairs
 from evopem.validation.checks.search import ranges_of_phases, repeatability
-from evopem.validation.distortion import Distortion
+from evopem.validation.distortion import Distortion, Floor
 from evopem.validation.error_parts import ErrorParts, Part
-from evopem.validation.model_class import Floor, ResidualTest
+from evopem.validation.model_class import ResidualTest
 from evopem.validation.residual_tests import correlation_with_input
 from evopem.validation.spectra import PeakEvidence
 from evopem.validation.validation import Validation
@@ -554,6 +554,23 @@ def test_a_failed_test_of_the_class_says_when_and_what_kind(good):
     assert "gradual" not in unsought
     powers = (0.01, 0.02, 0.01, 0.3)
     assert "Cubes of the inputs" in said("Linear", linear=failed, powers=powers)
+
+
+@pytest.mark.parametrize(
+    ("follows", "follower", "cause"),
+    [("constant", "Constant in time", "Linear"), ("linear", "Linear", "Constant in time")],
+)
+def test_one_cause_of_two_failed_checks_counts_once(good, follows, follower, cause):
+    failed = ResidualTest(1e-6, 0.05)
+    tests = replace(good.validation.model_class, constant=failed, linear=failed)
+    assert good.with_("validation", model_class=tests).check(follower).word == "Failed"
+    judged = good.with_("validation", model_class=replace(tests, follows=follows))
+    followed = judged.check(follower)
+    assert (followed.word, followed.follows_from) == ("Caution", cause)
+    assert followed.statement.startswith(f"Follows from “{cause}”: beside ")
+    assert judged.check(cause).word == "Failed"
+    names = [check.name for check in judged.checks]
+    assert names.index(follower) == names.index(cause) + 1
 
 
 def test_a_model_at_the_floor_names_what_no_linear_model_removes(good):

@@ -16,9 +16,8 @@ from scipy.signal import lfilter
 from evopem.models.polynomial import PolynomialModel
 from evopem.report.results_text import error_parts as sentences_of
 from evopem.signals.recording import Recording, concatenated
-from evopem.validation.distortion import Distortion, distortion_of
+from evopem.validation.distortion import Distortion, distortion_of, floors_of
 from evopem.validation.error_parts import ErrorParts, Part
-from evopem.validation.model_class import floors_of
 from evopem.validation.responses import divided, stretches_of
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))

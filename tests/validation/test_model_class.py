@@ -81,6 +81,8 @@ def test_right_models_are_rejected_at_the_level_of_one_percent():
         rejected = np.mean([getattr(each, name).p_value < 0.01 for each in found])
         # Three binomial standard errors above the level.
         assert rejected <= 0.01 + 3.0 * np.sqrt(0.01 / len(found))
+    shares = [each.without_feedback.share for each in found]
+    assert np.nanmean(shares) < 0.01, "less what unrelated signals have by chance"
 
 
 @pytest.mark.parametrize(
@@ -97,6 +99,21 @@ def test_models_of_the_wrong_class_are_found(system, test, kinds):
     found = [getattr(judged(system, kind, k, k), test) for k in range(3) for kind in kinds]
     rejected = [each.p_value < 0.01 and each.share >= 0.01 for each in found]
     assert np.mean(rejected) >= 0.9
+
+
+@pytest.mark.parametrize(
+    ("system", "kind", "follows"),
+    [
+        ("gain halved midway", "slow", "linear"),
+        ("frequency drifts by 10 %", "slow", "linear"),
+        ("quadratic", "white", "constant"),
+    ],
+)
+def test_of_change_and_nonlinearity_the_one_that_is_not_there_follows(system, kind, follows):
+    found = judged(system, kind, 0, 0)
+    assert not found.constant.passed
+    assert not found.linear.passed
+    assert found.follows == follows
 
 
 def test_what_a_sweep_has_not_excited_yet_is_no_change():

@@ -20,9 +20,7 @@ from evopem.automatic.remedy_orders import (
 )
 from evopem.automatic.structures import Choice
 from evopem.validation.checks.check import SIGNIFICANCE
-from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
-from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, WHITE
-from evopem.validation.checks.roots import INSIDE_BOUND
+from evopem.validation.checks.residuals import WHITE
 
 
 @dataclass(frozen=True)
@@ -142,10 +140,8 @@ def _statement(
         )
     if not tried:
         return f"“{check}” failed, and no remedy for it was tried."
-    repeats = scorer.plan.repetition.independent < 1.0 and check in (WHITE, INDEPENDENT_OF_INPUT)
-    cause = REPEATED if repeats else CAUSES.get(check, "")
     models = f"any of the {len(tried)} models that were" if len(tried) > 1 else "the one that was"
-    return f"“{check}” did not hold for {models} tried{': ' * bool(cause)}{cause}."
+    return f"“{check}” did not hold for {models} tried."
 
 
 def _trial(
@@ -190,17 +186,3 @@ def _with_another_noise_model(
     taken = _is_better(scorer, alone, candidate) and _is_allowed(scorer, alone, candidate, choice)
     trials.append(_trial(scorer, WHITE, "no noise model", alone, choice, taken))
     return (alone if taken else candidate), False
-
-
-# Why a check fails, where no remedy makes it hold.
-CAUSES = {
-    WHITE: "no linear noise filter of these orders whitens the residuals",
-    INDEPENDENT_OF_INPUT: "the response is not linear, the input depends on the output, or another"
-    " input acts",
-    INSIDE_BOUND: "the record is too short to distinguish a drift from an integrator",
-    EXCITATION_ADEQUATE: "the input excites fewer directions than any model needs that is as good",
-}
-REPEATED = (
-    "the residuals repeat with the input, so that they are a nonlinear response to it more than"
-    " noise, and a linear model of any order leaves them"
-)

@@ -3,7 +3,6 @@
 The model of the recipe stays what it is; what moves stands beside it.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -51,10 +50,7 @@ class Moves:
     is_stable: bool  # at every moment
     modes: tuple[MovingMode, ...]
     schedule: str = "time"  # what the coefficients move with
-    # Of the constant model's residuals, what nonlinearity explains and what change explains; NaN
-    # where these tests do not both fail
-    nonlinear_share: float = math.nan
-    changing_share: float = math.nan
+    is_nonlinear: bool = False  # whether a constant model shows no change beside nonlinearity
 
     @property
     def column(self) -> str:
@@ -92,13 +88,13 @@ def what_moves(
         return Varying(unfit)
     if not is_asked and not tests.constant.p_value < REJECTED:
         return Varying("the response does not change with time")
+    if not is_asked and tests.follows == "constant":
+        return Varying("beside nonlinearity the response does not change with time")
     most = min(max(record.plant.order + ORDERS_ABOVE, FEWEST_ORDERS), MOST_ORDERS)
     scheduled, schedule = whole(prepared, settings), settings.condition or "time"
     varying = moving_model(scheduled, most, record.delays, settings, schedule)
-    if varying.moves and max(tests.constant.p_value, tests.linear.p_value) < REJECTED:
-        linear, constant = tests.linear.share, tests.constant.share
-        moves = replace(varying.moves, nonlinear_share=linear, changing_share=constant)
-        varying = replace(varying, moves=moves)
+    if varying.moves and tests.follows == "constant":
+        varying = replace(varying, moves=replace(varying.moves, is_nonlinear=True))
     return varying
 
 

@@ -136,7 +136,7 @@ def decision_record(
     )
     return DecisionRecord(
         *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        (*_remarks(prepared.estimation.segments, choice.level), *untold, *remedied.statements),
+        (*_remarks(prepared.estimation.segments), *untold, *remedied.statements),
         other_model,
         delay.likely,
     )
@@ -159,26 +159,12 @@ def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
     return (Decision("channels", pairs[0], alternatives, criterion, roles.sentence),)
 
 
-def _remarks(stretches: Sequence[Segment], level: str) -> tuple[str, ...]:
-    recordings = len({stretch.recording for stretch in stretches})
-    remarks = []
-    if recordings > 1:
-        remarks.append(
-            f"The estimation samples are those of {recordings} recordings: one model comes from all"
-            f" {total_samples(stretches)} of them, each recording with a level and an initial state"
-            " of its own. Simulations of other recordings fit their level along with the initial"
-            " state. The spectrum is that of the longest stretch."
-        )
-    elif len(stretches) > 1:
-        longest = max(stretch.samples for stretch in stretches)
-        remarks.append(
-            f"The estimation samples are {len(stretches)} stretches with breaks between them: the"
-            f" model comes from all {total_samples(stretches)} samples, each stretch with its own"
-            f" initial state, the spectrum from the longest stretch of {longest} samples."
-        )
-    if level == "state" and recordings == 1:
-        remarks.append(
-            "The level drifts: simulations of other samples fit their level along with the initial"
-            " state."
-        )
-    return tuple(remarks)
+def _remarks(stretches: Sequence[Segment]) -> tuple[str, ...]:
+    """What the model comes from, where its samples have breaks."""
+    longest = max(stretch.samples for stretch in stretches)
+    sentence = (
+        f"The estimation samples are {len(stretches)} stretches with breaks between them: one model"
+        f" comes from all {total_samples(stretches)} of them, each stretch with an initial state of"
+        f" its own. The spectrum is that of the longest one, of {longest} samples."
+    )
+    return (sentence,) * (len(stretches) > 1)

@@ -27,9 +27,8 @@ from evopem.results.dataset import DatasetResults, read_results
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
-from evopem.validation.distortion import Distortion
+from evopem.validation.distortion import Distortion, Floor
 from evopem.validation.error_parts import ErrorParts
-from evopem.validation.model_class import Floor
 from evopem.validation.validation import Validation
 
 _WIDTH = 96
@@ -153,12 +152,8 @@ def moving_sentence(moves: Moves | None) -> str:
     moved = [f"mode {n} {_way(mode)}" for n, mode in enumerate(moves.modes, 1) if mode.moves]
     said = f": {enumeration(moved)}" if moved else ", though no mode by more than its error"
     changes = f"The machine changes{'' if by_time else f' with {moves.schedule}'}"
-    if moves.nonlinear_share > moves.changing_share:
-        changes = (
-            "The machine may be nonlinear rather than change (of the one-step errors nonlinearity"
-            f" explains {percent(100.0 * moves.nonlinear_share, 2)}, change"
-            f" {percent(100.0 * moves.changing_share, 2)})"
-        )
+    if moves.is_nonlinear:
+        changes, said = "The machine may be nonlinear: beside powers it shows no change", ""
     unstable = (
         ""
         if moves.is_stable

@@ -144,7 +144,7 @@ def _use(key: UseKey, name: str, *findings: Finding) -> Use:
 
 def _by_checks(use: str, results: DatasetResults) -> Finding:
     """What the checks say of a use, and which of them speak against it."""
-    words = {check.name: check.word for check in results.checks}
+    words = {c.name: "Failed" if c.follows_from else c.word for c in results.checks}
     essential, desirable = (
         [check for check, uses in table.items() if use in uses and check in words]
         for table in (ESSENTIAL, DESIRABLE)

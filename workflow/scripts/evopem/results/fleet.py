@@ -18,8 +18,7 @@ from evopem.models.orders import Orders
 from evopem.results.identity import IncompleteDataset, incompleteness
 from evopem.results.layout import DatasetFiles
 from evopem.validation.checks import Check, Evidence, checks, failed_checks
-from evopem.validation.distortion import NOT_TESTED, Distortion
-from evopem.validation.model_class import Floor
+from evopem.validation.distortion import NOT_TESTED, Distortion, Floor
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -85,18 +85,21 @@ def _stuck(values: Array) -> str:
 def saturated_share(signal: Array) -> float:
     """Share of samples in runs of `MIN_SATURATED_RUN` or more at the smallest or largest value.
 
-    0 for a signal of at most `MAX_DESIGNED_LEVELS` levels, and for one that is held for as long at
-    most of its other values, such as random steps.
+    0 for a signal of at most `MAX_DESIGNED_LEVELS` levels, and for one that is held at most of its
+    other values, such as random steps.  Coarse steps of an instrument hold two other values or more
+    for as long, and the first run is rest before something acts.
     """
     if np.unique(signal).size <= MAX_DESIGNED_LEVELS:
         return 0.0
-    at_limit = (signal == signal.min()) | (signal == signal.max())
-    starts = np.flatnonzero(np.diff(signal) != 0.0) + 1
-    lengths = np.diff(np.concatenate(([0], starts, [signal.size])))
-    stays = np.repeat(lengths >= MIN_SATURATED_RUN, lengths)
-    if not at_limit.all() and stays[~at_limit].mean() > 0.5:
+    starts = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0.0)
+    lengths = np.diff(np.append(starts, signal.size))
+    at_limit = np.isin(signal[starts], (signal.min(), signal.max()))
+    others, least = np.sort(lengths[~at_limit]), MIN_SATURATED_RUN
+    if np.sum(others[others >= least]) > 0.5 * np.sum(others):
         return 0.0
-    return float(np.mean(at_limit & stays))
+    at_limit[0] = False
+    stays = lengths >= max([least, *(others[-2:-1] + 1)])
+    return float(np.sum(lengths[at_limit & stays])) / signal.size
 
 
 def joined(recordings: Sequence[Recording], sources: Sequence[str]) -> Recording:

@@ -1,15 +1,12 @@
 """Tests of what every model assumes: a linear system that stays as it is, and no feedback.
 
-What a wrong class leaves in the residuals is small at each lag but has a known form.  Below the
-floor of the simulation error no linear model goes.  Under a periodic input it is what is no linear
-response (:mod:`.distortion`); else what past inputs explain of the error by no finite impulse
-response, whose fit has a known error.
+What a wrong class leaves in the residuals is small at each lag but has a known form.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -19,8 +16,6 @@ from evopem.arrays import Array, Flags
 from evopem.estimation.pem.least_squares import autoregression
 from evopem.signals.spectra import REPEATS as REPEATED
 from evopem.signals.spectra import cross_correlation, repetition_lag
-from evopem.validation.distortion import Distortion
-from evopem.validation.error_parts import Part, bounds_of
 from evopem.validation.held_out_tests import MOST_WHITENING, filtered, left_by
 from evopem.validation.responses import HeldOut, unscored_samples
 
@@ -32,8 +27,9 @@ LAGS = 4
 # samples for each of them.  Of a sweep, whose frequencies come one after the other, or of light
 # modes that come and go, what is lost would look like a change.
 LOST, FEWEST_PER_LAG = 30, 20
-# Level from which on a test's reasons are sought.
-REJECTED = 0.01
+# Level from which on a test's reasons are sought, and share of the variance of whitened residuals
+# below which a dependence matters to no use of a model.
+REJECTED, SMALL_SHARE = 0.01, 0.01
 # Moments at which a change is sought.
 MOMENTS = 39
 # Later samples of an input that residuals may act on.
@@ -48,6 +44,11 @@ class ResidualTest:
 
     p_value: float  # NaN where no test is possible
     share: float  # of the variance of the whitened residuals that it explains, 0 to 1
+
+    @property
+    def passed(self) -> bool:
+        """Whether a dependence is not significant, or matters to no use."""
+        return self.p_value >= REJECTED or self.share < SMALL_SHARE
 
 
 NOT_TESTED = ResidualTest(math.nan, math.nan)
@@ -68,6 +69,8 @@ class ModelClass:
     # Shares of the residuals that squares and cubes of the response explain alone, and those of
     # the inputs before it, the most of all outputs; empty without an input or nonlinearity
     powers: tuple[float, ...] = ()
+    # Of change and nonlinearity, where both are found, what is not there beside the other
+    follows: Literal["", "constant", "linear"] = ""
 
 
 def model_class(records: Sequence[HeldOut]) -> ModelClass:
@@ -83,7 +86,8 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
         constant, linear = _of_outputs(parts, _changing), _of_outputs(parts, _nonlinear)
         changed_at = _moment(parts, constant.share) if constant.p_value < REJECTED else math.nan
         powers = _powers(parts) if linear.p_value < REJECTED else ()
-        return ModelClass(constant, linear, _feedback(parts), changed_at, powers)
+        follows = "" if constant.passed or linear.passed else _following(parts)
+        return ModelClass(constant, linear, _feedback(parts), changed_at, powers, follows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +124,10 @@ class _Stretch:
         late = [u[: len(u) - d, k] for k, d in enumerate(np.maximum(np.array(delays) - LAGS, 0))]
         lost = _lost([np.pad(v, (len(u) - len(v), 0)) for v in late])[first:]
         return cls(residuals[first:], simulated[first:], u[first:], direct, lost, of_powers)
+
+
+Regressors = Callable[[_Stretch, int], tuple[Array, Array]]
+"""Of an output of a stretch: known regressors, and those that are tested."""
 
 
 def _lost(signals: Sequence[Array] | Array) -> Array:
@@ -159,7 +167,7 @@ def _steps(stretch: _Stretch, output: int) -> tuple[Array, Array]:
 
 
 def _left(
-    stretch: _Stretch, output: int, regressors: Callable[[_Stretch, int], tuple[Array, Array]]
+    stretch: _Stretch, output: int, regressors: Regressors
 ) -> tuple[Array, Array, int] | None:
     """Whitened residuals and tested regressors without the others, and how many there are."""
     e = stretch.residuals[:, output]
@@ -173,9 +181,7 @@ def _left(
     return left_by(others, e), left_by(others, basis[:, -count:]), basis.shape[1]
 
 
-def _of_outputs(
-    stretches: Sequence[_Stretch], regressors: Callable[[_Stretch, int], tuple[Array, Array]]
-) -> ResidualTest:
+def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> ResidualTest:
     """Likelihood-ratio test of regressors beside others, for each output over all stretches."""
     outputs, tests = stretches[0].residuals.shape[1], []
     for output in range(outputs):
@@ -197,9 +203,21 @@ def _of_outputs(
     return min(tests, key=lambda test: test.p_value, default=NOT_TESTED)
 
 
-def _alone(
-    stretches: Sequence[_Stretch], regressors: Callable[[_Stretch, int], tuple[Array, Array]]
-) -> Array:
+def _following(stretches: Sequence[_Stretch]) -> Literal["", "constant", "linear"]:
+    """Which of change and nonlinearity is not found beside the other: the less likely of both."""
+
+    def beside(tested: Regressors, known: Regressors) -> ResidualTest:
+        return _of_outputs(
+            stretches, lambda s, k: (np.hstack([tested(s, k)[0], *known(s, k)]), tested(s, k)[1])
+        )
+
+    change, nonlinearity = beside(_changing, _nonlinear), beside(_nonlinear, _changing)
+    if change.passed and not change.share > nonlinearity.share:
+        return "constant"
+    return "linear" if nonlinearity.passed else "constant" if change.passed else ""
+
+
+def _alone(stretches: Sequence[_Stretch], regressors: Regressors) -> Array:
     """Shares of whitened residuals that each group of regressors explains alone, (l, groups)."""
     shares = []
     for output in range(stretches[0].residuals.shape[1]):
@@ -244,7 +262,7 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     for output in range(first.residuals.shape[1]):
         for place in range(first.inputs.shape[1]):
             # Of the same sample, and of later ones.
-            statistics, freedom, shares = np.zeros(2), np.zeros(2, dtype=int), [0.0]
+            statistics, freedom, samples = np.zeros(2), np.zeros(2, dtype=int), 0
             for stretch in stretches:
                 e, u = stretch.residuals[:, output], stretch.inputs[:, place]
                 if len(e) < FEWEST_PER_REGRESSOR * LATER or not np.ptp(e) > 0.0 < np.ptp(u):
@@ -260,11 +278,13 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                 terms = n**2 / (n - np.arange(LATER + 1)) * values**2
                 statistics += terms[0], np.sum(terms[1:])
                 freedom += not stretch.direct[place], LATER
-                shares.append(float(values @ values))
+                samples += n
             if freedom[1]:
                 probable = chdtrc(np.maximum(freedom, 1), statistics)
                 p_value = min(2 * pairs * float(np.min(probable)), 1.0)
-                tests.append(ResidualTest(p_value, max(shares)))
+                # Without what unrelated signals have by chance.
+                beyond = max(float(np.sum(statistics - freedom)) / samples, 0.0)
+                tests.append(ResidualTest(p_value, beyond))
     nothing = REPEATS if periodic and all(periodic) else NOT_TESTED
     return min(tests, key=lambda test: test.p_value, default=nothing)
 
@@ -285,97 +305,3 @@ def _whitened(signal: Array) -> Array:
     """A signal without its mean and what its own past predicts, of the last samples."""
     centred = signal - signal.mean()
     return np.convolve(centred, autoregression(centred, MOST_WHITENING), mode="valid")
-
-
-# Lags of all inputs at most, samples for each of them, and fewest of an input; samples at most.
-MOST_LAGS, SAMPLES_PER_LAG, FEWEST_LAGS, MOST_SAMPLES = 300, 20, 5, 20_000
-# Share of the energy of the plant's responses that later lags may have.
-BEYOND = 0.01
-# Share of the error from which on a floor is reached.
-REACHED = 0.9
-
-
-@dataclass(frozen=True)
-class Floor:
-    """The floor of the simulation error of an output, percent of its standard deviation."""
-
-    name: str
-    error_percent: float
-    floor: Part
-    rest: Part  # the model's part: the squares of both add up to that of the error
-
-    @classmethod
-    def of(cls, name: str, error: float, rest: Part) -> Self:
-        """Of an error and the model's part of it."""
-        left = (error**2 - part**2 for part in (rest.percent, rest.high, rest.low))
-        return cls(name, error, Part(*(math.sqrt(max(x, 0.0)) for x in left)), rest)
-
-    @property
-    def reached(self) -> bool:
-        """Whether the error is at the floor, with 95 % confidence."""
-        return self.error_percent > 0.0 and self.floor.low >= REACHED * self.error_percent
-
-
-def floors_of(
-    distortion: Distortion, held_out: Sequence[HeldOut], fit_level: bool
-) -> tuple[Floor, ...]:
-    """The floor of each output; none where the data do not say it, as without an input.
-
-    Feedback, which makes later inputs depend on the noise, is left to its check.
-    """
-    if not distortion.reason:
-        known = distortion.outputs if distortion.separated else ()
-        return tuple(Floor.of(x.name, x.error_percent, x.rest) for x in known)
-    inputs = held_out[0].model.inputs
-    samples = sum(stretch.recording.samples - stretch.unscored for stretch in held_out)
-    lags = min(MOST_LAGS, samples // SAMPLES_PER_LAG) // max(inputs, 1)
-    if not inputs or lags < FEWEST_LAGS or _is_longer(held_out[0], lags):
-        return ()
-    outputs, errors, rows = [], [], []
-    for stretch in held_out:
-        y, u, first = stretch.recording.outputs, stretch.inputs, stretch.unscored
-        last = first + MOST_SAMPLES // len(held_out)
-        padded = np.vstack([np.zeros((lags - 1, inputs)), u - u.mean(axis=0)])
-        windows = np.lib.stride_tricks.sliding_window_view(padded, lags, axis=0)
-        rows.append(windows[stretch.first :][first:last].reshape(-1, lags * inputs))
-        errors.append((y - stretch.simulated(fit_level))[first:last])
-        outputs.append(y[first:last])
-    scales = np.std(np.concatenate(outputs), axis=0)
-    if not all(np.isfinite(e).all() for e in errors) or not scales.all():
-        return ()
-    names = held_out[0].recording.output_names
-    return tuple(
-        _floor(name, [e[:, k] / scales[k] for e in errors], rows) for k, name in enumerate(names)
-    )
-
-
-def _is_longer(stretch: HeldOut, lags: int) -> bool:
-    """Whether the plant remembers more than so many samples."""
-    energies, rest = np.zeros(10 * lags), np.zeros((10 * lags, stretch.model.inputs))
-    for impulse in np.eye(stretch.model.inputs):
-        both = [stretch.plant.simulate(np.vstack([u, rest[1:]])) for u in (impulse, rest[0])]
-        energies += np.sum((both[0] - both[1]) ** 2, axis=1)
-    return not float(np.sum(energies[lags:])) <= BEYOND * float(np.sum(energies))
-
-
-def _floor(name: str, errors: Sequence[Array], rows: Sequence[Array]) -> Floor:
-    """The part of an error that inputs at some lags explain, beside a constant, and the floor."""
-    error, columns = np.concatenate(errors), np.insert(np.concatenate(rows), 0, 1.0, axis=1)
-    whitening = autoregression(left_by(columns, error), MOST_WHITENING)
-    white = [
-        filtered(np.column_stack([np.ones(len(e)), u, e]), whitening)
-        for e, u in zip(errors, rows, strict=True)
-    ]
-    basis, e = np.split(np.vstack(white), [-1], axis=1)
-    inverse = np.linalg.pinv(basis.T @ basis, hermitian=True) @ basis.T
-    fitted = inverse @ e[:, 0]
-    # Errors whose size depends on the inputs, as distortion does (MacKinnon & White 1985, HC2).
-    leverage = np.einsum("ij,ji->i", basis, inverse)
-    weighted = inverse * (e[:, 0] - basis @ fitted) / np.sqrt(np.maximum(1.0 - leverage, 1e-6))
-    power = columns.T @ columns / len(columns)
-    product = power @ weighted @ weighted.T
-    explained = float(fitted @ power @ fitted) - float(np.trace(product))
-    variance = 2.0 * float(np.sum(product * product.T))
-    variance += 4.0 * float(fitted @ product @ power @ fitted)
-    rest = Part.of(explained, bounds_of(explained, variance))
-    return Floor.of(name, 100.0 * math.sqrt(float(np.mean(error**2))), rest)

@@ -17,7 +17,7 @@ from evopem.models.polynomial import PolynomialModel, state_space_of
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.prepared_data import PreparedData
 from evopem.signals.recording import Recording
-from evopem.validation.distortion import distortion_of
+from evopem.validation.distortion import distortion_of, floors_of
 from evopem.validation.held_out_tests import (
     NO_TEST,
     HeldOutContribution,
@@ -28,7 +28,7 @@ from evopem.validation.held_out_tests import (
 )
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
-from evopem.validation.model_class import REJECTED, ModelClass, floors_of, model_class
+from evopem.validation.model_class import REJECTED, ModelClass, model_class
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
     EstimationResiduals,

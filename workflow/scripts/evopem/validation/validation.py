@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from evopem.validation.distortion import NOT_TESTED, Distortion
+from evopem.validation.distortion import NOT_TESTED, Distortion, Floor
 from evopem.validation.held_out_tests import HeldOutTest
 from evopem.validation.mode_evidence import ModeTable
-from evopem.validation.model_class import Floor, ModelClass
+from evopem.validation.model_class import ModelClass
 from evopem.validation.residual_tests import WhitenessTest
 from evopem.validation.spectra import PeakEvidence, SplitSpectra
 
@@ -34,6 +34,8 @@ class Check:
     grade: Literal["defect", "caution", "note"] = "defect"
     """what it means where the check failed. defect: the model or its numbers are wrong for a use;
     caution: they hold with a reservation; note: it is no statement about the model"""
+    follows_from: str = ""
+    """the failed check whose cause explains this one as well: a caution, and no cause of its own"""
 
     @property
     def word(self) -> str:

@@ -16,9 +16,8 @@ from evopem.validation.checks.check import (
     failed_checks,
     p_text,
 )
-from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT, LINEAR, WHITE
+from evopem.validation.checks.residuals import CONSTANT, INDEPENDENT_OF_INPUT, LINEAR, WHITE
 from evopem.validation.checks.roots import DISTINCT
-from evopem.validation.distortion import Distortion
 
 CHECKS = tuple(
     value
@@ -31,9 +30,7 @@ CHECKS = tuple(
 # The automatic recipe has tried what the advice of these would be.
 REMEDIED = (WHITE, INDEPENDENT_OF_INPUT, DISTINCT)
 ELSEWHERE = "Look for nonlinearity, disturbances or feedback in the record."
-LEFT_TO_DO = {
-    DISTINCT: "The pair hardly affects the frequency response. Do not trust a mode of it."
-}
+OF_PAIR = "The pair hardly affects the frequency response. Do not trust a mode of it."
 
 # Distortion makes these fail, whatever the linear model.
 BY_DISTORTION = (WHITE, INDEPENDENT_OF_INPUT, LINEAR)
@@ -46,6 +43,12 @@ NOT_THE_MODEL = (
     " smaller input, and trust no standard error."
 )
 
+# What is not found beside what: the check that follows, its cause, and what was shown.
+FOLLOWS = {
+    "constant": (CONSTANT, LINEAR, "beside squares and cubes the data show no change"),
+    "linear": (LINEAR, CONSTANT, "beside the change the data show no nonlinearity"),
+}
+
 __all__ = ["SIGNIFICANCE", "Check", "Evidence", "OrderRange", "checks", "failed_checks", "p_text"]
 
 
@@ -54,18 +57,28 @@ def checks(evidence: Evidence) -> list[Check]:
     if evidence.validation.checks:
         return list(evidence.validation.checks)
     judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
-    if evidence.is_automatic:
-        judged = [_after_remedies(check) for check in judged]
-    distortion, at_floor = evidence.validation.distortion, evidence.validation.at_floor
-    return [_with_reason(check, distortion, at_floor) for check in judged]
+    judged = [_with_reason(check, evidence) for check in judged]
+    places = {check.name: place for place, check in enumerate(judged)}
+    return sorted(judged, key=lambda c: (places[c.follows_from or c.name], bool(c.follows_from)))
 
 
-def _with_reason(check: Check, distortion: Distortion, at_floor: bool) -> Check:
-    """A failed check of the residuals with what is shown to be in them."""
-    if check.passed is not False or check.name not in BY_DISTORTION:
+def _with_reason(check: Check, evidence: Evidence) -> Check:
+    """A failed check with what was tried, and what is shown to be its cause."""
+    validation, distortion = evidence.validation, evidence.validation.distortion
+    if check.passed is not False:
+        return check
+    if evidence.is_automatic and check.name in REMEDIED:
+        tried = "What was tried against it, and what that brought, is under “Decisions” and in"
+        advice = f"{tried} decisions.json. {OF_PAIR if check.name == DISTINCT else ELSEWHERE}"
+        check = replace(check, advice=advice)
+    follower, cause, shown = FOLLOWS.get(validation.model_class.follows, ("", "", ""))
+    if check.name == follower:
+        statement = f"Follows from “{cause}”: {shown}. {check.statement}"
+        return replace(check, statement=statement, grade="caution", follows_from=cause)
+    if check.name not in BY_DISTORTION:
         return check
     if not distortion.shown:
-        if not at_floor or check.name == WHITE:
+        if not validation.at_floor or check.name == WHITE:
             return check
         return replace(check, statement=f"{check.statement} {AT_FLOOR}", grade="caution")
     worst = max(output.distortion.percent for output in distortion.outputs)
@@ -78,14 +91,3 @@ def _with_reason(check: Check, distortion: Distortion, at_floor: bool) -> Check:
     advice = NOT_THE_MODEL if distortion.prevails else check.advice
     grade = "caution" if distortion.prevails else check.grade
     return replace(check, statement=statement, advice=advice, grade=grade)
-
-
-def _after_remedies(check: Check) -> Check:
-    """A failed check whose remedies the workflow has tried."""
-    if check.passed is not False or check.name not in REMEDIED:
-        return check
-    return replace(
-        check,
-        advice="What was tried against it, and what that brought, is under “Decisions” and in"
-        f" decisions.json. {LEFT_TO_DO.get(check.name, ELSEWHERE)}",
-    )

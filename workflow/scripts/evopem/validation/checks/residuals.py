@@ -18,7 +18,7 @@ from evopem.validation.checks.check import (
     listed,
     p_text,
 )
-from evopem.validation.model_class import ResidualTest
+from evopem.validation.model_class import SMALL_SHARE, ResidualTest
 from evopem.validation.spectra import PeakEvidence
 from evopem.validation.validation import Validation
 
@@ -34,11 +34,10 @@ MAX_OUTLIER_PERCENT_ABSOLUTE = 5.0
 
 # A mode accounts for no peak farther away than this share of its frequency.
 MAX_RELATIVE_DISTANCE = 0.1
-# Share of the variance of whitened residuals below which a dependence matters to no use of a model.
-SMALL_SHARE = 0.01
 
 WHITE = "White residuals"
 INDEPENDENT_OF_INPUT = "Residuals independent of the input"
+CONSTANT = "Constant in time"
 LINEAR = "Linear"
 # What the powers that explain most point to: squares and cubes of the response, of the inputs.
 AT_OUTPUT = "at the output or inside, as of a sensor, a spring, friction or backlash"
@@ -183,18 +182,17 @@ def _of_class(test: ResidualTest, what: str, reason: str = "") -> Found:
     """A test of what every model assumes, with what else is said where it fails."""
     if math.isnan(test.p_value):
         return None, "There are too few samples to test it.", "Use a longer record."
-    passed = test.p_value >= SIGNIFICANCE or test.share < SMALL_SHARE
     return (
-        passed,
+        test.passed,
         f"Regression of the whitened residuals on {what}: {p_text(test.p_value)}, explains"
         f" {100 * test.share:.2g} % of their variance (fails where p is below"
         f" {100 * SIGNIFICANCE:g} % and more than {100 * SMALL_SHARE:g} % is explained)."
-        f"{'' if passed else reason}",
+        f"{'' if test.passed else reason}",
     )
 
 
 @check(
-    "Constant in time",
+    CONSTANT,
     "The system changed during the record: a gain, frequency or damping of the model is a mean."
     " Identify parts of the record one by one, and compare them.",
 )
