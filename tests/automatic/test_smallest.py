@@ -10,7 +10,13 @@ from scipy.signal import lfilter
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.fold_errors import as_good, gain_of_nothing, never_behind, simplest
+from evopem.automatic.fold_errors import (
+    as_good,
+    coloured_bic,
+    gain_of_nothing,
+    never_behind,
+    simplest,
+)
 from evopem.automatic.remedies import _is_allowed
 from evopem.automatic.structures import Choice, _smallest_as_good
 from evopem.models.orders import Orders
@@ -36,7 +42,13 @@ def chosen(*candidates, failed=None, of_all=()):
     checks = {id(each): SimpleNamespace(failed=of_all, whiteness=0.5) for each in candidates}
     if failed is not None:
         checks[id(failed)] = SimpleNamespace(failed=("Excitation adequate",), whiteness=0.5)
-    scorer = SimpleNamespace(independent_samples=SAMPLES, checks=lambda each: checks[id(each)])
+    scorer = SimpleNamespace(
+        independent_samples=SAMPLES,
+        checks=lambda each: checks[id(each)],
+        stretches=[Segment(np.ones(SAMPLES), np.random.default_rng(1).standard_normal(SAMPLES))],
+        absolute=False,
+        penalty=lambda _: 0.0,
+    )
     return _smallest_as_good(scorer, candidates, "simulation")
 
 
@@ -76,6 +88,17 @@ def test_one_step_errors_do_not_decide_where_residuals_depend_on_the_input(of_al
     """A response that lacks a part is no likelier for its noise model."""
     likely, simulates = replace(candidate(8), simulation_bic=1.0), replace(candidate(12), bic=1.0)
     assert chosen(likely, simulates, of_all=of_all)[0] is (simulates if of_all else likely)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_coloured_errors_of_simulations_count_as_fewer_independent_ones(pole):
+    u, e = np.random.default_rng(3).standard_normal((2, 4000))
+    stretches = [Segment(u, u + lfilter([1.0], [1.0, -pole], e))]
+    scorer = Scorer(stretches, decide_folds(stretches), CommonSettings())
+    gain = scorer.candidate("fir", Orders(nb=1), scored=False)
+    score = coloured_bic(scorer, gain)
+    share = score(replace(gain, simulation_bic=gain.simulation_bic + 1.0)) - score(gain)
+    assert share == pytest.approx((1.0 - pole**2) / (1.0 + pole**2), rel=0.2)
 
 
 @pytest.mark.parametrize("of_all", [(), (INDEPENDENT_OF_INPUT,)])

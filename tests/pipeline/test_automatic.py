@@ -1,19 +1,15 @@
 """The automatic recipe in one process: a record with clipped samples, from file to report."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from identified import undrawn_page
 from scipy.signal import lfilter
 
-from evopem.automatic.chosen_model import COMPARED, SEARCHED
-from evopem.automatic.decision import Decision, DecisionRecord, Trial
+from evopem.automatic.decision import DecisionRecord
 from evopem.automatic.remedies import Remedied
-from evopem.automatic.structures import Comparison
 from evopem.config.defaults import complete
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
@@ -94,27 +90,6 @@ def test_a_model_for_another_purpose_gives_up_constraints_alone(clipped, monkeyp
     else:
         with pytest.raises(InputError, match=key):
             job.run()
-
-
-@pytest.mark.parametrize("outcome", [SEARCHED, COMPARED])
-def test_a_remedy_is_given_up_where_its_search_finds_a_worse_minimum(clipped, monkeypatch, outcome):
-    comparison = load(Comparison, clipped.decision("comparison"))
-    before = comparison.choice("simulation")
-    after = replace(before, candidate=comparison.candidates[0])
-    trial = Trial("White residuals", "a larger order", "another", 1.0, 0.5, 0.5, True)
-    remedied = Remedied(after, (trial,), (), ())
-    about = Decision("search", outcome, (), "error, %", "Held-out samples are simulated worse.")
-    monkeypatch.setattr(complete_model, "act_on_checks", lambda *_: remedied)
-    monkeypatch.setattr(complete_model, "_record_of", lambda *given, **_: (given[1], about))
-    checks = SimpleNamespace(checks=lambda _: SimpleNamespace(failed=("White residuals",)))
-    settings = settings_of("pump.csv").automatic
-    model, found = complete_model._remedied(
-        *(clipped, comparison, SimpleNamespace(scorer=checks), None, settings, None, None)
-    )
-    assert model is found.choice is (after if outcome == SEARCHED else before)
-    assert found.trials[0].taken == (outcome == SEARCHED)
-    assert found.failed == (() if outcome == SEARCHED else ("White residuals",))
-    assert len(found.statements) == len(found.failed)
 
 
 def test_the_report_shows_the_decisions(clipped):

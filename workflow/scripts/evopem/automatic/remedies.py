@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
-from typing import Self
 
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Decision, Trial
@@ -34,17 +33,6 @@ class Remedied:
     # Whether the noise model was fitted to errors of simulation of a plant estimated without one.
     plant_kept: bool = False
     search: Decision | None = None  # of the model of this choice, once it is searched
-
-    @property
-    def is_changed(self) -> bool:
-        """Whether the choice has other orders or another structure than before."""
-        return any(trial.taken for trial in self.trials) and not self.plant_kept
-
-    def given_up(self, choice: Choice, failed: tuple[str, ...], reason: str) -> Self:
-        """The choice before all remedies, with its failed checks, and why none is taken."""
-        trials = tuple(replace(trial, taken=False) for trial in self.trials)
-        statements = (f"No remedy is taken: {reason}",)
-        return type(self)(choice, trials, failed, statements)
 
 
 def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] = ()) -> Remedied:

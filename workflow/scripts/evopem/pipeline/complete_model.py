@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
-from evopem.automatic.chosen_model import COMPARED, estimate_choice
+from evopem.automatic.chosen_model import estimate_choice
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import PLANT_RADIUS, CommonSettings
 from evopem.automatic.remedies import Remedied, act_on_checks
@@ -92,20 +92,12 @@ def _remedied(
     fit: FitSettings,
     log: Log | None,
 ) -> tuple[ModelRecord, Remedied]:
-    """The choice for the purpose after remedies until its checks hold or nothing helps.
-
-    Where its search finds a lower minimum that does worse on held-out samples, a remedy was taken
-    for scores of a local one: the choice before it remains.
-    """
+    """The choice for the purpose after remedies until its checks hold or nothing helps."""
     choice, scorer = comparison.choice(settings.purpose), scored.scorer
     with errors_name_dataset(files), one_blas_thread():
         remedied = act_on_checks(scorer, choice, comparison.candidates)
     given = scored, search, settings, fit
     record, about = _record_of(files, remedied.choice, *given, remedied.plant_kept, log)
-    if about.choice == COMPARED and remedied.is_changed:
-        failed = scorer.checks(choice.candidate).failed
-        remedied = remedied.given_up(choice, failed, about.sentence)
-        record, about = _record_of(files, choice, *given, log=log)
     return record, replace(remedied, search=about)
 
 
