@@ -162,9 +162,10 @@ def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
 def _remarks(stretches: Sequence[Segment]) -> tuple[str, ...]:
     """What the model comes from, where its samples have breaks."""
     longest = max(stretch.samples for stretch in stretches)
+    recordings = len({stretch.recording for stretch in stretches})
     sentence = (
-        f"The estimation samples are {len(stretches)} stretches with breaks between them: one model"
-        f" comes from all {total_samples(stretches)} of them, each stretch with an initial state of"
-        f" its own. The spectrum is that of the longest one, of {longest} samples."
+        f"The {total_samples(stretches)} estimation samples are {len(stretches)} stretches with"
+        f" breaks between them, of {recordings} recording{'s' * (recordings > 1)}: one model comes"
+        f" from all, with an initial state for each; the spectrum is of the longest ({longest})."
     )
     return (sentence,) * (len(stretches) > 1)

@@ -56,6 +56,8 @@ def hidden_bands(inputs: Array, sampling_rate: float) -> list[tuple[tuple[float,
     The power of a wave in the past of an input that its covariance leaves (Capon 1969), alone and
     beside the past of the others, above a floor 40 dB below the power of each input.
     """
+    if inputs.shape[1] < 2:
+        return [()] * inputs.shape[1]
     u = (inputs - inputs.mean(axis=0)) / np.maximum(inputs.std(axis=0), np.finfo(float).tiny)
     lags = min(PAST, len(u))
     past = np.hstack([np.lib.stride_tricks.sliding_window_view(column, lags) for column in u.T])
