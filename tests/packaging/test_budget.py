@@ -27,6 +27,7 @@ CAPABILITIES: tuple[str, ...] = (
     "merged fleets and interactive figures",
     "damage index",
     "pooled models",
+    "dependence on amplitude",
 )
 
 BUDGET = {

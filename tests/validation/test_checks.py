@@ -475,6 +475,22 @@ def test_the_response_to_the_input_is_judged_at_one_percent(good, p_value, passe
     assert f"coefficient 0.3, p = {p_value:.2g}." in check.statement
 
 
+def test_an_input_of_several_that_explains_nothing_is_named(good):
+    (source,) = good.validation.inputs
+    told = replace(good.validation.input_test, coefficient=0.9, p_value=1e-9)
+    inputs = [replace(source, name=f"u{k}", test=told) for k in (1, 2, 3)]
+    inputs[1] = replace(inputs[1], test=replace(told, p_value=0.2))
+    several = good.with_("validation", inputs=tuple(inputs), input_test=told)
+    check = several.check("Every input")
+    assert (check.passed, check.grade) == (False, "caution")
+    assert "the response to u2 (p = 0.2) is not told from zero" in check.statement
+    kept = several.with_("validation", inputs=tuple(inputs[::2]))
+    assert kept.check("Every input").passed is True
+    # Where all inputs together explain nothing, that is said alone.
+    nothing = several.with_("validation", input_test=replace(told, p_value=0.5))
+    assert not [each for each in nothing.checks if each.name.startswith("Every input")]
+
+
 def test_inputs_that_hide_each_others_response_fail(good):
     (source,) = good.validation.inputs
     inputs = [replace(source, name=f"u{k}") for k in (1, 2, 3)]

@@ -63,6 +63,23 @@ def test_unrelated_slow_channels_do_not_pass(denominator):
     assert passed <= 5
 
 
+def test_an_input_of_several_that_explains_nothing_passes_as_often_as_the_level_says():
+    """ARX models of a response to the first of two inputs, by least squares."""
+    p_values = []
+    for seed in range(200):
+        u, y = channels(seed, 800, 1.0)
+        other = np.random.default_rng([5, seed]).standard_normal(800)
+        past = np.column_stack([-y[1:399], -y[:398], u[1:399], u[:398], other[1:399], other[:398]])
+        a1, a2, *b = np.linalg.lstsq(past, y[2:400])[0]
+        model = PolynomialModel([1.0, a1, a2], (b[:2], b[2:]), nk=(1, 1))
+        both = divided(model, Recording(np.column_stack([u, other]), y, 1.0), 400)
+        p_values.append([input_significance(both, [k]).p_value for k in range(2)])
+    p_values = np.array(p_values)
+    assert np.mean(p_values[:, 0] < 1e-4) > 0.95
+    for level in (0.01, 0.1):
+        assert np.mean(p_values[:, 1] < level) <= level + 3 * np.sqrt(level / 200)
+
+
 def test_a_weak_response_is_found():
     passed = []
     for seed in range(20):

@@ -263,7 +263,7 @@ def test_the_input_of_the_true_model_is_significant_and_reaches_every_mode():
         assert result.inputs[0].split.comparable
 
 
-def test_inputs_that_follow_each_other_are_told():
+def test_each_of_two_inputs_is_tested_beside_the_other():
     """The second one is unrelated, then follows the first."""
     model = lightly_damped()
     u, y = response(model, 1200, noise=0.1)
@@ -271,6 +271,7 @@ def test_inputs_that_follow_each_other_are_told():
     other = np.random.default_rng(2).standard_normal(len(u))
     for second, hidden in ((other, False), (np.roll(u, 1) + 1e-3 * other, True)):
         result, _ = validate(both, prepared(np.column_stack([u, second]), y, 1000))
+        assert [each.test.significant(0.01) for each in result.inputs] == [True, False]
         assert [bool(each.hidden_hz) for each in result.inputs] == [hidden] * 2
 
 

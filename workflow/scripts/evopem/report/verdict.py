@@ -74,6 +74,7 @@ ESSENTIAL: dict[str, tuple[str, ...]] = {
 }
 DESIRABLE: dict[str, tuple[str, ...]] = {
     "Excitation adequate": ("response",),
+    "Every input significant": ("response",),
     "Validation input comparable": ("simulation",),
     "Simulation independent of its initial state": ("simulation",),
     "White residuals": ("prediction", "response", "spectrum", "intervals"),

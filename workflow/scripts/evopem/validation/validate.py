@@ -134,7 +134,7 @@ def validate(
         simulation_error_percent=_mean([output.simulation_error_percent for output in outputs]),
         fitted_state_error_percent=_mean([output.fitted_state_error_percent for output in outputs]),
         outputs=outputs,
-        inputs=_inputs(model, prepared),
+        inputs=_inputs(model, prepared, held_out),
         pairs=tuple(
             PairCorrelation(*names, pair.share_inside, pair.largest_ratio)
             for names, pair in crossed
@@ -303,7 +303,9 @@ def _crossed(
     ]
 
 
-def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]:
+def _inputs(
+    model: Model, prepared: PreparedData, held_out: Sequence[HeldOut]
+) -> tuple[InputValidation, ...]:
     estimation, validation = prepared.estimation, prepared.validation
     inputs, hidden = [], hidden_bands(estimation.inputs, estimation.sampling_rate)
     for k in range(model.inputs):
@@ -316,33 +318,42 @@ def _inputs(model: Model, prepared: PreparedData) -> tuple[InputValidation, ...]
                 needed,
                 split_spectra(u, validation.inputs[:, k], estimation.sampling_rate),
                 hidden[k],
+                input_significance(held_out, [k]),
             )
         )
     return tuple(inputs)
 
 
-def input_significance(held_out: Sequence[HeldOut]) -> HeldOutTest:
-    """Test that the response to the inputs is in the outputs of the validation samples.
+def input_significance(held_out: Sequence[HeldOut], tested: Sequence[int] = ()) -> HeldOutTest:
+    """Test that the response to some inputs is in the outputs of the validation samples.
 
-    The measured outputs are regressed on the simulated ones and on the free responses of the plant.
-    Half waves as long as a sixth of the samples or longer are taken for drift: two slow signals
-    always have some alike.  The noise model is not used: where A and C have nearly common factors,
-    the errors without the input have a narrow peak just where ``(B/C) u`` has one.
+    The measured outputs are regressed on the simulated ones, on the response to the other inputs
+    and on the free responses of the plant.  Half waves as long as a sixth of the samples or longer
+    are taken for drift: two slow signals always have some alike.  The noise model is not used:
+    where A and C have nearly common factors, the errors without the input have a narrow peak just
+    where ``(B/C) u`` has one.  ``tested``: numbers of the inputs, all by default.
     """
     model = held_out[0].plant
     if not model.inputs:
         return NO_TEST
     samples = sum(stretch.recording.samples for stretch in held_out)
-    if not any(np.ptp(stretch.recording.inputs, axis=0).any() for stretch in held_out):
+    driven = np.isin(np.arange(model.inputs), tested or range(model.inputs))
+    if not any(np.ptp(stretch.recording.inputs[:, driven], axis=0).any() for stretch in held_out):
         # What is simulated is then a free response alone.
         return HeldOutTest(math.nan, math.nan, math.nan, samples)
     records = []
     with np.errstate(all="ignore"):
         for stretch in held_out:
             y, count = stretch.recording.outputs, stretch.recording.samples
-            beside = [np.hstack([free_responses(model.poles(), count), half_waves(count)])]
-            simulated = stretch.simulated_from_rest()[stretch.first :]
-            records.append(HeldOutContribution(y, simulated, beside * y.shape[1]))
+            beside = [free_responses(model.poles(), count), half_waves(count)]
+            simulated, of_others = (
+                replace(stretch.plant, B=stretch.plant.B * kept, D=stretch.plant.D * kept).simulate(
+                    stretch.inputs
+                )[stretch.first :]
+                for kept in (driven, ~driven)
+            )
+            nuisance = [np.column_stack([*beside, column]) for column in of_others.T]
+            records.append(HeldOutContribution(y, simulated, nuisance))
         return joint_contribution_test(records)
 
 

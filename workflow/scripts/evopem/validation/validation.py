@@ -90,6 +90,7 @@ class InputValidation:
     excitation_needed: int  # coefficients of the plant; 0 for a state-space model
     split: SplitSpectra  # its spectra in estimation and validation samples beside each other
     hidden_hz: tuple[tuple[float, float], ...]  # where the others hide its response
+    test: HeldOutTest  # as that of all inputs, of its response beside those to the others
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,21 @@ def response_to_input(evidence: Evidence) -> Found | None:
 
 
 @check(
+    "Every input significant",
+    "Leave it out, or move it more in the record: its response is as uncertain as its band.",
+    "caution",
+)
+def each_response(evidence: Evidence) -> Found | None:
+    """The response to each of several inputs significant beside those to the others."""
+    inputs = [c for c in evidence.validation.inputs if responds(c.test) is not None]
+    if len(inputs) < 2 or not responds(evidence.validation.input_test):
+        return None
+    nothing = [f"{c.name} ({p_text(c.test.p_value)})" for c in inputs if not responds(c.test)]
+    zero = f"the response to {listed(nothing)} is not told from zero"
+    return not nothing, f"Beside the others {zero if nothing else 'each explains a part'}."
+
+
+@check(
     "Inputs told apart",
     "Use no response or delay of one of them. Record again with inputs that move independently.",
 )
