@@ -337,13 +337,14 @@ def test_the_results_beside_those_of_the_chapter(results):
     assert not stands_in_for_the_chapter(results.settings)
 
 
-def test_a_band_without_upper_limit_is_no_number(results):
-    results = replace(
-        results, frequency_response=results.frequency_response.assign(gain_upper=math.inf)
-    )
+@pytest.mark.parametrize("factor", [30.0, math.inf])
+def test_a_band_that_is_wider_than_the_gain_is_no_number(results, factor):
+    response = results.frequency_response
+    response = response.assign(gain_upper=factor * response["gain"])
+    results = replace(results, frequency_response=response)
     [use] = [use for use in verdict(results).uses if use.name == "the frequency response"]
     assert use.answer != "good"
-    assert "no upper limit" in use.reason
+    assert "wider than the gain itself at half" in use.reason
     assert "±" not in use.reason
 
 

@@ -249,11 +249,11 @@ def _frequency_response(results: DatasetResults) -> Use:
     table = results.responses
     table = table[table["source"] == results.model_source[0]]
     half, whole = _widest_band(table).tolist()
-    over = "frequency, of the least known pair" if len(results.pairs) > 1 else "frequency"
-    text = f"gain ±{percent(half, 2)} (95 % band, median over {over})"
-    if not math.isfinite(half):
-        unlimited = "has no upper limit at half of the frequencies or more"
-        text = f"its 95 % band {'is not known' if math.isnan(half) else unlimited}"
+    least = ", of the least known pair" if len(results.pairs) > 1 else ""
+    text = f"gain ±{percent(half, 2)} (95 % band, median over frequency{least})"
+    if not half <= 100.0:
+        wide = f"is wider than the gain itself at half of the frequencies or more{least}"
+        text = f"its 95 % band {'is not known' if math.isnan(half) else wide}"
     band: Finding = ("good" if half <= WIDE_BAND else "care", text)
     peaks: Finding = ("good", "")
     if whole > WIDEST_OF_POWER:
