@@ -132,6 +132,7 @@ def test_samples_and_facts_are_kept(file, tmp_path):
         (ChannelSettings(("u*",), ("*1",), 1.0), 'matches "*1" and "u*" of input'),
         (ChannelSettings(("u1",), ("acc_1", 4), 1.0), "hold the same values"),
         (ChannelSettings(("u1",), ("acc_1", "acc_9"), 1.0), 'there is no column "acc_9"'),
+        (ChannelSettings(("u1",), ("acc_1, acc_2",), 1.0), "give several as a list"),
         (ChannelSettings(("u1",), ("acc_1", "time"), 50.0), "as a time does"),
         (
             ChannelSettings(("u1",), ("acc_*",), 1.0, output_unit=("m",)),

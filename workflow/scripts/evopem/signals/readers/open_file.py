@@ -96,6 +96,8 @@ class Contents:
             raise InputError(source, problem, remedy)
         if reference.lstrip("/") in self.refusals:
             raise self.refusals[reference.lstrip("/")]
+        if "," in reference and all(self._named(part.strip()) for part in reference.split(",")):
+            here = "give several as a list, and in the terminal each with an option of its own"
         why = "" if named else f", because there is no header with a name for each {kind}"
         raise InputError(source, f'there is no {kind} "{reference}"{why}', here)
 
