@@ -188,7 +188,9 @@ def test_every_structure_takes_several_recordings(tmp_path, monkeypatch, structu
     assert (orders.na, orders.nb, orders.nf, orders.nk) == (na, (2, 1), nf, (1, 3))
     validation = load(Validation, files.validation)
     assert validation.simulation_error_percent == pytest.approx(10.0, abs=2.0)
-    assert "between them, of 3 recordings" in Path(files.decisions).read_text(encoding="utf-8")
+    decisions = Path(files.decisions).read_text(encoding="utf-8")
+    assert "between them, of 3 recordings" in decisions
+    assert "a level for each recording" in decisions
 
 
 def joined_part(structure, part, samples=260):

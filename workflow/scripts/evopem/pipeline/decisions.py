@@ -163,9 +163,11 @@ def _remarks(stretches: Sequence[Segment]) -> tuple[str, ...]:
     """What the model comes from, where its samples have breaks."""
     longest = max(stretch.samples for stretch in stretches)
     recordings = len({stretch.recording for stretch in stretches})
+    levels = " and a level for each recording" if recordings > 1 else ""
     sentence = (
         f"The {total_samples(stretches)} estimation samples are {len(stretches)} stretches with"
         f" breaks between them, of {recordings} recording{'s' * (recordings > 1)}: one model comes"
-        f" from all, with an initial state for each; the spectrum is of the longest ({longest})."
+        f" from all, with an initial state for each stretch{levels}. The spectrum is of the longest"
+        f" stretch ({longest} samples)."
     )
     return (sentence,) * (len(stretches) > 1)

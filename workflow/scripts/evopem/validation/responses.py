@@ -57,10 +57,11 @@ class HeldOut:
         """Predictions of the validation samples, (N, l)."""
         return self.predicted_from_start(horizon)[self.first :]
 
-    def simulated_from_rest(self) -> Array:
-        """Response to all inputs that are known, (N, l)."""
+    def simulated_from_rest(self, driven: Flags | bool = True) -> Array:
+        """Response to all samples of the inputs that are known, or to some inputs, (N, l)."""
+        plant = replace(self.plant, B=self.plant.B * driven, D=self.plant.D * driven)
         with np.errstate(over="ignore", invalid="ignore"):
-            return self.plant.simulate(self.inputs)
+            return plant.simulate(self.inputs)
 
     def simulated(self, fit_level: bool) -> Array:
         """Response of the validation samples, (N, l), from a state that no scored one determines.

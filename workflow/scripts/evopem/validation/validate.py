@@ -127,6 +127,7 @@ def validate(
     models = models or [OrderModel.of(order, math.nan, model)]
     tests = tests or model_class(_every_stretch(tested.stretches, held_out))
     distortion = distortion_of(held_out, tested.stretches, fit_level)
+    input_test = input_significance(held_out)
     validation = Validation(
         samples=int(np.sum(responses.scored)),
         unscored_samples=int(np.sum(~responses.scored)),
@@ -134,7 +135,7 @@ def validate(
         simulation_error_percent=_mean([output.simulation_error_percent for output in outputs]),
         fitted_state_error_percent=_mean([output.fitted_state_error_percent for output in outputs]),
         outputs=outputs,
-        inputs=_inputs(model, prepared, held_out),
+        inputs=_inputs(model, prepared, held_out, input_test),
         pairs=tuple(
             PairCorrelation(*names, pair.share_inside, pair.largest_ratio)
             for names, pair in crossed
@@ -144,7 +145,7 @@ def validate(
         residual_samples=len(tested.residuals),
         lags=len(autocorrelations[0].lag) - 1,
         correlation_lags=min(CROSS_CORRELATION_LAGS, len(tested.residuals) - 1),
-        input_test=input_significance(held_out),
+        input_test=input_test,
         model_class=tests,
         resolution_hz=_resolution(prepared.estimation, spectrum),
         modes=table_of_models(
@@ -304,7 +305,7 @@ def _crossed(
 
 
 def _inputs(
-    model: Model, prepared: PreparedData, held_out: Sequence[HeldOut]
+    model: Model, prepared: PreparedData, held_out: Sequence[HeldOut], of_all: HeldOutTest
 ) -> tuple[InputValidation, ...]:
     estimation, validation = prepared.estimation, prepared.validation
     inputs, hidden = [], hidden_bands(estimation.inputs, estimation.sampling_rate)
@@ -318,7 +319,7 @@ def _inputs(
                 needed,
                 split_spectra(u, validation.inputs[:, k], estimation.sampling_rate),
                 hidden[k],
-                input_significance(held_out, [k]),
+                input_significance(held_out, [k]) if model.inputs > 1 else of_all,
             )
         )
     return tuple(inputs)
@@ -345,15 +346,13 @@ def input_significance(held_out: Sequence[HeldOut], tested: Sequence[int] = ()) 
     with np.errstate(all="ignore"):
         for stretch in held_out:
             y, count = stretch.recording.outputs, stretch.recording.samples
-            beside = [free_responses(model.poles(), count), half_waves(count)]
-            simulated, of_others = (
-                replace(stretch.plant, B=stretch.plant.B * kept, D=stretch.plant.D * kept).simulate(
-                    stretch.inputs
-                )[stretch.first :]
-                for kept in (driven, ~driven)
-            )
-            nuisance = [np.column_stack([*beside, column]) for column in of_others.T]
-            records.append(HeldOutContribution(y, simulated, nuisance))
+            simulated = stretch.simulated_from_rest(driven)[stretch.first :]
+            beside = [np.hstack([free_responses(model.poles(), count), half_waves(count)])]
+            beside *= y.shape[1]
+            if not driven.all():
+                of_others = stretch.simulated_from_rest(~driven)[stretch.first :]
+                beside = [np.column_stack(both) for both in zip(beside, of_others.T, strict=True)]
+            records.append(HeldOutContribution(y, simulated, beside))
         return joint_contribution_test(records)
 
 
