@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from scipy.io import loadmat
 
 import evopem
 from evopem import FrequencyResponses, fit_responses
@@ -259,7 +260,11 @@ def identified(tmp_path_factory):
             f"{name} re": given.values[:, k, 0].real,
             f"{name} im": given.values[:, k, 0].imag,
         }
-    content = {"defaults": {"orders": {"nx": [2, 6]}, "structure": "armax"}}
+    places = {name: {"point": name, "direction": "z"} for name in ("tip", "mid")}
+    points = {"mid": [1, 0, 0], "tip": [2, 0, 0]}
+    of_all = {"orders": {"nx": [2, 6]}, "structure": "armax", "continuous_time": "zero-order"}
+    geometry = {"points": points, "lines": [["mid", "tip"]], "channels": places}
+    content = {"defaults": of_all | {"geometry": geometry}}
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as said:
         patch.chdir(folder)
         pd.DataFrame(table).to_csv("frf.csv", index=False)
@@ -297,6 +302,38 @@ def test_the_command_writes_results_and_a_report(identified):
     summary = json.loads((results / "summary.json").read_text())
     assert all(summary["trusted"])
     assert len(pd.read_csv(results / "spectrum.csv")) == 300
+
+
+def test_the_model_in_s_leaves_and_shapes_are_drawn_over_the_geometry(identified):
+    results, _ = identified
+    model = evopem.read_results(results).results.model.continuous.model
+    true, found = responses_at(FREQUENCIES, 2), model.frequency_response(FREQUENCIES)
+    assert np.linalg.norm(found - true) < 0.01 * np.linalg.norm(true)
+    quantities = {name: (value, error) for name, value, error, _ in model.quantities()}
+    value, error = quantities["static gain"]
+    assert abs(value - responses_at(np.zeros(1))[0, 0, 0].real) < 4.0 * error
+    stored = loadmat(results / "model.mat")["Continuous"][0, 0]
+    s, at = 2j * np.pi * 20.0, (1, 0)
+    parts = (stored[name][at][0] for name in ("Numerator", "Denominator"))
+    above, below = (np.polyval(part, s) for part in parts)
+    assert np.isclose(above / below, model.frequency_response([20.0])[0, 1, 0], rtol=1e-9)
+    page = (results / "report.html").read_text()
+    assert "Fitted to the responses in <i>s</i>." in page
+    assert "half the sampling rate: faster ones" not in page
+    assert 'aria-label="Shape of mode 2 at 31\u202fHz, moving"' in page
+
+
+def test_a_geometry_of_other_outputs_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    columns = {"f": FREQUENCIES, "y re": FREQUENCIES, "y im": FREQUENCIES}
+    pd.DataFrame(columns).to_csv("frf.csv", index=False)
+    channels = "channels: {tip: {point: a, direction: z}}"
+    Path("config.yaml").write_text(f"defaults: {{geometry: {{points: {{a: [0, 0]}}, {channels}}}}}")
+    options = ["--frequency", "f", "--input", "u", "--output", "y", "--config", "config.yaml"]
+    with pytest.raises(SystemExit):
+        main(["frf.csv", *options])
+    sentence = """frf.geometry, channels.tip: there is no output "tip"; choose one of 1 'y'."""
+    assert sentence in capsys.readouterr().err
 
 
 def test_the_verdict_for_programs_is_of_the_responses(identified):

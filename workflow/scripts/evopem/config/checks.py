@@ -32,7 +32,7 @@ GROUPS = ("transforms", "split", "spectrum", "delay", "orders", "search", "const
 IN_TIME = (
     *("time", "time_unit", "uneven_time", "validation_file", "purpose", "resample", "transforms"),
     *("split", "spectrum", "structure", "form", "weighting", "level", "delay", "focus"),
-    *("constraints", "geometry", "varying"),
+    *("constraints", "varying"),
 )
 """Keys that a data set of frequency responses does not have."""
 OF_ONE_OUTPUT = ("transforms.box_cox", "varying")

@@ -321,12 +321,12 @@ def estimate_continuous(
 
 
 def in_continuous_time(
-    plant: Model, data: Recording, hold: Hold, settings: SearchSettings
+    plant: Model, data: Recording | None, hold: Hold, settings: SearchSettings
 ) -> ContinuousRecord:
     """A plant converted, or estimated directly where that is ill-conditioned or does not exist.
 
-    Not estimated are plants of several outputs, whose inputs have denominators of their own, or
-    that are not stable.
+    Not estimated are plants without samples, of several outputs, whose inputs have denominators of
+    their own, or that are not stable.
     """
     converted, reason, rate = None, "sampling is fast against the dynamics", plant.sampling_rate
     try:
@@ -336,7 +336,7 @@ def in_continuous_time(
     is_fast = converted and np.abs(converted.poles()).max() < FAST_SAMPLING * rate
     is_divided = isinstance(plant, PolynomialModel) and plant.inputs > 1 and any(plant.orders.nf)
     is_fit = plant.inputs > 0 and plant.outputs == 1 and np.all(np.abs(plant.poles()) < STABLE)
-    if is_divided or not is_fit or (converted and not is_fast):
+    if data is None or is_divided or not is_fit or (converted and not is_fast):
         return ContinuousRecord(converted, "conversion", "" if converted else reason)
     form, z = state_space_of(plant), plant.poles()
     counts = plant.orders.nb if isinstance(plant, PolynomialModel) else (form.order,) * form.inputs

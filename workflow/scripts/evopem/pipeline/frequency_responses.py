@@ -1,5 +1,6 @@
 """The stage of frequency responses: from the file to a model, its validation and its tables."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from evopem.config.defaults import yaml_text
 from evopem.config.settings import DatasetSettings
 from evopem.errors import InputError
+from evopem.estimation.continuous import in_continuous_time
 from evopem.estimation.frequency_fit import MOST_MODES, ResponseFit, fit_responses
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.atomic import write_table, write_text
@@ -30,7 +32,12 @@ from evopem.results.layout import DatasetFiles
 from evopem.signals.measured_files import format_of, local_path
 from evopem.signals.prepared_data import StretchOrigin, Transforms
 from evopem.signals.readers.frequency_responses import FrequencyResponses, read_responses
-from evopem.signals.recording_info import ChannelInfo, FileOrigin, RecordingInfo
+from evopem.signals.recording_info import (
+    ChannelInfo,
+    FileOrigin,
+    RecordingInfo,
+    check_measured_places,
+)
 from evopem.validation.checks import Evidence
 from evopem.validation.frequency_responses import validate_responses
 
@@ -41,6 +48,8 @@ def identify_responses(
     """Read the frequency responses of a file, fit a model, and write everything that is known."""
     (name,), given = settings.source.all_files, settings.channels
     responses = read_responses(name, given, folder)
+    place = f"datasets.{files.name}.geometry"
+    check_measured_places(settings.geometry, responses.output_names, place)
     states = settings.automatic.orders.nx if settings.automatic else None
     modes = ((states[0] + 1) // 2, states[1] // 2) if states else (1, MOST_MODES)
     if modes[0] > modes[1]:
@@ -51,6 +60,10 @@ def identify_responses(
     lines = StretchOrigin(0, 0, 0.0, len(responses.frequencies), *means)
     transforms = Transforms(fit.model.sampling_rate, None, (lines,), (), "cut")
     record = ModelRecord.of(fit.estimate, responses, settings.search, transforms, weighting="noise")
+    if hold := settings.continuous_time:
+        hold = hold if responses.sampling_rate else "zero-order"  # that of the equivalent
+        in_s = in_continuous_time(fit.model, None, hold, settings.search)
+        record = replace(record, continuous=in_s)
     validation = validate_responses(fit, record.modes, modes[1])
     info = _described(responses, settings, local_path(Path(folder) / name))
     summary = summarize(Evidence(record, validation, info))
@@ -58,7 +71,7 @@ def identify_responses(
     save(record, files.model)
     save(validation, files.validation)
     save(summary, files.summary)
-    save_model_mat(record.model, files.model_mat)
+    save_model_mat(record.model, files.model_mat, record.continuous)
     _save_tables(files, fit, record, info.sampling_rate / 2.0)
     names = record.input_names, record.output_names
     write_table(files.modes, validation.modes.rows(*names))
