@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from identified import with_output_name
 
-from evopem.figures.comparison import Comparison
 from evopem.report.comparison import build_comparison
 from evopem.report.index_page import build_index
 from evopem.report.templates import environment
+from evopem.results.comparison import Comparison
 from evopem.results.fleet import summarize
 from evopem.results.identity import IncompleteDataset
 

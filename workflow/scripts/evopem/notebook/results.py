@@ -17,12 +17,7 @@ from evopem.automatic.varying import Varying, table_of
 from evopem.errors import FOR_FIGURES, FOR_REPORT, InputError, check_packages
 from evopem.figures import CHARTS
 from evopem.figures.chart import Chart
-from evopem.figures.comparison import (
-    Comparison,
-    compared_modes,
-    compared_responses,
-    compared_simulations,
-)
+from evopem.figures.comparison import compared_modes, compared_responses, compared_simulations
 from evopem.figures.draw import draw, panels_of
 from evopem.figures.moving import moving_modes
 from evopem.figures.style import PARAMETERS
@@ -41,6 +36,7 @@ from evopem.models.state_space import StateSpaceModel
 from evopem.report.comparison import build_comparison, comparison_text
 from evopem.report.results_text import moving_sentence, results_html, results_text
 from evopem.report.verdict import Use, verdict
+from evopem.results.comparison import Comparison
 from evopem.results.dataset import DatasetResults
 from evopem.results.fleet import MODE_COLUMNS, DatasetSummary, mode_values
 from evopem.results.layout import DatasetFiles

@@ -13,7 +13,6 @@ from urllib.parse import quote
 from evopem.config.conditions import Following
 from evopem.errors import InputError
 from evopem.figures import svg_texts
-from evopem.figures.comparison import Comparison
 from evopem.files.atomic import write_parquet, write_table, write_text
 from evopem.files.checksums import GENERATOR, has_mark, write_page
 from evopem.models.response_tables import shaped_modes_table
@@ -21,6 +20,7 @@ from evopem.report.comparison import build_comparison
 from evopem.report.index_page import NOT_COMPARED, build_index
 from evopem.report.page import build_report, read_wall_clock
 from evopem.report.templates import template_folder
+from evopem.results.comparison import Comparison
 from evopem.results.damage_index import Compared
 from evopem.results.dataset import DatasetResults, read_results, read_whole_results
 from evopem.results.fleet import fleet_table, read_entry, without_formulas

@@ -1,6 +1,6 @@
 """Several models side by side, as a page and in plain text."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +8,7 @@ from markupsafe import Markup
 
 from evopem.config.channels import joined_geometry
 from evopem.figures.chart import Chart
-from evopem.figures.comparison import (
-    MOST,
-    Comparison,
-    compared_modes,
-    compared_responses,
-    compared_simulations,
-    spread_percent,
-)
+from evopem.figures.comparison import compared_modes, compared_responses, compared_simulations
 from evopem.figures.draw import ShapeDrawing
 from evopem.models.merged_modes import MergedModes
 from evopem.models.modes import Mode
@@ -33,11 +26,10 @@ from evopem.report.numbers import (
     with_error,
 )
 from evopem.report.verdict import verdict
-from evopem.results.fleet import mode_values
-from evopem.validation.level_changes import fits
+from evopem.results.comparison import MOST, Comparison, Dependence, spread_percent
 
-# Probability of any dependence that is said where there is none, and recordings that it needs.
-FALSE_ALARMS, FEWEST = 0.01, 4
+# Probability of any dependence that is said where there is none.
+FALSE_ALARMS = 0.01
 SAME = "All models were validated on the same samples."
 DIFFERENT = (
     "The models were validated on different samples: their errors are no ranking of the models."
@@ -80,37 +72,20 @@ def _remark(comparison: Comparison) -> str:
     if comparison.merged:
         return " ".join(merged_sentences(comparison.merged))
     remark = SAME if comparison.has_same_validation else DIFFERENT
-    return " ".join([remark, *dependences(comparison)])
+    return " ".join([remark, *dependence_sentences(comparison.dependences)])
 
 
-def dependences(comparison: Comparison) -> list[str]:
-    """How trusted modes go with amplitude and mean of an input, over recordings of one machine.
-
-    By regressions weighted by standard errors and the scatter beyond them, tested together.
-    """
-    recordings = [model.recording for model in comparison.models if model.recording]
-    inputs = zip(*(recording.inputs.T for recording in recordings), strict=False)
-    tests = []
-    for name, signals in zip(recordings[0].input_names if recordings else (), inputs, strict=False):
-        for words, level in (("standard deviation", np.std), ("mean", np.mean)):
-            x = np.array([level(signal) for signal in signals])
-            if len(comparison.models) > len(x) or len(x) < FEWEST or np.ptp(x) == 0.0:
-                continue
-            design = np.column_stack([np.ones(len(x)), (x - x.mean()) / np.ptp(x)])
-            for modes in comparison.matched:
-                if all(mode in comparison.trusted for mode in modes):
-                    hertz, errors = np.array([mode_values(mode)[:2] for mode in modes if mode]).T
-                    slopes, covariances, p_value, _ = fits(hertz, errors, design[None], 1)
-                    change, error = slopes[0, 1], covariances[0, 1, 1] ** 0.5
-                    said = (
-                        f"Dependence on the {words} of {name}: from {number(x.min(), 3)} to"
-                        f" {number(x.max(), 3)} the mode at {number(hertz.mean())} Hz changes by"
-                        f" {with_error(change, error)} Hz, significant at"
-                    )
-                    tests.append((float(p_value[0]), said))
+def dependence_sentences(tests: Sequence[Dependence]) -> list[str]:
+    """How modes go with amplitude and mean of an input, tested together (Bonferroni)."""
     limit = f"{percent(100.0 * FALSE_ALARMS, 1)} ({len(tests)} tests together)."
     none = f"No dependence of a mode on amplitude or mean of an input is significant at {limit}"
-    sentences = [f"{said} {limit}" for p, said in tests if p < FALSE_ALARMS / len(tests)]
+    sentences = [
+        f"Dependence on the {tested.of} of {tested.input_name}: from {number(tested.lowest, 3)} to"
+        f" {number(tested.highest, 3)} the mode at {number(tested.frequency_hz)} Hz changes by"
+        f" {with_error(tested.change_hz, tested.standard_error_hz)} Hz, significant at {limit}"
+        for tested in tests
+        if tested.p_value < FALSE_ALARMS / len(tests)
+    ]
     return sentences or [none] * bool(tests)
 
 

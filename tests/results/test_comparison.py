@@ -9,14 +9,10 @@ from identified import with_judged_modes, with_output_name
 
 from evopem.config.channels import ChannelPlace, Geometry
 from evopem.errors import InputError
-from evopem.figures.comparison import Comparison, spread_percent
 from evopem.models.modes import Mode
-from evopem.report.comparison import (
-    build_comparison,
-    dependences,
-    merged_sentences,
-)
+from evopem.report.comparison import build_comparison, dependence_sentences, merged_sentences
 from evopem.report.templates import template_folder
+from evopem.results.comparison import Comparison, spread_percent
 
 
 @pytest.fixture(scope="module")
@@ -64,23 +60,23 @@ def driven_by(results, amplitudes, frequencies):
 def test_a_mode_that_goes_with_the_amplitude_is_said(results):
     amplitudes, errors = np.arange(1.0, 7.0), 0.01 * np.random.default_rng(3).standard_normal(6)
     compared = driven_by(results, amplitudes, 5.0 - 0.05 * amplitudes + errors)
-    (sentence,) = dependences(compared)
+    (sentence,) = dependence_sentences(compared.dependences)
     assert sentence.startswith("Dependence on the standard deviation of input: from ")
     slope = np.polyfit(amplitudes, 5.0 - 0.05 * amplitudes + errors, 1)[0]
     told = float(re.search("changes by −([0-9.]+) ± ", sentence)[1])
     assert told == pytest.approx(-5.0 * slope, abs=0.001)
     # Of one recording, or three, nothing is said; of constant modes that nothing was found.
-    assert not dependences(driven_by(results, np.ones(6), 5.0 + errors))
-    assert not dependences(driven_by(results, amplitudes[:3], 5.0 + errors[:3]))
-    (none,) = dependences(driven_by(results, amplitudes, 5.0 + errors))
+    assert not driven_by(results, np.ones(6), 5.0 + errors).dependences
+    assert not driven_by(results, amplitudes[:3], 5.0 + errors[:3]).dependences
+    (none,) = dependence_sentences(driven_by(results, amplitudes, 5.0 + errors).dependences)
     assert none.startswith("No dependence of a mode on amplitude")
 
 
 def test_a_constant_mode_is_seldom_said_to_depend(results):
     draws = np.random.default_rng(8).standard_normal((60, 6))
     amplitudes = np.arange(1.0, 7.0)
-    found = [dependences(driven_by(results, amplitudes, 5.0 + 0.01 * draw))[0] for draw in draws]
-    assert sum(sentence.startswith("Dependence") for sentence in found) <= 3
+    found = [driven_by(results, amplitudes, 5.0 + 0.01 * draw).dependences for draw in draws]
+    assert sum(tests[0].p_value < 0.01 for tests in found) <= 3
 
 
 def test_models_of_one_name_are_told_apart(results):
