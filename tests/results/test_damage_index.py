@@ -65,6 +65,11 @@ def test_damage_is_told_from_the_temperature_and_named():
     page = build_index({}, template_folder(), damage=table)
     assert 'id="damage-index"' in page
     assert 'href="damage_index.csv"' in page
+    # The link counts the recordings of all structures, of which each has a sentence of its own.
+    two = pd.concat([table, table.assign(group="mast")])
+    headline = f"{2 * len(above)} of {2 * len(judged)} recordings lie above the limit"
+    page = build_index({}, template_folder(), damage=two)
+    assert f'<a href="#damage-index">{headline} of the damage index</a>' in page
 
 
 def test_a_table_of_conditions_gives_the_same_and_their_absence_hides_the_damage():

@@ -27,6 +27,16 @@ def damage_sentences(table: pd.DataFrame, false_alarms: float) -> list[str]:
     ]
 
 
+def damage_headline(table: pd.DataFrame) -> str:
+    """How many of the recordings that are judged lie above the limit."""
+    judged = table.loc[~table["reference"].astype(bool), "damage_index"].dropna()
+    exceeding = int((judged > 1.0).sum())
+    if judged.empty:
+        return "No recording is judged by its damage index"
+    amount = f"{exceeding or 'None'} of {plural(len(judged), 'recording')}"
+    return f"{amount} {'lie' if exceeding > 1 else 'lies'} above the limit of the damage index"
+
+
 def _sentences(table: pd.DataFrame, false_alarms: float) -> Iterator[str]:
     known, reference = table["damage_index"].notna(), table["reference"].astype(bool)
     above = known & (table["damage_index"] > 1.0)
@@ -34,10 +44,8 @@ def _sentences(table: pd.DataFrame, false_alarms: float) -> Iterator[str]:
     if judged:
         share = f"{number(100.0 * false_alarms)}{THIN}%"
         names = f": {_named(exceeding)}" if len(exceeding) else ""
-        amount = f"{len(exceeding) or 'None'} of {plural(judged, 'recording')}"
         yield (
-            f"{amount} {'lie' if len(exceeding) > 1 else 'lies'} above the limit of the damage"
-            f" index{names}. At its false-alarm rate of {share},"
+            f"{damage_headline(table)}{names}. At its false-alarm rate of {share},"
             f" {number(false_alarms * judged, 2)} of them are expected there by chance."
         )
     if (above & reference).any():

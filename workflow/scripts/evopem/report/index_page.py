@@ -62,6 +62,7 @@ def build_index(
         damage=[]
         if damage is None
         else control_chart.damage_sentences(damage, following.false_alarms),
+        damage_headline="" if damage is None else control_chart.damage_headline(damage),
         setups=setups,
     )
 
