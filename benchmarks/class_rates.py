@@ -25,8 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "workflow" / "sc
 from evopem import SearchSettings, estimate
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.signals.recording import Recording
-from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.residuals import SMALL_SHARE
+from evopem.validation.held_out_tests import SIGNIFICANCE
 from evopem.validation.model_class import model_class
 from evopem.validation.responses import divided
 

@@ -31,7 +31,7 @@ from evopem.config.settings import VaryingSettings
 from evopem.estimation.varying import Scheduled, VaryingProblem, fit_varying
 from evopem.estimation.varying_choice import autoregressions, undersmoothed
 from evopem.models.varying import all_free, delayed_inputs, filtered
-from evopem.validation.model_class import REJECTED
+from evopem.validation.held_out_tests import SIGNIFICANCE
 
 RATE = 100.0
 HALF_WIDTH = 1.96
@@ -264,7 +264,7 @@ def of_recipe(kind, scheduled):
     of, tests = found.results, found.results.varying.tests
     seeming = replace(tests, constant=replace(tests.constant, p_value=0.0))
     moves = what_moves(of.prepared, of.model, VaryingSettings(), seeming).moves
-    fails = tests.constant.p_value < REJECTED
+    fails = tests.constant.p_value < SIGNIFICANCE
     return fails, moves is not None, moves is not None and moves.is_better
 
 

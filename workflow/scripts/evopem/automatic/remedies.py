@@ -18,8 +18,8 @@ from evopem.automatic.remedy_orders import (
     with_noise_models,
 )
 from evopem.automatic.structures import Choice
-from evopem.validation.checks.check import SIGNIFICANCE
 from evopem.validation.checks.residuals import WHITE
+from evopem.validation.held_out_tests import SIGNIFICANCE
 
 
 @dataclass(frozen=True)

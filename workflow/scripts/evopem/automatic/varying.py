@@ -20,7 +20,8 @@ from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.varying import KINDS, MovingMode, VaryingModel
 from evopem.signals.prepared_data import PreparedData
-from evopem.validation.model_class import REJECTED, ModelClass
+from evopem.validation.held_out_tests import SIGNIFICANCE
+from evopem.validation.model_class import ModelClass
 
 # Blocks of neighbouring samples, every fifth of which is held out at a time.
 BLOCKS, FOLDS = 40, 5
@@ -86,7 +87,7 @@ def what_moves(
         raise InputError("varying", unfit, "leave the key out")
     if unfit:
         return Varying(unfit)
-    if not is_asked and not tests.constant.p_value < REJECTED:
+    if not is_asked and not tests.constant.p_value < SIGNIFICANCE:
         return Varying("the response does not change with time")
     if not is_asked and tests.follows == "constant":
         return Varying("beside nonlinearity the response does not change with time")

@@ -13,8 +13,8 @@ from evopem.estimation.frequency_fit import ResponseFit
 from evopem.models.mode_matching import stabilization
 from evopem.models.modes import Mode, assurance
 from evopem.signals.readers.frequency_responses import FrequencyResponses
-from evopem.validation.checks.check import SIGNIFICANCE, Check, p_text
-from evopem.validation.held_out_tests import NO_TEST
+from evopem.validation.checks.check import Check, p_text
+from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE
 from evopem.validation.mode_evidence import ModeEvidence, ModeTable
 from evopem.validation.model_class import NOT_TESTED, ModelClass
 from evopem.validation.validation import Validation

@@ -14,6 +14,8 @@ from scipy.special import chdtrc, ndtri, stdtr
 from evopem.arrays import Array
 from evopem.estimation.pem.least_squares import autoregression
 
+# Level of each test.  At 5 %, one of a dozen would fail in half of all good models.
+SIGNIFICANCE = 0.01
 # Fewest samples from which a test is made: at 1 % it rejects 1.5 to 4 %, of light modes more.
 FEWEST_SAMPLES = 40
 # Largest order of the autoregression that whitens the errors before they are compared.

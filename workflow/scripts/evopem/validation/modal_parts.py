@@ -12,6 +12,7 @@ from evopem.models.modes import Mode
 from evopem.models.states import delayed
 from evopem.validation.held_out_tests import (
     NO_TEST,
+    SIGNIFICANCE,
     HeldOutContribution,
     HeldOutTest,
     half_waves,
@@ -22,8 +23,6 @@ from evopem.validation.held_out_tests import (
 from evopem.validation.responses import HeldOut, unscored_samples
 from evopem.validation.spectra import EXCITED
 
-# Level of each test.
-SIGNIFICANCE = 0.01
 # Least distance from a mode's frequency that is near it, relative; and that of four lines, in rad.
 NEAR, LOBE = 0.2, 8.0 * math.pi
 

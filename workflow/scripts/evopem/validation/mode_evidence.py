@@ -27,8 +27,8 @@ from evopem.models.modes import Mode, assurance
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
-from evopem.validation.held_out_tests import NO_TEST, HeldOutTest
-from evopem.validation.modal_parts import SIGNIFICANCE, ModeTests, held_out_mode_tests
+from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE, HeldOutTest
+from evopem.validation.modal_parts import ModeTests, held_out_mode_tests
 from evopem.validation.responses import HeldOut, Model, divided
 from evopem.validation.spectra import EXCITED
 

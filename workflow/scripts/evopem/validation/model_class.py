@@ -16,7 +16,7 @@ from evopem.arrays import Array, Flags
 from evopem.estimation.pem.least_squares import autoregression
 from evopem.signals.spectra import REPEATS as REPEATED
 from evopem.signals.spectra import cross_correlation, repetition_lag
-from evopem.validation.held_out_tests import MOST_WHITENING, filtered, left_by
+from evopem.validation.held_out_tests import MOST_WHITENING, SIGNIFICANCE, filtered, left_by
 from evopem.validation.responses import HeldOut, unscored_samples
 
 # Degree of the polynomial in time that a change of the system is sought as.
@@ -27,9 +27,8 @@ LAGS = 4
 # samples for each of them.  Of a sweep, whose frequencies come one after the other, or of light
 # modes that come and go, what is lost would look like a change.
 LOST, FEWEST_PER_LAG = 30, 20
-# Level from which on a test's reasons are sought, and share of the variance of whitened residuals
-# below which a dependence matters to no use of a model.
-REJECTED, SMALL_SHARE = 0.01, 0.01
+# Share of the variance of whitened residuals below which a dependence matters to no use of a model.
+SMALL_SHARE = 0.01
 # Moments at which a change is sought.
 MOMENTS = 39
 # Later samples of an input that residuals may act on.
@@ -48,7 +47,7 @@ class ResidualTest:
     @property
     def passed(self) -> bool:
         """Whether a dependence is not significant, or matters to no use."""
-        return self.p_value >= REJECTED or self.share < SMALL_SHARE
+        return self.p_value >= SIGNIFICANCE or self.share < SMALL_SHARE
 
 
 NOT_TESTED = ResidualTest(math.nan, math.nan)
@@ -84,8 +83,8 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
         if not parts or not all(np.isfinite(stretch.residuals).all() for stretch in parts):
             return ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED)
         constant, linear = _of_outputs(parts, _changing), _of_outputs(parts, _nonlinear)
-        changed_at = _moment(parts, constant.share) if constant.p_value < REJECTED else math.nan
-        powers = _powers(parts) if linear.p_value < REJECTED else ()
+        changed_at = _moment(parts, constant.share) if constant.p_value < SIGNIFICANCE else math.nan
+        powers = _powers(parts) if linear.p_value < SIGNIFICANCE else ()
         follows = "" if constant.passed or linear.passed else _following(parts)
         return ModelClass(constant, linear, _feedback(parts), changed_at, powers, follows)
 

@@ -20,6 +20,7 @@ from evopem.signals.recording import Recording
 from evopem.validation.distortion import distortion_of, floors_of
 from evopem.validation.held_out_tests import (
     NO_TEST,
+    SIGNIFICANCE,
     HeldOutContribution,
     HeldOutTest,
     half_waves,
@@ -28,7 +29,7 @@ from evopem.validation.held_out_tests import (
 )
 from evopem.validation.modal_parts import free_responses
 from evopem.validation.mode_evidence import table_of_models
-from evopem.validation.model_class import REJECTED, ModelClass, model_class
+from evopem.validation.model_class import ModelClass, model_class
 from evopem.validation.residual_tests import (
     CROSS_CORRELATION_LAGS,
     EstimationResiduals,
@@ -156,7 +157,7 @@ def validate(
         distortion=distortion,
         # Under feedback the inputs follow the noise, and explain a part of it.
         floors=()
-        if tests.without_feedback.p_value < REJECTED
+        if tests.without_feedback.p_value < SIGNIFICANCE
         else floors_of(distortion, held_out, fit_level),
     )
     names = ((name,) for name in prepared.validation.output_names)

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from evopem.validation.checks import inputs, residuals, roots, search
 from evopem.validation.checks.check import (
-    SIGNIFICANCE,
     Check,
     Evidence,
     Judge,
@@ -49,7 +48,7 @@ FOLLOWS = {
     "linear": (LINEAR, CONSTANT, "beside the change the data show no nonlinearity"),
 }
 
-__all__ = ["SIGNIFICANCE", "Check", "Evidence", "OrderRange", "checks", "failed_checks", "p_text"]
+__all__ = ["Check", "Evidence", "OrderRange", "checks", "failed_checks", "p_text"]
 
 
 def checks(evidence: Evidence) -> list[Check]:

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Literal
 from scipy.special import ndtri
 
 from evopem.models.parameter_covariance import NORMAL_95
+from evopem.validation.held_out_tests import SIGNIFICANCE
 from evopem.validation.validation import Check, Validation
 
 if TYPE_CHECKING:
     from evopem.estimation.model_record import ModelRecord
     from evopem.signals.recording_info import RecordingInfo
 
-# Level of the joint tests. At 5 % each, one of a dozen tests would fail in half of all good models.
-SIGNIFICANCE = 0.01
 # Names that a sentence lists at most.
 LISTED = 6
 

@@ -8,14 +8,13 @@ import numpy as np
 
 from evopem.validation.checks.check import (
     LISTED,
-    SIGNIFICANCE,
     Evidence,
     Found,
     check,
     listed,
     p_text,
 )
-from evopem.validation.held_out_tests import HeldOutTest
+from evopem.validation.held_out_tests import SIGNIFICANCE, HeldOutTest
 from evopem.validation.spectra import FEWEST_SAMPLES
 from evopem.validation.validation import Validation
 

@@ -10,7 +10,6 @@ from evopem.config.structures import phases_of
 from evopem.models.modes import Mode
 from evopem.signals.peaks import line_spacing
 from evopem.validation.checks.check import (
-    SIGNIFICANCE,
     Evidence,
     Found,
     check,
@@ -18,6 +17,7 @@ from evopem.validation.checks.check import (
     listed,
     p_text,
 )
+from evopem.validation.held_out_tests import SIGNIFICANCE
 from evopem.validation.model_class import SMALL_SHARE, ResidualTest
 from evopem.validation.spectra import PeakEvidence
 from evopem.validation.validation import Validation
