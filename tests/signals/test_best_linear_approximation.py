@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from evopem.models.polynomial import PolynomialModel
 from evopem.signals.best_linear_approximation import (
     best_linear_approximation,
     excited_lines,
@@ -12,6 +13,9 @@ from evopem.signals.best_linear_approximation import (
     same_realisation,
     spectra_of_periods,
 )
+from evopem.signals.recording import Recording, concatenated
+from evopem.validation.distortion import distortion_of
+from evopem.validation.responses import stretches_of
 
 PERIOD, LINES = 64, np.array([3, 5, 6, 9, 14, 20])
 
@@ -120,18 +124,79 @@ def test_the_variance_of_two_inputs_is_the_one_that_is_found():
     assert total == pytest.approx(2 * 0.3**2 + 2 * 0.1**2 / 3, rel=0.05)
 
 
-def test_against_the_package_best_linear_approximation():
-    package = pytest.importorskip("best_linear_approximation")
+def periods_of_a_limiter():
+    """Input and output (4, 3, T): realisations, periods, samples; noise without mean."""
     generator = np.random.default_rng(9)
     signals = np.stack([np.tile(multisine(generator), 3) for _ in range(4)])
     u = signals.reshape(4, 3, PERIOD)
-    y = np.tanh(0.3 * signals).reshape(u.shape) + 0.01 * generator.standard_normal(u.shape)
+    noise = 0.01 * generator.standard_normal(u.shape)
+    return u, np.tanh(0.3 * u) + noise - noise.mean(axis=2, keepdims=True)
+
+
+# Of these periods by the package best-linear-approximation 0.1.1, which Python 3.11 does not have,
+# at each line: the gain and variances of it by noise and distortion, and by noise.
+BY_THE_PACKAGE = np.array(
+    [
+        [
+            (0.1917604443313403 + 0.01206557706056458j),
+            0.0002535765808865551,
+            1.9184992725831084e-07,
+        ],
+        [
+            (0.17455791874719417 + 0.00222700339261518j),
+            0.00010186109720842883,
+            1.4039764598197424e-07,
+        ],
+        [
+            (0.18288962138694118 + 0.0009672279979254764j),
+            6.830124941917636e-05,
+            9.07939633833133e-08,
+        ],
+        [
+            (0.17710687106862794 - 0.006930648304526542j),
+            0.00011556110645653255,
+            6.250319442375912e-08,
+        ],
+        [
+            (0.18710045350941742 - 0.006727908896322641j),
+            0.0001320927091045467,
+            1.1967019322676766e-07,
+        ],
+        [
+            (0.18330099354671148 + 0.00936372778691465j),
+            0.0001529427414486296,
+            1.5146795422125502e-07,
+        ],
+    ]
+)
+
+
+def test_the_numbers_of_the_package_best_linear_approximation():
+    """Also with distortion separated from noise by all steps from recordings on."""
+    u, y = periods_of_a_limiter()
+    spectra = [np.fft.rfft(each, axis=2)[:, :, LINES, None] / PERIOD for each in (u, y)]
+    response, total = best_linear_approximation(*spectra)
+    power = np.mean(np.abs(spectra[0]) ** 2, axis=(0, 1))[:, 0]
+    gain, both, noise = BY_THE_PACKAGE.T
+    np.testing.assert_allclose(response[:, 0, 0], gain, rtol=1e-10)
+    np.testing.assert_allclose(total[:, 0] / power / 4.0, both.real, rtol=1e-10)
+    # With a period before, of which the first samples are not scored.
+    whole = (np.concatenate([x[:, :1], x], axis=1).reshape(4, -1) for x in (u, y))
+    recordings = [Recording(*pair, 1.0) for pair in zip(*whole, strict=True)]
+    model = PolynomialModel(A=[1.0], B=[0.2])
+    found = distortion_of(stretches_of(model, concatenated(recordings)), (), False)
+    assert (found.period, found.periods, found.realisations) == (PERIOD, 3, 4)
+    (levels,) = found.levels
+    np.testing.assert_allclose(np.square(levels.noise), noise.real, rtol=1e-10)
+    np.testing.assert_allclose(np.square(levels.distortion), (both - noise).real, rtol=1e-10)
+
+
+def test_they_are_its_numbers():
+    package = pytest.importorskip("best_linear_approximation")
+    u, y = periods_of_a_limiter()
     one = np.moveaxis(u[:, :1], 2, 0)[:, None, :, 0]
     theirs = package.robust.known_input(
         one, np.moveaxis(y, 2, 0)[:, None], 1.0, LINES, show_warnings=False
     ).G
-    spectra = [np.fft.rfft(each, axis=2)[:, :, LINES, None] / PERIOD for each in (u, y)]
-    response, total = best_linear_approximation(*spectra)
-    np.testing.assert_allclose(response, theirs.value, rtol=1e-10)
-    power = np.mean(np.abs(spectra[0]) ** 2, axis=(0, 1))[:, 0]
-    np.testing.assert_allclose(total[:, 0] / power / 4.0, theirs.total.var[..., 0, 0], rtol=1e-10)
+    found = [theirs.value, theirs.total.var, theirs.noise.var]
+    np.testing.assert_allclose(np.ravel(found).reshape(3, -1).T, BY_THE_PACKAGE, rtol=1e-10)
