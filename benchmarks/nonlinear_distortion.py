@@ -154,9 +154,11 @@ def measured(name, grid, records):
     system, lines = SYSTEMS[name], lines_of(grid)
     gain = best_gain(system, lines)
     model = fitted_model(lines, gain)
+    # No two rows have a record in common.
+    row = list(SYSTEMS).index(name), list(GRIDS).index(grid)
     hits, sizes = [], []
     for seed in range(records):
-        generator = np.random.default_rng([seed, len(grid)])
+        generator = np.random.default_rng([*row, seed])
         found = [
             made(system, lines, gain, model, generator, name == "linear")
             for _ in range(GRIDS[grid])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.best_linear_approximation import (
@@ -10,6 +11,7 @@ from evopem.signals.best_linear_approximation import (
     interpolated_lines,
     line_weights,
     period_of,
+    realisations_of,
     same_realisation,
     spectra_of_periods,
 )
@@ -49,6 +51,30 @@ def test_the_period_of_all_inputs_is_found(noise, lines):
 )
 def test_what_does_not_repeat_has_no_period(signal):
     assert period_of(signal[:, None]) == 0
+    assert realisations_of(signal[:, None]) == (0, [])
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("periods", [2, 3, 5])
+def test_realisations_that_follow_each_other_are_found(noise, periods):
+    generator = np.random.default_rng(11)
+    length = periods * PERIOD
+    made = [np.tile(multisine(generator), periods) for _ in range(3)]
+    u = np.concatenate([*made, made[0][: PERIOD + 5]])
+    u += noise * np.std(u) * generator.standard_normal(len(u))
+    period, found = realisations_of(np.column_stack([u, -u])[5:])
+    assert (period, len(found)) == (PERIOD, 3 if periods > 2 else 2)
+    for k, part in enumerate(found[-2:], start=1):
+        assert abs(part.start + 5 - k * length) <= 1
+        assert abs(part.stop + 5 - (k + 1) * length) <= 1
+
+
+@pytest.mark.parametrize("pole", [0.998 * np.exp(0.3j), 0.999, 0.9])
+def test_noise_is_no_sequence_of_realisations(pole):
+    for seed in range(20):
+        white = np.random.default_rng(seed).standard_normal(3000)
+        noise = lfilter([1.0], np.real(np.poly([pole, np.conj(pole)])), white)
+        assert realisations_of(noise[:, None]) == (0, [])
 
 
 def test_the_power_of_lines_is_that_of_the_signal():

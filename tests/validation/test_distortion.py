@@ -95,6 +95,33 @@ def test_distortion_is_the_error_of_the_best_linear_approximation(system, kind):
     assert np.sum(hits, axis=0).min() >= RECORDS - 2
 
 
+def test_realisations_in_one_recording_are_told_apart():
+    """Each has three periods of a step of its own, the first of which holds a transient."""
+    lines, hits = np.arange(3, 181), []
+    gain = best_gain(hammerstein, lines, 150)
+    for seed in range(RECORDS):
+        generator = np.random.default_rng([seed, 9])
+        u = np.concatenate([np.tile(multisine(generator, lines), 3) for _ in range(5)])
+        clean = hammerstein(u)
+        clean -= clean.mean()
+        v = lfilter([1.0], [1.0, -0.8], generator.standard_normal(len(u)))
+        made = Recording(u, clean + 0.02 * np.std(clean) * v / np.std(v), 1.0)
+        found = judged(
+            [made.between(PERIOD, made.samples)], float(np.abs(gain[0] / best(lines)[0]))
+        )
+        assert (found.periods, found.realisations) == (2, 5)
+        ends = [slice(k * PERIOD, (k + 1) * PERIOD) for k in (2, 5, 8, 11, 14)]
+        parts = [made.between(at.start, at.stop) for at in ends]
+        truth = np.mean(
+            [known_distortion(a, clean[at], lines, gain) for a, at in zip(parts, ends, strict=True)]
+        )
+        (split,) = found.outputs
+        assert split.distortion.percent == pytest.approx(100.0 * np.sqrt(truth), rel=0.2)
+        hits.append((inside(split.distortion, 100.0 * np.sqrt(truth)), inside(split.noise, 2.0)))
+    # Of 12 intervals of 95 % three or more miss in 2 % of all cases.
+    assert np.sum(hits, axis=0).min() >= RECORDS - 2
+
+
 def best(lines):
     z = np.exp(-2j * np.pi * lines / PERIOD)
     return np.polyval(B[::-1], z) / np.polyval(A[::-1], z)

@@ -9,15 +9,20 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from evopem.arrays import Array, Complex, Flags
-from evopem.signals.spectra import repetition_lag
+from evopem.signals.spectra import overlapping_correlation, repetition_lag
 
 # Periods of an input are alike up to this share of their standard deviation.
 UNLIKE = 0.1
 # Noise is as unlike after two periods as after one; what is not belongs to a period between two
 # numbers of samples, unless it is this share of what is allowed.
 SHIFTED = 0.1
+# Correlation after a period of realisations that follow each other, of two periods each at least,
+# and peaks of it that are tried.
+OFTEN, MOST_PEAKS = 0.3, 20
 # Sorted by power, excited lines end where the next line has this share of the power or less.
 DROP = 0.1
+# Ratio of the variances between periods of one realisation, and rounding as a share of the power.
+AS_ALIKE, ROUNDING = 4.0, 1e-9
 # Circular correlation from which on two periods are of one realisation.
 SAME = 0.9
 
@@ -41,6 +46,47 @@ def period_of(inputs: Array) -> int:
             shifted = (later > 2.0 * change) & (change > SHIFTED**2 * allowed)
             return 0 if shifted.any() else period
     return 0
+
+
+def realisations_of(inputs: Array) -> tuple[int, list[slice]]:
+    """The period of inputs, (N, m), and the samples of each realisation; 0 and none without one.
+
+    Where realisations follow each other, half the samples at least are of one with two periods.
+    """
+    if period := period_of(inputs):
+        return period, [slice(0, len(inputs))]
+    varying = inputs[:, np.ptp(inputs, axis=0) > 0.0]
+    if not varying.size:
+        return 0, []
+    alike = np.abs(overlapping_correlation(varying[:, 0]))
+    peaks = np.flatnonzero(
+        (alike[1:-1] >= np.maximum(alike[:-2], alike[2:])) * alike[1:-1] >= OFTEN
+    )
+    for near in 1 + peaks[np.argsort(-alike[1 + peaks])[:MOST_PEAKS]]:
+        if parts := _repeating(varying, int(near)):
+            period = period_of(varying[parts[0]])
+            parts = _repeating(varying, period)
+            if 2 * sum(part.stop - part.start for part in parts) >= len(inputs):
+                return period, parts
+    return 0, []
+
+
+def _repeating(signals: Array, period: int) -> list[slice]:
+    """Samples of signals, (N, m), that repeat over two periods or more.
+
+    Up to the first and last two periods that are as alike as those between.
+    """
+    if not 0 < 2 * period <= len(signals):
+        return []
+    change = np.sum((signals[period:] - signals[:-period]) ** 2 / np.var(signals, axis=0), axis=1)
+    sums = np.cumsum(np.insert(change, 0, 0.0))
+    unlike = (sums[period:] - sums[:-period]) / period + ROUNDING
+    edges = np.diff(unlike <= 2.0 * UNLIKE**2 * signals.shape[1], prepend=False, append=False)
+    parts = []
+    for first, end in np.flatnonzero(edges).reshape(-1, 2):
+        alike = first + np.flatnonzero(unlike[first:end] <= AS_ALIKE * unlike[first:end].min())
+        parts.append(slice(int(alike[0]), int(alike[-1]) + 2 * period))
+    return parts
 
 
 def spectra_of_periods(signals: Array, period: int) -> Complex:

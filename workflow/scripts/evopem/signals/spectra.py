@@ -290,11 +290,23 @@ def cross_correlation(first: Array, second: Array, lags: int) -> Array:
 
 def repetition_lag(signal: Array) -> int:
     """Samples after which a signal repeats, as it is or with the opposite sign; 0 for none."""
+    correlation = overlapping_correlation(signal)
+    repeats = np.abs(correlation) >= REPEATS
+    if not repeats.any():
+        return 0
+    first = int(np.argmax(repeats))
+    # The largest correlation of the first lags in sequence that repeat.
+    last = first + int(np.argmin(np.append(repeats[first:], False)))
+    return first + int(np.argmax(np.abs(correlation[first:last])))
+
+
+def overlapping_correlation(signal: Array) -> Array:
+    """Correlation of what overlaps at each lag; 0 before it first falls below HAS_CHANGED."""
     n = len(signal)
     longest = int(LONGEST_LAG * n)
     x = signal - signal.mean()
     if longest < 2 or not np.ptp(x) > 0.0:
-        return 0
+        return np.zeros(1)
     spectrum = np.fft.rfft(x, 2 * n)
     products = np.fft.irfft(np.abs(spectrum) ** 2, 2 * n)[: longest + 1]
     power = np.concatenate([[0.0], np.cumsum(x**2)])
@@ -302,13 +314,5 @@ def repetition_lag(signal: Array) -> int:
     scale = np.sqrt(power[n - lags] * (power[n] - power[lags]))
     correlation = np.divide(products, scale, out=np.zeros(longest + 1), where=scale > 0.0)
     changed = np.flatnonzero(np.abs(correlation) < HAS_CHANGED)
-    if not len(changed):
-        return 0
-    repeats = np.abs(correlation) >= REPEATS
-    repeats[: changed[0]] = False
-    if not repeats.any():
-        return 0
-    first = int(np.argmax(repeats))
-    # The largest correlation of the first lags in sequence that repeat.
-    last = first + int(np.argmin(np.append(repeats[first:], False)))
-    return first + int(np.argmax(np.abs(correlation[first:last])))
+    correlation[: changed[0] if len(changed) else None] = 0.0
+    return correlation

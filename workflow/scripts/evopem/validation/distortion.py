@@ -22,7 +22,7 @@ from evopem.arrays import Array, Complex
 from evopem.estimation.pem.least_squares import autoregression
 from evopem.signals.best_linear_approximation import (
     excited_lines,
-    period_of,
+    realisations_of,
     same_realisation,
     spectra_of_periods,
 )
@@ -89,7 +89,7 @@ def distortion_of(
 
 @dataclass(frozen=True, eq=False)
 class _Realisation:
-    """Spectra of the last periods of one stretch, (P, F, channels), and powers of each output."""
+    """Spectra of its last periods, (P, F, channels), and powers of each output."""
 
     inputs: Complex
     outputs: Complex  # without drift
@@ -99,19 +99,20 @@ class _Realisation:
     error: Array  # (l,) mean square of the simulation error
 
     @classmethod
-    def of(cls, stretch: HeldOut, period: int, fit_level: bool) -> Self | None:
+    def of(cls, stretch: HeldOut, period: int, fit_level: bool, at: slice) -> Self | None:
         """The periods after transients; None where there are not two, or nothing to compare."""
-        first = stretch.unscored
-        if stretch.recording.samples - first < 2 * period:  # all samples may be enough
-            first = 0
-        y, simulated = stretch.recording.outputs[first:], stretch.simulated(fit_level)[first:]
+        first = max(at.start, stretch.unscored)
+        if at.stop - first < 2 * period:  # all samples may be enough
+            first = at.start
+        y, simulated = stretch.recording.outputs[: at.stop], stretch.simulated(fit_level)[: at.stop]
+        y, simulated = y[first:], simulated[first:]
         count = len(y) // period
         if count < 2 or not np.isfinite(simulated).all() or not np.ptp(y, axis=0).all():
             return None
         parts = y[len(y) - count * period :].reshape(count, period, -1)
         kept = (count - _transient_periods(parts)) * period
         drift = _drift(y[-kept:], period)
-        inputs = spectra_of_periods(stretch.recording.inputs[-kept:], period)
+        inputs = spectra_of_periods(stretch.recording.inputs[: at.stop][-kept:], period)
         lines = np.arange(1, inputs.shape[1]) / period * stretch.recording.sampling_rate
         gain = stretch.plant.frequency_response(lines)
         response = np.zeros((*inputs.shape[:2], y.shape[1]), dtype=complex)
@@ -157,11 +158,17 @@ def _judged(
     """The division of the error on some samples, or why there is none."""
     if not stretches or not stretches[0].model.inputs:
         return Distortion("There is no input.", on)
-    longest = max(stretches, key=lambda stretch: stretch.recording.samples)
-    period = period_of(longest.recording.inputs)
+    repetitions = [realisations_of(stretch.recording.inputs) for stretch in stretches]
+    longest = int(np.argmax([stretch.recording.samples for stretch in stretches]))
+    period = repetitions[longest][0]
     if not period:
         return Distortion("The input does not repeat over two periods or more.", on)
-    whole = [_Realisation.of(stretch, period, fit_level) for stretch in stretches]
+    whole = [
+        _Realisation.of(stretch, period, fit_level, at)
+        for stretch, (repeats_after, places) in zip(stretches, repetitions, strict=True)
+        for at in places
+        if repeats_after == period
+    ]
     kept = _of_one_kind([part for part in whole if part is not None], period)
     if not kept:
         return Distortion("There are no two whole periods to be simulated.", on)
@@ -171,7 +178,7 @@ def _judged(
     response: Complex = np.stack([part.response[-periods:] for part in kept])
     lines = Lines.of(u, period)
     if not lines.by_realisations and np.sum(lines.left_out) < FEWEST_LINES:
-        return Distortion("Recordings with other phases, or fewer lines, would show it.", on)
+        return Distortion("Realisations with other phases, or fewer lines, would show it.", on)
     split, levels = [], []
     separated = lines.by_realisations or lines.levels is not None
     power = np.sum(np.abs(u.mean(axis=1)) ** 2, axis=0)[lines.excited, 0]
