@@ -272,6 +272,38 @@ def test_tdms_groups_of_different_rates_are_brought_to_the_lowest(tmp_path):
     assert np.abs(recording.output - tone(100.0, 1000))[inner].max() < 1e-3
 
 
+@pytest.mark.parametrize("late", [0.0091, -0.0137, 0.25, -0.25])
+def test_groups_of_different_rates_that_begin_apart_have_their_common_time(tmp_path, late):
+    """As the rasters of a control unit: the slower one begins a part of its sample later."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    path, begin = tmp_path / "record.tdms", np.datetime64("2024-05-31T12:00:00.000000")
+    ends = {"slow": (100.0, 1000, max(late, 0.0)), "fast": (1000.0, 10_000, max(-late, 0.0))}
+    with TdmsWriter(path) as writer:
+        for group, (rate, samples, offset) in ends.items():
+            values = np.sin(2.0 * np.pi * 3.0 * (offset + np.arange(samples) / rate))
+            start = begin + np.timedelta64(round(1e6 * offset), "us")
+            about = {"wf_increment": 1.0 / rate, "wf_start_time": start}
+            values = 2.0 * values if group == "slow" else values
+            writer.write_segment([ChannelObject(group, "x", values, about)])
+    recording = read_recording(path, "slow/x", "fast/x", uneven_time="interpolate")
+    assert 974 <= recording.samples <= 1000
+    slope = 2.0 * np.pi * 3.0 * 0.0005  # to half a sample of the faster one
+    assert np.abs(recording.output - 0.5 * recording.input)[80:-80].max() < 1.1 * slope
+
+
+def test_groups_without_common_time_are_refused(tmp_path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    path, begin = tmp_path / "record.tdms", np.datetime64("2024-05-31T12:00:00.000000")
+    with TdmsWriter(path) as writer:
+        for group, rate, day in (("u", 100.0, 0), ("y", 400.0, 1)):
+            about = {"wf_increment": 1 / rate, "wf_start_time": begin + np.timedelta64(day, "D")}
+            writer.write_segment([ChannelObject(group, "x", tone(rate, 900), about)])
+    message = refusal(path, "u/x", "y/x", sampling_rate=None, uneven_time="interpolate")
+    assert "the channels have no time in common; choose channels that were sampled" in message
+
+
 # MDF and sound
 
 

@@ -188,6 +188,8 @@ def test_channels_that_begin_at_different_times(tmp_path):
     for late in ({"wf_start_time": begin + np.timedelta64(40, "ms")}, {"wf_start_offset": 0.04}):
         message = refusal(tdms(tmp_path, first, first | late), "u", "y", **UNKNOWN)
         assert "the output begins 0.04 s after the input" in message
+    message = refusal(tdms(tmp_path, first | {"wf_start_offset": 0.04}, first), "u", "y", **UNKNOWN)
+    assert "the output begins 0.04 s before the input" in message
     near = first | {"wf_start_time": begin + np.timedelta64(1, "ms")}
     assert_read(read_recording(tdms(tmp_path, first, near), "u", "y"))
 

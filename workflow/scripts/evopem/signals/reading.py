@@ -84,7 +84,8 @@ def read_measured(
         # A date in seconds since 1970 has a resolution of less than a microsecond as a float.
         if abs(late) > max(0.5 / timed.rate, 1e-6):
             remedy = "choose two channels that were sampled together"
-            raise InputError(source, f"the output begins {late:g} s after the input", remedy)
+            problem = f"the output begins {abs(late):g} s {'after' if late > 0.0 else 'before'}"
+            raise InputError(source, f"{problem} the input", remedy)
     names = _names(read, roles)
     signals = np.column_stack([timed.on_grid(values[role]) for role in roles])
     count = len(inputs)
@@ -165,7 +166,7 @@ def _at_lowest_rate(read: Sequence[Channel], stated: ChannelSettings, source: st
     """Channels of different rates at the lowest of them, over the time that all of them cover.
 
     Faster ones pass the filter of :func:`resample_signal`, which has no delay. `InputError` where
-    nothing asks for it.
+    nothing asks for it, or where they have no time in common.
     """
     rates = {channel.sampling_rate: None for channel in read}
     if None in rates or stated.time is not None or stated.uneven_time != "interpolate":
@@ -175,14 +176,25 @@ def _at_lowest_rate(read: Sequence[Channel], stated: ChannelSettings, source: st
         if None not in rates and stated.time is None:
             remedy += ", or state uneven_time: interpolate for the lowest rate"
         raise InputError(source, problem, remedy)
-    lowest = min(filter(None, rates))
+    ordered, starts = sorted(filter(None, rates)), [channel.start or 0.0 for channel in read]
+    if any(channel.start is None for channel in read):
+        starts = [0.0] * len(read)
+    # They begin at the first sample of the slowest one that all have, to half a sample of each.
+    lowest = ordered[0]
+    slow = starts[[channel.sampling_rate for channel in read].index(lowest)]
+    begun = slow + np.ceil((max(starts) - slow - 0.5 / ordered[-1]) * lowest) / lowest
     resampled = []
-    for number, channel in enumerate(read, 1):
-        values, rate = _signal(channel, f"channel {number}", source), channel.sampling_rate
-        if rate is not None and rate != lowest:
+    for number, (channel, start) in enumerate(zip(read, starts, strict=True), 1):
+        rate = channel.sampling_rate or lowest
+        early = max(round((begun - start) * rate), 0)
+        values = _signal(channel, f"channel {number}", source)[early:]
+        if not values.size:
+            remedy = "choose channels that were sampled together"
+            raise InputError(source, "the channels have no time in common", remedy)
+        if rate != lowest:
             alone = Recording(np.empty((values.size, 0)), values, rate)
             values = resample_recording(alone, lowest, f"{source}, {channel.name}").output
-        resampled.append(replace(channel, values=values, sampling_rate=lowest))
+        resampled.append(replace(channel, values=values, sampling_rate=lowest, start=None))
     samples = min(channel.values.size for channel in resampled)
     return [replace(channel, values=channel.values[:samples]) for channel in resampled]
 
