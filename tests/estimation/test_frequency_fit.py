@@ -234,6 +234,21 @@ def test_responses_of_tables(tmp_path, form):
         read_responses(path, asked(("force",), ("end",), frequency="f"))
 
 
+def test_patterns_stand_for_the_responses_of_a_table(tmp_path, capsys):
+    path, columns = tmp_path / "frf.csv", {"f (Hz)": FREQUENCIES}
+    for output, reference in (("tip", "hit"), ("tip", "fan"), ("mid", "hit"), ("mid", "fan")):
+        of_pair = f"{output}/{reference}"
+        columns |= {f"{of_pair} Magnitude": FREQUENCIES, f"{of_pair} Phase (deg)": FREQUENCIES}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    read = read_responses(path, asked(("*",), ("m*", "*"), frequency="f"))
+    assert (read.input_names, read.output_names) == (("hit", "fan"), ("mid", "tip"))
+    with pytest.raises(InputError, match=r"of q to hit, but of tip/hit, tip/fan, mid/hit, mid/fan"):
+        read_responses(path, asked(("hit",), ("q",), frequency="f"))
+    assert main([str(path)]) == 1
+    sentence = "(tip/hit, tip/fan, mid/hit, mid/fan); give evopem"
+    assert f"it seems to hold frequency responses {sentence}" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("change", "problem"),
     [

@@ -274,7 +274,7 @@ def _widest_band(table: pd.DataFrame) -> Array:
         half, gain = (inside["gain_upper"] - inside["gain_lower"]) / 2.0, inside["gain"]
         # That of the logarithm, which is the gain's to first order: beside a zero it has no bound.
         relative = np.log(inside["gain_upper"] / inside["gain_lower"]) / 2.0
-        power = float(np.linalg.norm(relative * gain) / max(np.linalg.norm(gain), 1e-300))
+        power = float(np.linalg.norm(relative * gain)) / max(float(np.linalg.norm(gain)), 1e-300)
         bands.append((100.0 * (half / gain).median(), 100.0 * power))
     return np.asarray(np.max(bands, axis=0))
 

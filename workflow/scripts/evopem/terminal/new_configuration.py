@@ -26,7 +26,8 @@ from evopem.signals.inspection import (
     named,
     roles_of,
 )
-from evopem.signals.measured_files import FORMATS
+from evopem.signals.measured_files import FORMATS, channel_names
+from evopem.signals.readers.frequency_responses import responses_named
 
 CONFIGURATION = "config.yaml"
 
@@ -165,6 +166,11 @@ def certain_channels(path: str) -> tuple[dict[str, Any], str]:
     signals, time = contents.signals, contents.time.reference if contents.time else None
     names = [str(signal.reference) for signal in signals]
     problem = f"which of its channels are inputs and outputs is not certain ({', '.join(names)})"
+    columns = channel_names(Path(path))
+    if responses := responses_named(columns):
+        problem = f"it seems to hold frequency responses ({', '.join(responses)})"
+        options = f"--frequency {shlex.quote(columns[0])} --input NAME --output '*'"
+        raise InputError(path, problem, f"give evopem {path} {options}, or name its channels")
     keys: dict[str, Any] = {}
     sources = roles = None
     if len(signals) > 1:

@@ -1,6 +1,8 @@
 """Measured frequency responses: a recording of another kind, with errors at frequencies."""
 
 import re
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import product
@@ -10,16 +12,17 @@ from typing import Any
 import numpy as np
 
 from evopem.arrays import Array, Complex
-from evopem.config.channels import ChannelSettings, of_each
+from evopem.config.channels import ChannelSettings, is_pattern, of_each
 from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, format_of, read_channels
-from evopem.signals.readers.open_file import listing, split_heading
+from evopem.signals.readers.open_file import Reference, listing, split_heading
 from evopem.signals.readers.uff import frequency_functions
 
 # Frequencies, below which nothing is estimated.
 FEWEST = 10
 # Lines to either side over which the variances of coherences are averaged.
 SMOOTHED = 3
+_BETWEEN = r"[\s_./:,;()-]+"
 _PARTS = {
     **dict.fromkeys(("real", "re"), "real"),
     **dict.fromkeys(("imaginary", "imag", "im"), "imaginary"),
@@ -174,8 +177,12 @@ def _of_columns(path: Path, channels: ChannelSettings) -> Read:
     if axis.unit not in ("", "Hz") or axis.values.dtype.kind not in "fiu":
         problem = f'the column "{axis.name}" holds no frequencies in Hz'
         raise InputError(str(path), problem, "choose another column, or convert it")
-    outputs, inputs = (tuple(map(str, names)) for names in (channels.outputs, channels.inputs))
     names, frequencies = channel_names(path), axis.values.astype(float)
+    there = responses_named(names)
+    outputs, inputs = (
+        _expanded(listed, [name.partition("/")[place] for name in there])
+        for listed, place in ((channels.outputs, 0), (channels.inputs, 2))
+    )
     places = {_plain(split_heading(name)[0]): number for number, name in enumerate(names, 1)}
     responses = []
     for output, reference in product(outputs, inputs):
@@ -189,6 +196,7 @@ def _of_columns(path: Path, channels: ChannelSettings) -> Read:
         pair = {"real", "imaginary"} <= columns.keys()
         if not (pair or columns.keys() & {"complex", "magnitude"}):
             problem = f"no columns hold the response of {output} to {reference}"
+            problem += f", but of {', '.join(there)}" if there else ""
             remedy = f'name them "{output} real" and "{output} imag", or magnitude and phase'
             raise InputError(str(path), problem, remedy)
         read = read_channels(path, list(columns.values()))
@@ -205,5 +213,24 @@ def _of_columns(path: Path, channels: ChannelSettings) -> Read:
     return responses, outputs, inputs
 
 
+def responses_named(names: Sequence[str]) -> list[str]:
+    """The responses of which two parts or more are there: tip, of ``tip real``, ``tip imag``."""
+    words = "|".join(sorted(_PARTS, key=len, reverse=True))
+    part = re.compile(rf"(.+?){_BETWEEN}(?:{words})(?:{_BETWEEN})?", re.IGNORECASE)
+    found = Counter(
+        match.group(1) for name in names if (match := part.fullmatch(split_heading(name)[0]))
+    )
+    return [name for name, parts in found.items() if parts > 1]
+
+
+def _expanded(listed: Sequence[Reference], names: Sequence[str]) -> tuple[str, ...]:
+    """Channels with every pattern replaced by the names that fit it; itself where none does."""
+    fitting = {
+        str(each): [name for name in names if is_pattern(each) and fnmatchcase(name, str(each))]
+        for each in listed
+    }
+    return tuple(dict.fromkeys(name for each, fits in fitting.items() for name in fits or [each]))
+
+
 def _plain(name: str) -> str:
-    return " ".join(re.split(r"[\s_./:,;()-]+", name.casefold())).strip()
+    return " ".join(re.split(_BETWEEN, name.casefold())).strip()
