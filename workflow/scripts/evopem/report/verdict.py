@@ -267,15 +267,13 @@ def _frequency_response(results: DatasetResults) -> Use:
 
 
 def _widest_band(table: pd.DataFrame) -> Array:
-    """Widest half bands over gains but at 0 Hz, of all pairs, %: median, root mean square; NaN."""
+    """Widest half bands of ln(gain) but at 0 Hz, of all pairs, %: median, root mean square; NaN."""
     bands = []
     for _, pair in table.groupby([column for column in ("output", "input") if column in table]):
         inside = pair[(pair["gain"] > 0) & pair["gain_lower"].notna() & (pair["frequency_hz"] > 0)]
-        half, gain = (inside["gain_upper"] - inside["gain_lower"]) / 2.0, inside["gain"]
-        # That of the logarithm, which is the gain's to first order: beside a zero it has no bound.
-        relative = np.log(inside["gain_upper"] / inside["gain_lower"]) / 2.0
-        power = float(np.linalg.norm(relative * gain)) / max(float(np.linalg.norm(gain)), 1e-300)
-        bands.append((100.0 * (half / gain).median(), 100.0 * power))
+        half, gain = np.log(inside["gain_upper"] / inside["gain_lower"]) / 2.0, inside["gain"]
+        power = float(np.linalg.norm(half * gain)) / max(float(np.linalg.norm(gain)), 1e-300)
+        bands.append((100.0 * half.median(), 100.0 * power))
     return np.asarray(np.max(bands, axis=0))
 
 
