@@ -217,10 +217,10 @@ def responses_named(names: Sequence[str]) -> list[str]:
     """The responses of which two parts or more are there: tip, of ``tip real``, ``tip imag``."""
     words = "|".join(sorted(_PARTS, key=len, reverse=True))
     part = re.compile(rf"(.+?){_BETWEEN}(?:{words})(?:{_BETWEEN})?", re.IGNORECASE)
-    found = Counter(
+    counts = Counter(
         match.group(1) for name in names if (match := part.fullmatch(split_heading(name)[0]))
     )
-    return [name for name, parts in found.items() if parts > 1]
+    return [name for name, count in counts.items() if count > 1]
 
 
 def _expanded(listed: Sequence[Reference], names: Sequence[str]) -> tuple[str, ...]:
