@@ -225,11 +225,11 @@ def responses_named(names: Sequence[str]) -> list[str]:
 
 def _expanded(listed: Sequence[Reference], names: Sequence[str]) -> tuple[str, ...]:
     """Channels with every pattern replaced by the names that fit it; itself where none does."""
-    fitting = {
-        str(each): [name for name in names if is_pattern(each) and fnmatchcase(name, str(each))]
-        for each in listed
-    }
-    return tuple(dict.fromkeys(name for each, fits in fitting.items() for name in fits or [each]))
+    expanded = list[str]()
+    for asked in map(str, listed):
+        fitting = [name for name in names if is_pattern(asked) and fnmatchcase(name, asked)]
+        expanded += fitting or [asked]
+    return tuple(dict.fromkeys(expanded))
 
 
 def _plain(name: str) -> str:
