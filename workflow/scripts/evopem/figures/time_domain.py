@@ -205,7 +205,7 @@ def step_and_impulse(results: DatasetResults) -> Chart:
     count = len(results.pairs)
     panels = [
         Panel(
-            title if count == 1 else f"{results.pair_title(*pair)}: {column}",
+            title if count == 1 else f"{results.pair_title(*pair)}: {column.rpartition('_')[2]}",
             *("time_s", TIME, with_unit("Response", gain_unit(*pair))),
             (Curve("response", column, "model", band=_band(column), where=of_pair(*pair)),),
             height=small(results.pairs, 190),
@@ -228,12 +228,12 @@ def settling_part(results: DatasetResults) -> pd.DataFrame:
     names = [name for name, _ in responses_of(results)]
     pairs = [name for name in ("output", "input") if name in table]
     settled = 0
-    for _, rows in table.groupby(pairs, sort=False):
+    for _, rows in table.groupby(pairs, sort=False, dropna=False):
         size = np.abs(rows[names[-1]].to_numpy())
         settled = max(settled, int(np.flatnonzero(size > REMAINDER * size.max()).max(initial=0)))
     kept = max(round(1.2 * settled), FEWEST_OF_RESPONSE)
     columns = [column for name in names for column in (name, *_band(name))]
-    first = table.groupby(pairs, sort=False).head(kept)
+    first = table.groupby(pairs, sort=False, dropna=False).head(kept)
     return first[[*pairs, "time_s", *columns]].reset_index(drop=True)
 
 
