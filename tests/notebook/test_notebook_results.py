@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -297,6 +298,16 @@ def test_progress_is_shown_in_lines(capsys, listed):
         announce(listed, 3)
     assert f"[4/{len(listed)}]" in (lines := capsys.readouterr().err)
     assert listed[3].words in lines
+
+
+def test_a_notebook_shows_a_bar_and_no_fault(capsys, listed, monkeypatch):
+    shell = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=None))
+    monkeypatch.setitem(sys.modules, "IPython", shell)
+    with progress(shown=True) as announce:
+        announce(listed, len(listed) // 2)
+    shown = capsys.readouterr()
+    assert shown.err == ""
+    assert re.search(r"\r#{4,5}\.{5,6} \[", shown.out)
 
 
 def test_a_line_of_progress_is_overwritten_and_removed(listed):

@@ -69,7 +69,7 @@ def identify(
     name : str
         Heads the report.
     show_progress : bool
-        A line on standard error, written over by the next stage.
+        A bar with the stage and the time left, written over by the next stage.
     **keys
         Keys of a data set's configuration, such as ``purpose="modes"``, ``resample=500`` or
         ``search={"seed": 2}``. ``recipe="chapter"`` takes the order search of the chapter in place
@@ -257,10 +257,10 @@ def _settings(
     inputs, outputs = signals.input_names, signals.output_names
     written_keys: dict[str, Any] = {
         "file": one_or_list(_files(DATA, recorded)),
+        "input": one_or_list(inputs) if inputs else NONE,
         "output": one_or_list(outputs),
         "sampling_rate": float(signals.sampling_rate),
     }
-    written_keys["input"] = one_or_list(inputs) if inputs else NONE
     keys = _as_lists(_with_ranges(keys, len(inputs)))
     if held_out:
         written_keys["validation_file"] = one_or_list(_files(VALIDATION, held_out))

@@ -235,10 +235,9 @@ class Results(_Reported):
         """
         for compared in (self, *others):
             if not isinstance(compared, Results):
-                shown = repr(compared)[:40]
-                raise InputError("compare", f"{shown} is no result", "give what identify returns")
-        results = [compared.results for compared in (self, *others)]
-        return ModelComparison.of(results, labels, setups)
+                problem = f"{compared!r:.40} is no result"
+                raise InputError("compare", problem, "give what identify returns")
+        return ModelComparison.of([model.results for model in (self, *others)], labels, setups)
 
     def _page(self) -> str:
         from evopem.figures import svg_texts
@@ -264,11 +263,10 @@ class Results(_Reported):
         if target.resolve() == made.resolve():
             return target
         copies = {target / file.relative_to(made): file for file in files_below(made, "")}
-        if self._folder is not None and self.results.settings.source.all_files:
+        recorded = self.results.settings.source.all_files
+        if self._folder is not None and recorded:
             root = Path(self._folder.name)
-            copies |= {
-                target / name: root / name for name in self.results.settings.source.all_files
-            }
+            copies |= {target / name: root / name for name in recorded}
         check_replaceable(copies, target)
         delete_results(target)
         for copy, file in copies.items():

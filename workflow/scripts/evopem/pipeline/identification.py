@@ -29,15 +29,15 @@ from evopem.results.layout import IDENTIFICATION, DatasetFiles
 
 Announce = Callable[[Sequence[StageJob], int], None]
 
-# Seconds between two lines about one stage where there is no terminal.
-PAUSE = 30.0
+# Seconds between two lines about one stage where there is no terminal; characters of the bar.
+PAUSE, BAR = 30.0, 10
 
 
 @dataclass
 class ProgressLine:
     """One line that each stage overwrites, or a line for each stage."""
 
-    stream: TextIO  # standard error, so that the results alone can be piped on
+    stream: TextIO  # of a terminal standard error, so that the results alone can be piped on
     overwrites: bool  # as a terminal does
     _started: float = field(default_factory=time.monotonic)
     _shown: float = 0.0
@@ -47,7 +47,8 @@ class ProgressLine:
 
     def announce(self, listed: Sequence[StageJob], done: int) -> None:
         """Say that a job begins, what it does, and about how long it and those behind it take."""
-        self._stage = f"[{done + 1}/{len(listed)}]", listed[done].words
+        bar = f"{'#' * (BAR * done // len(listed)):.<{BAR}}"
+        self._stage = f"{bar} [{done + 1}/{len(listed)}]", listed[done].words
         now, names = time.monotonic(), [job.stage.name for job in listed]
         left = seconds_left(now - self._started, names[:done], names[done:])
         self._end = None if left is None else now + left
@@ -87,10 +88,11 @@ def progress(shown: bool) -> Iterator[Announce | None]:
     if not shown:
         yield None
         return
-    # A notebook overwrites a line as a terminal does; a file of messages keeps all lines.
+    # A notebook overwrites a line as a terminal does, and shows standard error as a fault.
     ipython = sys.modules.get("IPython")
     in_notebook = ipython is not None and hasattr(ipython.get_ipython(), "kernel")
-    line = ProgressLine(sys.stderr, sys.stderr.isatty() or in_notebook)
+    stream = sys.stdout if in_notebook else sys.stderr
+    line = ProgressLine(stream, in_notebook or stream.isatty())
     try:
         yield line.announce
     finally:
