@@ -1,5 +1,6 @@
 """Damage indices of a fleet: table, sentences, page, and the function of Python."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,12 +8,15 @@ import pandas as pd
 import pytest
 
 from evopem import InputError, damage_index
+from evopem.config.conditions import Following
 from evopem.models.modes import Mode
 from evopem.report.control_chart import damage_charts, damage_sentences
 from evopem.report.index_page import build_index, movements
 from evopem.report.templates import template_folder
+from evopem.results.damage_index import Compared
 from evopem.results.fleet import DatasetSummary
 from evopem.results.followed_modes import follow_modes
+from evopem.signals.recording_info import ChannelInfo
 
 COUNT, DAMAGED = 60, 50
 
@@ -70,6 +74,42 @@ def test_damage_is_told_from_the_temperature_and_named():
     headline = f"{2 * len(above)} of {2 * len(judged)} recordings lie above the limit"
     page = build_index({}, template_folder(), damage=two)
     assert f'<a href="#damage-index">{headline} of the damage index</a>' in page
+
+
+def driven(amplitudes, stiffening, seed):
+    """Recordings under forces of other sizes, in the rain: the first mode goes with both."""
+    generator, entries, rain = np.random.default_rng(seed), {}, {}
+    for number, amplitude in enumerate(amplitudes):
+        name = f"beam-{number}"
+        rain[name] = float(generator.uniform(0.0, 5.0))
+        first = 4.0 + stiffening * amplitude - 0.02 * rain[name] + 0.01 * generator.normal()
+        modes = [Mode(f, 0.02, 0.9 + 0.1j, 0.01, 0.002) for f in (first, 9.0 + 0.01 * (number % 2))]
+        force = ChannelInfo("force", "N", 0.0, 3.0, float(amplitude))
+        (entry,) = results({name: modes}).values()
+        entries[name] = replace(entry.summary, inputs=(force,))
+    return Compared(entries, Following(corrected={"rain": rain}))
+
+
+def test_the_page_says_that_a_mode_goes_with_the_amplitude_of_an_input():
+    compared = driven(np.arange(1.0, 9.0), 0.05, 1)
+    (first, other) = compared.dependences  # the mean is the same everywhere
+    assert first.p_value < 1e-4 < 0.01 < other.p_value
+    assert first.change_hz == pytest.approx(0.35, abs=3.0 * first.standard_error_hz)
+    page = build_index(
+        {}, template_folder(), followed=compared.followed, dependences=compared.dependences
+    )
+    assert "Dependence on the standard deviation of force: from 1 to 8 the mode at 4" in page
+    assert page.count("significant at") == 1
+    # Too few recordings beside a condition; and what goes with the condition is told by it.
+    assert driven(np.arange(1.0, 5.0), 0.05, 1).dependences == []
+    rain = compared.following.corrected["rain"]
+    assert driven([*rain.values()], 0.05, 1).dependences == []
+
+
+def test_it_seldom_says_so_of_a_mode_that_does_not():
+    found = [driven(np.arange(1.0, 9.0), 0.0, seed).dependences[0] for seed in range(100)]
+    # Of 100 at 1 % five or more in 0.3 % of all cases.
+    assert sum(each.p_value < 0.01 for each in found) < 5
 
 
 def test_a_table_of_conditions_gives_the_same_and_their_absence_hides_the_damage():

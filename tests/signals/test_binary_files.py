@@ -468,8 +468,8 @@ def test_description_of_the_source(tmp_path):
     assert describe_recording(recording, (origin,)) == RecordingInfo(
         samples=N,
         sampling_rate=RATE,
-        inputs=(ChannelInfo("u", "", 0.0),),
-        outputs=(ChannelInfo("y", "m", 0.0),),
+        inputs=(ChannelInfo("u", "", 0.0, np.mean(recording.input), np.std(recording.input)),),
+        outputs=(ChannelInfo("y", "m", 0.0, np.mean(recording.output), np.std(recording.output)),),
         files=(
             FileOrigin(
                 path=str(path),

@@ -205,7 +205,8 @@ def _write_list(path: str, compared: Compared, index: Callable[..., str]) -> Non
         case "index.html":
             following, followed = compared.following, compared.followed
             damage = None if following.reference is None else compared.damage
-            write_text(path, index(followed=followed, following=following, damage=damage))
+            said = {"damage": damage, "dependences": compared.dependences}
+            write_text(path, index(followed=followed, following=following, **said))
         case "fleet.csv":
             write_table(path, without_formulas(fleet_table(compared.entries)))
         case "fleet.parquet":

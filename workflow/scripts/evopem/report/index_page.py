@@ -14,8 +14,10 @@ import pandas as pd
 from evopem.config.conditions import Following
 from evopem.models.parameter_covariance import NORMAL_95
 from evopem.report import control_chart
+from evopem.report.comparison import dependence_sentences
 from evopem.report.numbers import THIN, enumeration, number
 from evopem.report.templates import environment
+from evopem.results.comparison import Dependence
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.followed_modes import FollowedMode, group_of
 from evopem.results.identity import IncompleteDataset
@@ -34,6 +36,7 @@ def build_index(
     followed: Sequence[FollowedMode] = (),
     following: Following = NOT_COMPARED,
     damage: pd.DataFrame | None = None,
+    dependences: Sequence[Dependence] = (),
     setups: Sequence[str] = (),
     places: Mapping[str, tuple[str, str]] | None = None,
 ) -> str:
@@ -56,6 +59,7 @@ def build_index(
         charts=followed_charts(followed),
         warnings=[sentence for group in followed for sentence in movements(group)],
         varying=[sentence for group in followed for sentence in variation(group)],
+        dependences=dependence_sentences(dependences),
         ordered_by=following.order.name if following.order else "",
         corrected=enumeration([*following.corrected]),
         control_charts=[] if damage is None else control_chart.damage_charts(damage),

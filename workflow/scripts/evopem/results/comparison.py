@@ -51,14 +51,16 @@ class Dependence:
     p_value: float
 
     @classmethod
-    def fitted(cls, input_name: str, of: str, x: Array, modes: Modes) -> Self:
-        """Of a mode in each of some recordings, and the levels of an input there."""
-        design = np.column_stack([np.ones(len(x)), (x - x.mean()) / np.ptp(x)])
+    def fitted(
+        cls, input_name: str, of: str, x: Array, modes: Modes, beside: Sequence[Array] = ()
+    ) -> Self:
+        """Of a mode in n recordings, and the levels of an input there, beside conditions, (n,)."""
+        design = np.column_stack([np.ones(len(x)), *beside, (x - x.mean()) / np.ptp(x)])
         hertz, errors = np.array([mode_values(mode)[:2] for mode in modes if mode]).T
         slopes, covariances, p_values, _ = fits(hertz, errors, design[None], 1)
         return cls(
             *(input_name, of, float(x.min()), float(x.max()), float(hertz.mean())),
-            *(float(slopes[0, 1]), float(covariances[0, 1, 1]) ** 0.5, float(p_values[0])),
+            *(float(slopes[0, -1]), float(covariances[0, -1, -1]) ** 0.5, float(p_values[0])),
         )
 
 

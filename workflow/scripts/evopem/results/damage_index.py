@@ -12,9 +12,11 @@ import numpy as np
 
 from evopem.config.conditions import Following, following_of
 from evopem.errors import InputError
+from evopem.results.comparison import Dependence
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.followed_modes import FollowedMode, follow_modes, group_of
 from evopem.validation.damage_index import Distance, Frequencies
+from evopem.validation.level_changes import FEWEST
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -61,6 +63,30 @@ class Compared:
                 recordings[name] = [mode for mode, trusted in pairs if trusted]
         conditions = [*self.following.corrected.values()]
         return follow_modes(recordings, order.places if order else None, conditions)
+
+    @property
+    def dependences(self) -> list[Dependence]:
+        """Of the followed modes on standard deviation and mean of the inputs of their recordings.
+
+        Beside conditions that are regressed out.  None of modes in fewer recordings than that and
+        :data:`FEWEST`, of recordings with other inputs, and on what goes with a condition.
+        """
+        tests = []
+        for mode in self.followed:
+            entries = [self.entries[name] for name in mode.recordings]
+            channels = [entry.inputs for entry in entries if isinstance(entry, DatasetSummary)]
+            names = {tuple(channel.name for channel in of_entry) for of_entry in channels}
+            beside = [values for values in mode.conditions.T if np.ptp(values) > 0.0]
+            if len(names) > 1 or len(channels) < FEWEST + len(beside):
+                continue
+            for of_input in zip(*channels, strict=True):
+                for of in ("standard deviation", "mean"):
+                    x = np.array([getattr(channel, of.replace(" ", "_")) for channel in of_input])
+                    design = np.column_stack([np.ones(len(x)), *beside, x])
+                    if np.isfinite(x).all() and np.linalg.matrix_rank(design) == design.shape[1]:
+                        level = of_input[0].name, of, x
+                        tests.append(Dependence.fitted(*level, mode.modes, beside))
+        return tests
 
     @cached_property
     def damage(self) -> pd.DataFrame:

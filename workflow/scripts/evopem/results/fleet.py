@@ -17,6 +17,7 @@ from evopem.models.modes import Mode
 from evopem.models.orders import Orders
 from evopem.results.identity import IncompleteDataset, incompleteness
 from evopem.results.layout import DatasetFiles
+from evopem.signals.recording_info import ChannelInfo
 from evopem.validation.checks import Check, Evidence, checks, failed_checks
 from evopem.validation.distortion import NOT_TESTED, Distortion, Floor
 
@@ -68,6 +69,7 @@ class DatasetSummary:
     # Whether the samples are frequencies, and the simulation error is that of their responses
     of_responses: bool = False
     moves: Moves | None = None  # what a moving model says, where one was estimated
+    inputs: tuple[ChannelInfo, ...] = ()  # as recorded
 
     @property
     def failed(self) -> list[Check]:
@@ -110,6 +112,7 @@ def summarize(evidence: Evidence, moves: Moves | None = None) -> DatasetSummary:
         distortion=replace(validation.distortion, levels=()),
         floors=validation.floors,
         moves=moves,
+        inputs=evidence.recording.inputs,
         of_responses=of_responses,
     )
 

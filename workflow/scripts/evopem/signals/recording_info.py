@@ -1,7 +1,10 @@
 """Origin and properties of a recording, as they are kept beside its samples."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+
+import numpy as np
 
 from evopem.config.channels import Geometry
 from evopem.errors import InputError
@@ -20,6 +23,8 @@ class ChannelInfo:
     unit: str
     # percentage of samples that rest at the channel's smallest or largest value
     saturated_percent: float
+    mean: float = math.nan  # of the samples as recorded
+    standard_deviation: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,10 @@ def describe_recording(
     def described(role: str) -> tuple[ChannelInfo, ...]:
         names, units = getattr(recording, f"{role}_names"), getattr(recording, f"{role}_units")
         rows = zip(names, units, getattr(recording, f"{role}s").T, strict=True)
-        return tuple(ChannelInfo(name, unit, 100.0 * saturated_share(x)) for name, unit, x in rows)
+        return tuple(
+            ChannelInfo(name, unit, 100.0 * saturated_share(x), float(np.mean(x)), float(np.std(x)))
+            for name, unit, x in rows
+        )
 
     channels = described("input"), described("output")
     return RecordingInfo(recording.samples, recording.sampling_rate, *channels, files, roles)
