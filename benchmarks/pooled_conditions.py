@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -49,11 +50,11 @@ def recorded(structure: str, changes: bool, generator: np.random.Generator) -> S
     return Scheduled.of(data, np.repeat(temperatures, SAMPLES))
 
 
-def judged(scheduled: Scheduled, changes: bool) -> tuple[bool, list[tuple[float, float]]]:
-    """Whether held-out recordings are predicted better, and deviations of modes in errors."""
+def judged(scheduled: Scheduled, changes: bool) -> tuple[bool, str, list[tuple[float, float]]]:
+    """Whether held-out recordings are predicted better, the basis, and deviations in errors."""
     varying, deviations = moving_model(scheduled, ORDER, (1,), VaryingSettings(), "temperature"), []
     if varying.moves is None:
-        return False, deviations
+        return False, "", deviations
     basis = varying.model.basis
     for temperature in np.linspace(basis.low, basis.high, 11) if changes else ():
         modes = varying.model.frozen(float(temperature)).modes()
@@ -61,7 +62,8 @@ def judged(scheduled: Scheduled, changes: bool) -> tuple[bool, list[tuple[float,
         mode = min(modes, key=lambda mode: abs(mode.frequency_hz - truth))
         of_damping = (mode.damping_ratio - ZETA) / mode.damping_se
         deviations.append(((mode.frequency_hz - truth) / mode.frequency_se_hz, of_damping))
-    return varying.moves.is_better, deviations
+    # One function in each coefficient is above those that BIC takes.
+    return varying.moves.is_better, f"{basis.dimension - 1} {basis.kind}", deviations
 
 
 def main() -> None:
@@ -71,17 +73,19 @@ def main() -> None:
     arguments = parser.parse_args()
     sets, rows = arguments.sets, []
     for structure in arguments.structures:
-        called, inside = {True: 0, False: 0}, []
+        called, inside, bases = {True: 0, False: 0}, [], Counter()
         for seed in range(sets):
             for changes in (True, False):
                 generator = np.random.default_rng([31, seed, changes])
-                better, deviations = judged(recorded(structure, changes, generator), changes)
+                better, basis, deviations = judged(recorded(structure, changes, generator), changes)
                 called[changes] += better
+                bases.update([basis] if deviations else [])
                 inside += [np.abs(pair) < 1.96 for pair in deviations]
-            print(structure, seed, called, 100.0 * np.mean(inside, axis=0), flush=True)
+            print(structure, seed, called, 100.0 * np.mean(inside, axis=0), bases, flush=True)
         of_frequency, of_damping = 100.0 * np.mean(inside, axis=0)
         shares = (f"{100 * called[changes] / sets:.0f} %" for changes in (True, False))
-        rows.append((structure, f"{of_frequency:.1f} %", f"{of_damping:.1f} %", *shares))
+        chosen = ", ".join(f"{basis}: {count}" for basis, count in bases.most_common())
+        rows.append((structure, f"{of_frequency:.1f} %", f"{of_damping:.1f} %", *shares, chosen))
     about = "Six recordings of 300 samples at temperatures drawn from 0 to 30; a mode falls from 12"
     write_section(
         *("coverage", "Models along a condition"),
@@ -89,7 +93,10 @@ def main() -> None:
         f" temperatures, and whether held-out recordings are clearly predicted better; {sets} sets"
         " of each.\n",
         f"python benchmarks/pooled_conditions.py --sets {sets}",
-        ("truth", "frequency inside", "damping inside", "called better, moving", "and constant"),
+        (
+            *("truth", "frequency inside", "damping inside"),
+            *("called better, moving", "and constant", "functions by BIC, sets"),
+        ),
         rows,
     )
 

@@ -257,6 +257,32 @@ def test_a_condition_schedules_recordings():
         model.frozen(51.0)
 
 
+@pytest.mark.parametrize("structure", ["arx", "armax", "oe"])
+def test_each_of_several_inputs_has_coefficients_of_its_own(structure):
+    samples, bounds = 1500, np.array([0, 1500])
+    generator, times = np.random.default_rng(8), np.arange(samples) / RATE
+    u, e = generator.normal(size=(samples, 2)), 0.3 * generator.normal(size=samples)
+    gains, past = np.column_stack([np.ones(samples), 1.0 + times / times[-1]]), np.zeros((1, 2))
+    forced = np.sum(gains * np.vstack([past, u[:-1]]), axis=1)
+    noise = {"arx": e, "armax": e + 0.6 * np.r_[0.0, e[:-1]], "oe": 0.0}[structure]
+    a = denominators(frequency(times))
+    y = filtered((forced + noise)[:, None], a, bounds)[:, 0] + e * (structure == "oe")
+    given = {"nc": 1} if structure == "armax" else {"nf": (2, 2)} if structure == "oe" else {}
+    structured = ("oe",) if structure == "oe" else ()
+    poles = {} if structure == "oe" else {"na": 2}
+    orders = Orders(*structured, nb=(1, 1), nk=(1, 1), **poles, **given)
+    scheduled = Scheduled.of(Recording(u, y, RATE))
+    model = fit_varying(scheduled, orders, scheduled.basis("legendre", 4)).model
+    for place in (100, 750, 1400):
+        frozen = model.frozen(times[place])
+        (mode,) = frozen.modes()
+        assert abs(mode.frequency_hz - frequency(times)[place]) < 4.0 * mode.frequency_se_hz
+        gain = np.abs(frozen.frequency_response(np.array([5.0])))[0, 0]
+        z = np.exp(-2j * np.pi * 5.0 / RATE)
+        truth = gains[place] / abs(1.0 + a[place] @ [z, z**2])
+        np.testing.assert_allclose(gain, truth, rtol=0.15)
+
+
 @pytest.mark.parametrize("structure", ["ar", "arx", "armax", "oe"])
 def test_the_structure_is_chosen(structure):
     scheduled = Scheduled.of(moving(structure, 1200))
@@ -395,10 +421,25 @@ def test_a_mode_moves_by_more_than_the_error_of_two_correlated_moments():
     assert moving_sentence(moves).startswith("The machine changes, though no mode by more than")
     moved = replace(moves, modes=(path(10.45),))
     assert moving_sentence(moved).startswith("The machine changes: mode 1 moves from 10 ± 0.2 to")
+    unstable = moving_sentence(replace(moved, is_stable=False))
+    assert unstable.endswith(" At some moments its frozen poles are unstable.")
     nonlinear = moving_sentence(replace(moved, is_nonlinear=True))
     assert nonlinear.startswith(
         "The machine may be nonlinear: beside powers it shows no change. With"
     )
+
+
+def test_a_condition_is_followed_within_one_recording():
+    """There are no recordings to hold out: blocks of samples are, and the sentence says so."""
+    load = 0.5 * (1.0 + np.sin(4.0 * np.pi * np.linspace(0.0, 1.0, 1500)))
+    data = moving("ar", 1500, a=denominators(10.0 + 4.0 * load))
+    given = {"orders": ORDERS["ar"], "basis": "legendre", "dimension": 3}
+    found = estimate_varying(data, schedule=load, condition="load", **given)
+    for value in (0.05, 0.5, 0.95):
+        (mode,) = found.model.frozen(value).modes()
+        assert abs(mode.frequency_hz - 10.0 - 4.0 * value) < 4.0 * mode.frequency_se_hz
+    assert str(found).startswith("The machine changes with load: mode 1 moves from")
+    assert "held-out samples are predicted" in repr(found)
 
 
 @pytest.mark.parametrize(

@@ -142,12 +142,11 @@ def moving_sentence(moves: Moves | None) -> str:
         return ""
     errors = f"{percent(moves.error_percent, 2)} against {percent(moves.constant_error_percent, 2)}"
     by_time = moves.schedule == "time"
-    held_out = "samples" if by_time else "recordings"
     if not moves.is_better:
         response = "The response changes with time, but coefficients that move"
         moving = response if by_time else f"Coefficients that move with {moves.schedule}"
         return (
-            f"{moving} do not clearly predict held-out {held_out} better: {errors} one step ahead."
+            f"{moving} do not clearly predict held-out samples better: {errors} one step ahead."
         )
     moved = [f"mode {n} {_way(mode)}" for n, mode in enumerate(moves.modes, 1) if mode.moves]
     said = f": {enumeration(moved)}" if moved else ", though no mode by more than its error"
@@ -161,7 +160,7 @@ def moving_sentence(moves: Moves | None) -> str:
     )
     return (
         f"{changes}{said}. With"
-        f" coefficients that move, held-out {held_out} are predicted"
+        " coefficients that move, held-out samples are predicted"
         f" one step ahead with an error of {errors} with constant ones.{unstable}"
     )
 
