@@ -19,11 +19,12 @@ from evopem import (
     estimate_varying,
     identify,
 )
-from evopem.automatic.varying import Moves, Varying, blocks, held_out_errors, what_moves
+from evopem.automatic.varying import Moves, Varying, blocks, held_out_errors, what_moves, whole
 from evopem.config.settings import VaryingSettings
 from evopem.estimation.continuous import Fit
 from evopem.estimation.varying import Scheduled, VaryingProblem, fit_varying
 from evopem.estimation.varying_choice import choose_again, choose_varying, race, undersmoothed
+from evopem.figures.moving import spectrograms
 from evopem.files.json_form import from_json, load, to_json
 from evopem.models.modes import Mode
 from evopem.models.varying import (
@@ -36,6 +37,7 @@ from evopem.models.varying import (
 )
 from evopem.report.results_text import moving_sentence
 from evopem.report.verdict_file import VerdictFile
+from evopem.signals.prepared_data import PreparedData, StretchOrigin, Transforms
 from evopem.signals.recording import Segment
 from evopem.validation.model_class import ModelClass, ResidualTest
 
@@ -356,6 +358,24 @@ def test_a_chirping_resonance_is_reported(chirp, tmp_path):
     assert covered.mean() > 0.7
 
 
+@pytest.mark.parametrize(
+    ("recording", "start", "source", "samples", "drawn"),
+    [(0, 4.0, "cut", 600, [6.0]), (0, 9.0, "gap", 600, [4.0, 11.0]), (1, 0.0, "file", 400, [4.0])],
+)
+def test_time_goes_on_within_one_recording_alone(recording, start, source, samples, drawn):
+    """Samples of another file have none of its time; spectrograms are of all that have."""
+    parts = moving("arx", 400), moving("arx", 200)
+    origins = [
+        StretchOrigin(number, 0, first, part.samples, (0.0,), (0.0,))
+        for number, first, part in zip((0, recording), (0.0, start), parts, strict=True)
+    ]
+    given = Transforms(RATE, None, (origins[0],), (origins[1],), source)
+    scheduled = whole(PreparedData(*parts, given), VaryingSettings())
+    assert scheduled.data.samples == len(scheduled.schedule) == samples
+    ends = [times[-1] for times, *_ in spectrograms(scheduled)]
+    np.testing.assert_allclose(ends, drawn, atol=0.1)
+
+
 def test_no_moving_model_is_tried_where_nonlinearity_explains_the_change():
     failed = ResidualTest(1e-6, 0.05)
     tests = ModelClass(failed, failed, ResidualTest(0.5, 0.0), follows="constant")
@@ -420,7 +440,9 @@ def test_a_mode_moves_by_more_than_the_error_of_two_correlated_moments():
     assert not path(10.35).moves
     assert moving_sentence(moves).startswith("The machine changes, though no mode by more than")
     moved = replace(moves, modes=(path(10.45),))
-    assert moving_sentence(moved).startswith("The machine changes: mode 1 moves from 10 ± 0.2 to")
+    assert moving_sentence(moved).startswith(
+        "The machine changes: mode 1 moves from 10.00 ± 0.10 to 10.45 ± 0.10 Hz"
+    )
     unstable = moving_sentence(replace(moved, is_stable=False))
     assert unstable.endswith(" At some moments its frozen poles are unstable.")
     nonlinear = moving_sentence(replace(moved, is_nonlinear=True))

@@ -100,14 +100,16 @@ def what_moves(
 
 
 def whole(prepared: PreparedData, settings: VaryingSettings) -> Scheduled:
-    """All samples, by their time or by the condition of their recording."""
+    """All samples by the condition of their recording, or those of the first one by their time."""
     parts = [*prepared.estimation.segments, *prepared.validation.segments]
     origins = [*prepared.transforms.estimation, *prepared.transforms.validation]
-    data = prepared.estimation.with_segments(parts)
+    pairs, rate = zip(origins, parts, strict=True), prepared.estimation.sampling_rate
     if settings.condition:
-        return Scheduled.of(data, [settings.values[origin.recording] for origin in origins])
-    pairs = zip(origins, parts, strict=True)
-    times = [of.start + np.arange(part.samples) / data.sampling_rate for of, part in pairs]
+        conditions = [settings.values[origin.recording] for origin in origins]
+        return Scheduled.of(prepared.estimation.with_segments(parts), conditions)
+    first = [(of, part) for of, part in pairs if of.recording == origins[0].recording]
+    data = prepared.estimation.with_segments([part for _, part in first])
+    times = [of.start + np.arange(part.samples) / rate for of, part in first]
     return Scheduled.of(data, np.concatenate(times))
 
 

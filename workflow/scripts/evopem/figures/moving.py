@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 
 from evopem.arrays import Array
-from evopem.automatic.varying import Varying, table_of
+from evopem.automatic.varying import Varying, table_of, whole
+from evopem.config.settings import VaryingSettings
+from evopem.estimation.varying import Scheduled
 from evopem.figures.chart import TIME, Chart, Curve, Panel, family
 from evopem.figures.style import styled, svg_text
 from evopem.models.varying import VaryingModel
@@ -65,23 +67,26 @@ def frozen_gains(model: VaryingModel) -> tuple[Array, Array, Array]:
     return times, frequencies, 20.0 * np.log10(np.maximum(columns, 1e-300)).T
 
 
-def spectrogram(data: PreparedData) -> tuple[Array, Array, Array]:
-    """Times, frequencies and multitaper power of the longest stretch, (F, T), dB."""
+def spectrograms(scheduled: Scheduled) -> list[tuple[Array, Array, Array]]:
+    """Times, frequencies and multitaper power, (F, T), dB, of stretches that fill a window."""
     from scipy.signal import ShortTimeFFT
     from scipy.signal.windows import dpss
 
-    rate, origins = data.estimation.sampling_rate, data.transforms.estimation
-    start = max(origins, key=lambda origin: origin.samples).start
-    y = data.estimation.longest.output
-    length = max(int(np.sqrt(8.0 * len(y))), 16)
-    power: Array = np.zeros(1)
-    for taper in dpss(length, HALFBANDWIDTH, TAPERS):
-        transform = ShortTimeFFT(taper, max(length // 8, 1), rate)
-        power = power + np.abs(transform.stft(y - y.mean())) ** 2
-    times = transform.t(len(y))
-    inside = (times >= 0.0) & (times <= len(y) / rate)
-    levels = 10.0 * np.log10(np.maximum(power[:, inside], 1e-300))
-    return start + times[inside], transform.f, levels
+    y, times, rate = scheduled.data.output, scheduled.schedule, scheduled.data.sampling_rate
+    breaks = np.flatnonzero(np.abs(np.diff(times) * rate - 1.0) > 0.5) + 1
+    length = max(int(np.sqrt(8.0 * scheduled.data.longest.samples)), 16)
+    windows, drawn = dpss(length, HALFBANDWIDTH, TAPERS), list[tuple[Array, Array, Array]]()
+    for part in np.split(np.arange(len(y)), breaks):
+        if len(part) < length:
+            continue
+        transforms = [ShortTimeFFT(taper, max(length // 8, 1), rate) for taper in windows]
+        centred = y[part] - y[part].mean()
+        powers = [np.abs(transform.stft(centred)) ** 2 for transform in transforms]
+        at = transforms[0].t(len(part))
+        inside = (at >= 0.0) & (at <= len(part) / rate)
+        levels = 10.0 * np.log10(np.maximum(np.sum(powers, axis=0)[:, inside], 1e-300))
+        drawn.append((times[part[0]] + at[inside], transforms[0].f, levels))
+    return drawn
 
 
 @styled
@@ -90,13 +95,15 @@ def picture(data: PreparedData, model: VaryingModel) -> str:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.2, 3.0), layout="constrained")
-    parts = [("Gain of the moving model", frozen_gains(model))]
+    parts = [("Gain of the moving model", [frozen_gains(model)])]
     if model.schedule == "time":
-        parts.append(("Spectrogram of the output", spectrogram(data)))
-    row = figure.subplots(1, len(parts), sharey=True, squeeze=False)[0]
+        seen = spectrograms(whole(data, VaryingSettings()))
+        parts.append(("Spectrogram of the output", seen))
+    row = figure.subplots(1, len(parts), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (title, drawn) in zip(row, parts, strict=True):
-        top = float(drawn[2].max())
-        mesh = axes.pcolormesh(*drawn, vmin=top - RANGE, vmax=top, rasterized=True)
+        top = max(float(levels.max()) for *_, levels in drawn)
+        for stretch in drawn:
+            mesh = axes.pcolormesh(*stretch, vmin=top - RANGE, vmax=top, rasterized=True)
         axes.set_title(title)
         axes.set_xlabel(axis_of(model.schedule))
         figure.colorbar(mesh, ax=axes, label="dB")

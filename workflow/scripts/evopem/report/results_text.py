@@ -10,7 +10,6 @@ from pathlib import Path
 from evopem.automatic.orders import in_runs
 from evopem.automatic.varying import Moves
 from evopem.files.json_form import load
-from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.varying import MovingMode
 from evopem.report.numbers import (
     aligned,
@@ -21,6 +20,7 @@ from evopem.report.numbers import (
     number,
     percent,
     plural,
+    with_error,
 )
 from evopem.report.verdict import verdict
 from evopem.results.dataset import DatasetResults, read_results
@@ -145,9 +145,7 @@ def moving_sentence(moves: Moves | None) -> str:
     if not moves.is_better:
         response = "The response changes with time, but coefficients that move"
         moving = response if by_time else f"Coefficients that move with {moves.schedule}"
-        return (
-            f"{moving} do not clearly predict held-out samples better: {errors} one step ahead."
-        )
+        return f"{moving} do not clearly predict held-out samples better: {errors} one step ahead."
     moved = [f"mode {n} {_way(mode)}" for n, mode in enumerate(moves.modes, 1) if mode.moves]
     said = f": {enumeration(moved)}" if moved else ", though no mode by more than its error"
     changes = f"The machine changes{'' if by_time else f' with {moves.schedule}'}"
@@ -167,11 +165,11 @@ def moving_sentence(moves: Moves | None) -> str:
 
 def _way(mode: MovingMode) -> str:
     """From where to where a mode moves, and how far it is between."""
-    ends = [(end.frequency_hz, end.frequency_se_hz) for end in (mode.modes[0], mode.modes[-1])]
-    first, last = (f"{number(f, 4)} ± {number(NORMAL_95 * se, 2)}" for f, se in ends)
+    ends = mode.modes[0], mode.modes[-1]
+    first, last = (with_error(end.frequency_hz, end.frequency_se_hz) for end in ends)
     low, high = mode.lowest.frequency_hz, mode.highest.frequency_hz
     way = f"moves from {first} to {last} Hz"
-    if high - low > 1.5 * abs(ends[1][0] - ends[0][0]):
+    if high - low > 1.5 * abs(ends[1].frequency_hz - ends[0].frequency_hz):
         way += f" (between {number(low, 4)} and {number(high, 4)} Hz)"
     return way
 
