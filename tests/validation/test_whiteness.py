@@ -97,3 +97,15 @@ def test_residuals_of_a_model_too_small_are_rejected():
     y = lfilter([0.0, 1.0, 0.5], [1.0, -1.5, 0.7], u) + lfilter([1.0], [1.0, 0.0, 0.4], e)
     fit = estimate(u, y, (2, 2, 1, 1), settings=SEARCH)
     assert p_value(fit.model, u, y, 20) < 1e-6
+
+
+def test_white_noise_whose_size_comes_and_goes_is_white():
+    """Without its spread, the statistic rejects two in three of these records at 1 %."""
+    generator, rejected = np.random.default_rng(3), []
+    for colour in (0.0, 0.3):
+        e, size = generator.standard_normal((2, 100, 600))
+        e *= np.exp(lfilter([0.3], [1.0, -0.95], size))
+        records = lfilter([1.0], [1.0, -colour], e)
+        rejected.append(np.mean([whiteness_test(e, 25).p_value < 0.01 for e in records]))
+    # Four binomial standard errors.
+    assert rejected[0] <= 0.05 < 0.25 < rejected[1]

@@ -24,8 +24,8 @@ INDEPENDENT_FOLDS = 4
 CLEAR_GAIN = 0.02
 # A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995).
 STRONG = 6.0
-# Orders of noise models without an input.
-ALONE = (1, 2, 4, 8)
+# Orders of noise models without an input: AR, and ARMA of as many coefficients of each.
+ALONE = (1, 2, 3, 4, 8)
 
 
 def score_of(kind: Kind) -> Score:
@@ -121,7 +121,8 @@ def gain_of_nothing(
         return None
     outputs = [Segment(s.inputs[:, :0], s.outputs, s.recording) for s in scorer.stretches]
     alone = Scorer(outputs, scorer.plan, scorer.settings)
-    noise = [alone.candidate("arma", Orders(na=n, nc=n), scored=False) for n in ALONE]
+    orders = [Orders(na=n, nc=nc) for n in ALONE for nc in (0, n)]
+    noise = [alone.candidate("arma", of_noise, scored=False) for of_noise in orders]
     likeliest = min((model.bic for model in noise if model is not None), default=np.inf)
     evidence = scorer.independent_samples * (likeliest - min(map(BIC, candidates)))
     if evidence > STRONG + 2.0 * np.log(len(candidates)):

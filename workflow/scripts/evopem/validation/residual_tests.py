@@ -92,7 +92,7 @@ def weighted_chi_square_tail(value: float, weights: ArrayLike) -> float:
 class WhitenessTest:
     """Joint test that the residuals of a fitted model are white."""
 
-    statistic: float  # Ljung-Box statistic ``N (N + 2) sum r_k^2 / (N - k)``
+    statistic: float  # Ljung-Box statistic ``N (N + 2) sum r_k^2 / (N - k)``, r_k by their spread
     expected: float  # under white innovations, the fit taken into account
     p_value: float  # NaN where no autocorrelation is left free by the fit
     lags: int  # tested jointly
@@ -112,7 +112,9 @@ def whiteness_test(
     covariance of ``sqrt(N) r_k`` is ``I - G S G'`` for an efficient estimate (Box & Pierce 1970;
     McLeod 1978), S its covariance and G the derivatives of ``sqrt(N) r_k``, and the statistic a
     weighted sum of chi-square variables.  Of least absolute errors, what the fit takes is weighed
-    by ``2 E|e| / k - 1``, with ``k = 1 / (2 f(0))`` and f the density of the residuals.
+    by ``2 E|e| / k - 1``, with ``k = 1 / (2 f(0))`` and f the density of the residuals.  Noise
+    whose size comes and goes spreads the correlations: their squares are divided by
+    ``E e(t)² e(t - k)² / (E e²)²`` where that is above 1 (Lobato, Nankervis & Savin 2001).
 
     ``residuals`` (N,): that the fit has scored.  ``bounds``: as of :func:`apart`.  ``effects``
     (r, lags): of one output as of :func:`fit_effects`, or the number of estimates that are taken
@@ -123,7 +125,11 @@ def whiteness_test(
     if not 0 < lags < e.size or not np.isfinite(e).all() or not np.ptp(e) > 0.0:
         return unknown
     correlations = autocorrelation_of(e, lags, bounds).values[1:]
-    statistic = e.size * (e.size + 2) * np.sum(correlations**2 / (e.size - np.arange(1, lags + 1)))
+    squares = (e - e.mean()) ** 2
+    alike = autocorrelation_of(squares, lags, bounds).values[1:] * np.var(squares)
+    spread = 1.0 + np.maximum(np.nan_to_num(alike), 0.0) / np.mean(squares) ** 2
+    terms = correlations**2 / spread / (e.size - np.arange(1, lags + 1))
+    statistic = e.size * (e.size + 2) * np.sum(terms)
     if isinstance(effects, int):
         weights = np.ones(max(lags - effects, 1))
     else:
@@ -131,7 +137,7 @@ def whiteness_test(
         share = 1.0
         if objective == "absolute":
             share = 4.0 * density_at_zero(e, len(effects)) * float(np.mean(np.abs(e))) - 1.0
-        covariance = np.eye(lags) - share * effects.T @ effects
+        covariance = np.eye(lags) - share * effects.T @ effects / np.sqrt(np.outer(spread, spread))
         if not np.isfinite(covariance).all():
             return replace(unknown, statistic=float(statistic))
         weights = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
@@ -184,7 +190,8 @@ class ResidualCorrelation:
     @property
     def share_inside(self) -> float:
         """Share of the correlations inside their bounds, 0 to 1; ``nan`` for none."""
-        return share_inside(self.values, self.bound95)
+        known = bool(self.values.size) and np.isfinite(self.values).all()
+        return float(np.mean(np.abs(self.values) <= self.bound95)) if known else math.nan
 
     def where(self, chosen: Flags) -> ResidualCorrelation:
         """Some of the lags."""
@@ -226,14 +233,6 @@ def autocorrelation_of(
     bound = np.full(lags + 1, NORMAL_95 / math.sqrt(e.size))
     bound[0] = 0.0
     return ResidualCorrelation(np.arange(lags + 1), correlation, bound)
-
-
-def share_inside(correlation: ArrayLike, bound: ArrayLike) -> float:
-    """Share of correlations inside their bounds, 0 to 1; ``nan`` for none."""
-    values = np.abs(np.asarray(correlation, dtype=float))
-    if values.size == 0 or not np.all(np.isfinite(values)):
-        return math.nan
-    return float(np.mean(values <= np.asarray(bound, dtype=float)))
 
 
 def ljung_box_lags(samples: int, parameters: int, largest: int) -> int:
