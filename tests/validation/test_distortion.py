@@ -122,6 +122,17 @@ def test_realisations_in_one_recording_are_told_apart():
     assert np.sum(hits, axis=0).min() >= RECORDS - 2
 
 
+def test_of_one_realisation_for_validation_those_for_estimation_tell():
+    generator = np.random.default_rng(12)
+    made = [record(hammerstein, np.arange(3, 181), generator)[0] for _ in range(4)]
+    model = PolynomialModel(A=[1.0], B=[B[1:]], F=[A], nk=[1])
+    last, others = (stretches_of(model, concatenated(x)) for x in (made[3:], made[:3]))
+    found = distortion_of(last, others, False)
+    assert (found.on, found.realisations, found.separated) == ("estimation", 3, True)
+    assert distortion_of(others, last, False).on == "validation"
+    assert distortion_of(last, last, False).on == "validation"
+
+
 def best(lines):
     z = np.exp(-2j * np.pi * lines / PERIOD)
     return np.polyval(B[::-1], z) / np.polyval(A[::-1], z)

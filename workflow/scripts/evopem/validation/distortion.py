@@ -79,12 +79,15 @@ NOT_TESTED = Distortion("It was not tested.")
 def distortion_of(
     validation: Sequence[HeldOut], estimation: Sequence[HeldOut], fit_level: bool
 ) -> Distortion:
-    """Divide the error of the simulation on validation samples, else on estimation samples."""
+    """Divide the error of the simulation on validation samples, else on estimation samples.
+
+    On these, too, where they alone tell distortion at the lines of the input from the response.
+    """
     first = _judged(validation, fit_level, "validation")
-    if not first.reason:
+    if first.separated:
         return first
     second = _judged(estimation, fit_level, "estimation")
-    return first if second.reason else second
+    return second if second.separated or (first.reason and not second.reason) else first
 
 
 @dataclass(frozen=True, eq=False)
