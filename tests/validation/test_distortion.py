@@ -44,6 +44,10 @@ def error_parts(distortion, floors=()):
     return sentences_of(SimpleNamespace(distortion=distortion, floors=floors))
 
 
+def spaced(text):
+    return text.replace("\u202f", " ")
+
+
 def record(system, lines, generator, periods=2, noise=0.02):
     """A recording in steady state, and its output without noise."""
     u = np.tile(multisine(generator, lines), periods + 4)
@@ -334,7 +338,10 @@ def test_the_error_in_words():
     assert "as good as a linear model" in error_parts(found, [reached])[0]
     assert "at most 2.4" in error_parts(Distortion("no"), [reached])[0]
     none = replace(found, p_value=0.4)
-    assert "no nonlinear distortion shows" in error_parts(none)[0]
+    assert "4.0 % this model; no nonlinear distortion shows" in spaced(error_parts(none)[0])
+    untold = spaced(error_parts(replace(none, separated=False))[0])
+    assert "4.0 % this model or distortion at the lines of the input" in untold
+    assert "no nonlinear" not in untold
     assert found.prevails
     assert not none.prevails
     assert not replace(found, outputs=(replace(parts, rest=Part(5.0, 4.0, 6.0)),)).prevails

@@ -205,10 +205,10 @@ def _sentence(distortion: Distortion, parts: ErrorParts, several: bool) -> str:
     noise = f"{percent(parts.noise.percent, 2)} is noise"
     extra, rest = parts.distortion, percent(parts.rest.percent, 2)
     if not distortion.shown:
-        limit = f"at most {percent(extra.high, 2)} can be there"
+        limit = f"; no nonlinear distortion shows (at most {percent(extra.high, 2)} can be there)"
         if not distortion.separated:
-            limit = "what falls on the lines of the input cannot be told from its response"
-        split = f"{noise} and {rest} this model; no nonlinear distortion shows ({limit})"
+            limit = f"{ON_LINES}, which this excitation does not tell apart"
+        split = f"{noise} and {rest} this model{limit}"
     else:
         least = "" if distortion.separated else "at least "
         split = (
