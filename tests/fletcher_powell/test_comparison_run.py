@@ -22,6 +22,7 @@ from fletcher_powell.settings import read_settings
 
 ROOT = Path(__file__).parents[2]
 BENCHMARK = ROOT / "benchmarks" / "fletcher_powell"
+PACKAGES = ("cma", "optproblems")
 SMALL = {
     "algorithms": ["hybrid", "hybrid-best", "ga"],
     "dimension": 4,
@@ -50,26 +51,16 @@ class Folder:
         (self.path / "fletcher_powell.yaml").write_text(yaml.safe_dump(SMALL | settings))
         return self
 
-    def run(self, *targets, snakefile=ROOT / "Snakefile", options=(), environment=None):
+    def run(self, *targets, snakefile=ROOT / "Snakefile", options=(), missing=()):
         """Run Snakemake with this folder as its directory; all it printed is in `stdout`."""
         arguments = ["--nocolor", "--cores", "1", "--snakefile", str(snakefile)]
         arguments += ["--directory", str(self.path), *options, "--", *targets]
-        if not environment:
-            return FORKED.run(arguments, self.path.parent)
-        return subprocess.run(
-            [sys.executable, "-m", "snakemake", *arguments],
-            cwd=self.path.parent,
-            env=os.environ | environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-        )
+        return FORKED.run(arguments, self.path.parent, missing=missing)
 
-    def planned(self, *targets, environment=None):
+    def planned(self, *targets, missing=()):
         """Jobs that a run would make: how many of each rule."""
         options = ("--dry-run", "--quiet", "rules")
-        run = self.run(*targets, options=options, environment=environment)
+        run = self.run(*targets, options=options, missing=missing)
         assert run.returncode == 0, run.stdout
         if "Nothing to be done" in run.stdout:
             return {}
@@ -118,7 +109,7 @@ def test_it_makes_its_tables_figures_and_page_and_nothing_else(compared):
 
 
 def test_a_plain_run_has_no_part_of_it_and_needs_no_packages_of_it(folder):
-    planned = folder.configure().planned(environment=without_packages(folder))
+    planned = folder.configure().planned(missing=PACKAGES)
     assert "report" in planned
     assert not [rule for rule in planned if "fletcher_powell" in rule]
 
@@ -188,19 +179,9 @@ def test_more_runs_keep_those_that_are_there(compared, folder):
     assert folder.planned("fletcher_powell")["fletcher_powell_run_algorithm"] == 3 + 1
 
 
-def without_packages(folder):
-    """Variables of a process that finds no packages of the comparison."""
-    hidden = folder.path / "hidden"
-    hidden.mkdir()
-    (hidden / "sitecustomize.py").write_text(
-        "import sys\nsys.modules['cma'] = sys.modules['optproblems'] = None\n"
-    )
-    return {"PYTHONPATH": str(hidden)}
-
-
 def test_missing_packages_are_named_before_any_job(folder):
     folder.configure(algorithms=["hybrid", "cma-es"])
-    run = folder.run("fletcher_powell", environment=without_packages(folder))
+    run = folder.run("fletcher_powell", missing=PACKAGES)
     assert run.returncode == 1
     last = run.stdout.splitlines()[-1]
     assert last.startswith(

@@ -57,12 +57,21 @@ def load_package() -> None:
 
 
 def run(
-    arguments: list[str], folder: str, printed: str, largest_file: int, drawn: bool
+    arguments: list[str],
+    folder: str,
+    printed: str,
+    largest_file: int,
+    drawn: bool,
+    missing: list[str],
+    environment: dict[str, str],
 ) -> NoReturn:
     """Be `snakemake` with its arguments in a folder, what it prints in a file.
 
-    No file may have more bytes than the largest one. Figures that are not drawn are empty.
+    No file may have more bytes than the largest one. Figures that are not drawn are empty. Missing
+    modules cannot be imported; the variables of the environment come after the imports.
     """
+    sys.modules.update(dict.fromkeys(missing))
+    os.environ.update(environment)
     from snakemake.cli import main as snakemake
 
     if not drawn:
@@ -144,6 +153,8 @@ class ForkedRuns:
         folder: Path,
         largest_file: int = resource.RLIM_INFINITY,
         drawn: bool = True,
+        missing: Sequence[str] = (),
+        **environment: str,
     ) -> subprocess.CompletedProcess[str]:
         """Run `snakemake` to its end in a folder; `stdout` holds what was printed."""
         from evopem.config.configuration import job_environment
@@ -159,6 +170,7 @@ class ForkedRuns:
         with tempfile.NamedTemporaryFile("r", encoding="utf-8", errors="replace") as printed:
             asked = {"arguments": arguments, "folder": str(folder), "printed": printed.name}
             asked |= {"largest_file": largest_file, "drawn": drawn}
+            asked |= {"missing": missing, "environment": environment}
             self.process.stdin.write(json.dumps(asked) + "\n")
             self.process.stdin.flush()
             code = int(self.process.stdout.readline())

@@ -152,7 +152,7 @@ def test_what_moves_in_a_chirping_resonance_is_reported(tmp_path):
     rows = np.column_stack([u, y])
     np.savetxt(tmp_path / "pump.csv", rows, delimiter=",", header="u,y", comments="", fmt="%.10g")
     folder.configure(configuration(**GIVEN) | {"report": "html"})
-    folder.finish("--cores", "1")
+    folder.finish("--cores", "1", drawn=False)
     moves = load(Varying, tmp_path / "results/pump/varying.json").moves
     assert moves.is_better
     (mode,) = moves.modes
@@ -163,7 +163,7 @@ def test_what_moves_in_a_chirping_resonance_is_reported(tmp_path):
     assert "<h2>What moves</h2>" in page
     folder.configure(configuration(**GIVEN, varying="none") | {"report": "html"})
     assert set(folder.planned()) == {"validate", "report"}
-    folder.finish("--cores", "1")
+    folder.finish("--cores", "1", drawn=False)
     assert "<h2>What moves</h2>" not in (tmp_path / "results/pump/report.html").read_text()
     assert not list((tmp_path / "results/pump").glob("varying*"))
     assert read_results(tmp_path / "results/pump").varying is None

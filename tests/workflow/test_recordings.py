@@ -9,8 +9,6 @@ from evopem.estimation.model_record import load_model
 from evopem.files.json_form import load
 from evopem.validation.validation import Validation
 
-from .conftest import Folder
-
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 ROBOT_ARM = DATA / "daisy" / "robot_arm.dat"
 MOTOR_BENCH = DATA / "motor_bench"
@@ -46,30 +44,23 @@ DATASETS = {
 }
 
 
-@pytest.fixture(scope="module")
-def identified_recordings(tmp_path_factory):
-    """One run over the recordings that are there, one job for each."""
-    folder = Folder(tmp_path_factory.mktemp("recordings"))
-    there = {name: keys for name, keys in DATASETS.items() if Path(keys["file"]).exists()}
-    keys = {"one_job_per": "recording", "report": "none", "defaults": {"recipe": "chapter"}}
-    folder.configure(keys | {"datasets": there})
-    folder.finish("--cores", "2")
-    return folder
-
-
 def results_of(folder, dataset):
+    """Model and validation of one recording, all stages in one job."""
+    keys = {"one_job_per": "recording", "report": "none", "defaults": {"recipe": "chapter"}}
+    folder.configure(keys | {"datasets": {dataset: DATASETS[dataset]}})
+    folder.finish("--cores", "2")
     files = folder.files_of(dataset)
     return load_model(files.model), load(Validation, files.validation)
 
 
 @needs(ROBOT_ARM)
-def test_daisy_robot_arm_beats_the_published_models(identified_recordings):
+def test_daisy_robot_arm_beats_the_published_models(folder):
     """De Moor's DaISy 96-009, 800 samples to estimate and 224 to validate.
 
     Published relative simulation errors: N4SID 3.53 %, MOESP 3.95 %, CVA 5.78 %; one-step errors
     from 0.10 % (SLICOT working note 1998-6).
     """
-    model, validation = results_of(identified_recordings, "robot_arm")
+    model, validation = results_of(folder, "robot_arm")
     assert np.abs(model.poles()).max() < 1.0
     assert np.abs(model.noise_zeros()).max() < 1.0
     assert validation.samples == 224
@@ -80,9 +71,9 @@ def test_daisy_robot_arm_beats_the_published_models(identified_recordings):
 
 
 @needs(MOTOR_BENCH)
-def test_motor_bench_carries_over_to_another_excitation(identified_recordings):
+def test_motor_bench_carries_over_to_another_excitation(folder):
     """Estimated on multisine A, validated on multisine B; the coupling's mode is near 76 Hz."""
-    model, validation = results_of(identified_recordings, "bench")
+    model, validation = results_of(folder, "bench")
     assert min(abs(mode.frequency_hz - 76.0) for mode in model.modes()) < 1.5
     assert validation.samples > 40_000
     assert validation.prediction_error_percent < 2.0

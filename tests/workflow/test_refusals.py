@@ -17,11 +17,10 @@ CONFIG = "datasets: {a: {synthesis: armax, samples: 700}}\n"
 
 def refusal(folder, config=CONFIG, prefix=(), **environment):
     (folder.path / "config.yaml").write_text(config)
-    if prefix or environment:
+    if prefix:
         run = subprocess.run(
             [*prefix, *folder.command("--cores", "1")],
             cwd=folder.path,
-            env=os.environ | environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -29,7 +28,7 @@ def refusal(folder, config=CONFIG, prefix=(), **environment):
             timeout=120,
         )
     else:
-        run = folder.run("--cores", "1")
+        run = folder.run("--cores", "1", **environment)
     assert run.returncode != 0
     assert "Traceback" not in run.stdout
     assert 'File "' not in run.stdout
