@@ -1,4 +1,4 @@
-"""Search, choice and remedies for several channels, against known systems."""
+"""Search, choice and revisions for several channels, against known systems."""
 
 from dataclasses import replace
 from functools import partial
@@ -20,7 +20,7 @@ from evopem.automatic.orders import (
     numbers_of_states,
     search_structure,
 )
-from evopem.automatic.remedies import act_on_checks
+from evopem.automatic.revisions import act_on_checks
 from evopem.automatic.state_space import recording_of, task_of, until_bic_rises
 from evopem.automatic.structures import Choice, compare_structures
 from evopem.config.constraints import Constraints
@@ -261,7 +261,7 @@ def test_without_an_input_there_is_no_simulation():
     assert np.isinf(chosen.scores.simulation)
 
 
-# Remedies.
+# Revisions.
 
 
 def recording(a=TWO_MODES, delay=1, samples=600, seed=2):
@@ -301,7 +301,7 @@ def test_an_order_that_is_too_small_is_raised(innovations):
     kept = [each for each in candidates if each.order != 3]
     found = act_on_checks(scorer, choice_of(candidates, 2), kept)
     (trial,) = found.trials
-    assert (trial.remedy, trial.taken, found.choice.candidate.order) == ("larger order", True, 4)
+    assert (trial.revision, trial.taken, found.choice.candidate.order) == ("larger order", True, 4)
     assert {WHITE, INDEPENDENT_OF_INPUT} == set(trial.check.split(" and "))
     poles = np.linalg.eigvals(found.choice.candidate.model.A)
     assert np.allclose(np.sort_complex(poles), np.sort_complex(np.roots(TWO_MODES)), atol=0.03)
@@ -312,10 +312,10 @@ def test_what_no_model_mends_stays_failed_and_is_said(innovations):
     found = act_on_checks(scorer, choice_of(candidates, 2), ())
     assert found.trials == ()
     assert WHITE in found.failed
-    assert f"“{WHITE}” failed, and no remedy for it was tried." in found.statements
+    assert f"“{WHITE}” failed, and no revision was tried for it." in found.statements
 
 
-def test_larger_errors_on_held_out_samples_are_no_remedy(innovations):
+def test_larger_errors_on_held_out_samples_are_no_revision(innovations):
     scorer, candidates = innovations
     small, large = choice_of(candidates, 2), choice_of(candidates, 4).candidate
     worse = replace(large, scores=HeldOutScores(1e3, 1e3, 1e3))
@@ -327,7 +327,7 @@ def test_larger_errors_on_held_out_samples_are_no_remedy(innovations):
 def test_a_delay_that_is_too_long_is_found_in_the_residuals():
     scorer, candidates = searched(recording(ONE_MODE), (2, 2), (1, 3))
     found = act_on_checks(scorer, choice_of(candidates, 2), candidates)
-    assert (found.trials[0].remedy, found.trials[0].taken) == ("earlier delays", True)
+    assert (found.trials[0].revision, found.trials[0].taken) == ("earlier delays", True)
     assert found.choice.candidate.delays == (1, 1)
     assert found.failed == ()
 
@@ -336,7 +336,7 @@ def test_delays_of_the_configuration_stay():
     given = (3, 3)
     scorer, candidates = searched(recording(ONE_MODE), (2, 2), (3, 3), nk=given)
     found = act_on_checks(scorer, choice_of(candidates, 2), candidates)
-    assert "earlier delays" not in [each.remedy for each in found.trials]
+    assert "earlier delays" not in [each.revision for each in found.trials]
 
 
 @pytest.mark.parametrize("evaluations", [0, 20])

@@ -17,7 +17,7 @@ from evopem.automatic.fold_errors import (
     never_behind,
     simplest,
 )
-from evopem.automatic.remedies import _is_allowed
+from evopem.automatic.revisions import _is_allowed
 from evopem.automatic.structures import Choice, _smallest_as_good
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
@@ -112,7 +112,7 @@ def test_a_larger_error_within_one_standard_error_is_left_to_a_valid_likelihood(
 
 
 @pytest.mark.parametrize("loss", [0.01, 0.1])
-def test_a_remedy_must_not_take_what_simulations_of_all_samples_need(loss):
+def test_a_revision_must_not_take_what_simulations_of_all_samples_need(loss):
     first = candidate(12)
     smaller = replace(candidate(8, (0.03, -0.03, 0.03, -0.02, 0.0)), simulation_bic=loss)
     failed = {id(first): ("Poles and zeros distinct",), id(smaller): ()}

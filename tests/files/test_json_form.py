@@ -184,7 +184,7 @@ def test_every_type_that_a_stage_reads_is_among_them():
     tests/pipeline/test_automatic.py.
     """
     decisions = {"DecisionRecord", "PreparationPlan", "Comparison"}
-    decisions |= {"Remedied", "StructureSearch", "FoldPlan", "Varying"}
+    decisions |= {"Revised", "StructureSearch", "FoldPlan", "Varying"}
     listed = {kind.__name__ for kind in [*RESULTS, *SETTINGS]} | decisions
     read = set()
     for file in SCRIPTS.rglob("*.py"):

@@ -262,8 +262,9 @@ TWO = ["u1", "u2"]
             {"structure": "arx", "orders": (2, 1, 1), "recipe": "chapter", "split": {"discard": 0}},
             "ARX(2,1,1)",
         ),
-        ("u1", ["y1", "y2"], {"structure": "ss", "orders": 2}, "2 ss"),
-        ("u1", "y1", {"structure": "ss", "orders": (2, 1)}, "2 ss"),
+        ("u1", ["y1", "y2"], {"structure": "ss", "orders": 2}, "2 ss (1,)"),
+        ("u1", "y1", {"structure": "ss", "orders": (2, 1)}, "2 ss (1,)"),
+        (TWO, "y1", {"structure": "ss", "orders": (2, [1, 2])}, "2 ss (1, 2)"),
     ],
 )
 def test_orders_are_understood_as_by_estimate(inputs, outputs, keys, name):
@@ -273,7 +274,8 @@ def test_orders_are_understood_as_by_estimate(inputs, outputs, keys, name):
     frame = pd.DataFrame(np.hstack([u, y]), columns=[*TWO, "y1", "y2"])
     model = evopem.identify(frame, outputs, RATE, input=inputs, show_progress=False, **keys).model
     states = isinstance(model, evopem.StateSpaceModel)
-    assert (f"{model.order} {model.structure}" if states else str(model.orders)) == name
+    of_states = f"{model.order} {model.structure} {model.delays}" if states else ""
+    assert (of_states or str(model.orders)) == name
 
 
 def test_a_bad_signal_is_named_as_it_was_handed_over():

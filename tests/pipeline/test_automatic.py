@@ -9,7 +9,7 @@ from identified import undrawn_page
 from scipy.signal import lfilter
 
 from evopem.automatic.decision import DecisionRecord
-from evopem.automatic.remedies import Remedied
+from evopem.automatic.revisions import Revised
 from evopem.config.defaults import complete
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
@@ -80,7 +80,7 @@ def test_a_model_for_another_purpose_gives_up_constraints_alone(clipped, monkeyp
         fits.append(fit)
         if settings.evaluations == 0 and len(fits) == 2:
             raise InputError(f"datasets.pump.{key}", "it cannot be met", "change it")
-        return known, load(Remedied, files.decision("remedies")).search
+        return known, load(Revised, files.decision("revisions")).search
 
     monkeypatch.setattr(complete_model, "_record_of", record)
     job = next(each for each in jobs(settings_of("pump.csv"), clipped) if "model" in each.name)

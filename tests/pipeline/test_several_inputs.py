@@ -104,9 +104,9 @@ def test_every_file_is_there_and_says_the_same(results):
     assert summary.model == name
     decisions = json.loads(Path(results.decisions).read_text())["decisions"]
     assert any(each["choice"] == name for each in decisions)
-    remedies = json.loads(Path(results.decision("remedies")).read_text())
-    assert remedies["choice"]["candidate"]["structure"] == "armax"
-    assert (remedies["trials"], remedies["failed"]) == ([], [])
+    revisions = json.loads(Path(results.decision("revisions")).read_text())
+    assert revisions["choice"]["candidate"]["structure"] == "armax"
+    assert (revisions["trials"], revisions["failed"]) == ([], [])
     page = undrawn_page(results)
     assert name in page
     assert "orders.nx" not in page

@@ -32,10 +32,10 @@ def given_by_configuration(subject: str, choice: str) -> Decision:
 
 @dataclass(frozen=True)
 class Trial:
-    """One remedy that was tried."""
+    """One revision that was tried."""
 
     check: str  # that failed before
-    remedy: str
+    revision: str
     model: str  # name of the candidate
     score: float  # error for the purpose on held-out samples, percent
     whiteness: float  # p-value of the Ljung-Box test of the residuals
@@ -62,8 +62,8 @@ class DecisionRecord:
 
     purpose: str  # what the model is for: simulation, prediction or modes
     decisions: tuple[Decision, ...]
-    trials: tuple[Trial, ...]  # remedies of failed checks
-    failed: tuple[str, ...]  # checks that no remedy made hold
+    trials: tuple[Trial, ...]  # revisions after failed checks
+    failed: tuple[str, ...]  # checks that no revision made hold
     remarks: tuple[str, ...]  # sentences about the record that the decisions led to
     other_model: OtherModel | None  # None without an input
     # Of each input, those that together have 95 % of the probability, in samples of the model

@@ -100,7 +100,7 @@ def simplest(candidates: Sequence[Candidate]) -> list[Candidate]:
 def gain_of_nothing(
     scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, chosen: Candidate
 ) -> tuple[Candidate, str] | None:
-    """A gain, where the response of a chosen model to the inputs cannot be told from zero.
+    """A gain, where the response of a chosen model to the inputs does not differ from zero.
 
     It does not simulate held-out samples clearly better than a constant, and no candidate has
     strong evidence against all noise models without an input, beyond what the likeliest of as many

@@ -137,7 +137,7 @@ def rows_of(table: pd.DataFrame, where: Where) -> pd.DataFrame:
 
 
 def family(column: str, rows: Mapping[str, Where]) -> tuple[Curve, ...]:
-    """A curve for each label and its rows, told apart by colour, marker and dashes."""
+    """A curve for each label and its rows, distinguished by colour, marker and dashes."""
     return tuple(
         Curve(
             *(label, column, FAMILY[place % len(FAMILY)]),

@@ -291,7 +291,8 @@ def _with_ranges(keys: Mapping[str, Any], inputs: int) -> dict[str, Any]:
                 orders["plant"] = orders.pop(plant_order(structure))
             written["structure"] = structure
         elif is_one:
-            orders = orders_in_state_space(structure or STATE_SPACE, orders)
+            given = orders_in_state_space(structure or STATE_SPACE, orders)
+            orders = {name: _alone(order) for name, order in given.items()}
         if "nk" in orders and "delay" in keys:
             raise ValueError("they hold nk, and the key delay is given as well")
     except ValueError as error:
@@ -305,7 +306,7 @@ def _with_ranges(keys: Mapping[str, Any], inputs: int) -> dict[str, Any]:
 
 def _alone(orders: Any) -> Any:
     """An order, or that of each input as a range; of one input as a number."""
-    if not isinstance(orders, tuple):
+    if not isinstance(orders, Sequence):
         return orders
     return [(n, n) for n in orders] if len(orders) > 1 else orders[0]
 

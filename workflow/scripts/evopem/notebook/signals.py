@@ -243,7 +243,7 @@ def _labels(values: Any, samples: Array) -> list[Any]:
 
 
 def _names(*labels: Sequence[Any]) -> list[tuple[str, ...]]:
-    """Names of inputs and outputs, those of their roles where they cannot be told apart."""
+    """Names of inputs and outputs, those of their roles where they are the same."""
     roles = [
         (role,) if len(label) == 1 else tuple(f"{role}_{n}" for n in range(1, len(label) + 1))
         for label, role in zip(labels, ("input", "output"), strict=True)

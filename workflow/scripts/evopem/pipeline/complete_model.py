@@ -7,7 +7,7 @@ from typing import cast
 from evopem.automatic.chosen_model import estimate_choice
 from evopem.automatic.decision import Decision
 from evopem.automatic.fit import PLANT_RADIUS, CommonSettings
-from evopem.automatic.remedies import Remedied, act_on_checks
+from evopem.automatic.revisions import Revised, act_on_checks
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose, rivals_of
 from evopem.blas_threads import one_blas_thread
@@ -83,7 +83,7 @@ def _record_of(
     ), about
 
 
-def _remedied(
+def _revised(
     files: DatasetFiles,
     comparison: Comparison,
     scored: Scored,
@@ -91,14 +91,14 @@ def _remedied(
     settings: AutomaticSettings,
     fit: FitSettings,
     log: Log | None,
-) -> tuple[ModelRecord, Remedied]:
-    """The choice for the purpose after remedies until its checks hold or nothing helps."""
+) -> tuple[ModelRecord, Revised]:
+    """The choice for the purpose after revisions until its checks hold or nothing helps."""
     choice, scorer = comparison.choice(settings.purpose), scored.scorer
     with errors_name_dataset(files), one_blas_thread():
-        remedied = act_on_checks(scorer, choice, comparison.candidates)
+        revised = act_on_checks(scorer, choice, comparison.candidates)
     given = scored, search, settings, fit
-    record, about = _record_of(files, remedied.choice, *given, remedied.plant_kept, log)
-    return record, replace(remedied, search=about)
+    record, about = _record_of(files, revised.choice, *given, revised.plant_kept, log)
+    return record, replace(revised, search=about)
 
 
 def _level_of(level: LevelOfSimulation, data: Recording) -> LevelOfSimulation:
@@ -124,7 +124,7 @@ def complete_model(
     With a ``hold`` of the input in continuous time as well.
 
     With a focus or constraints, the model of its orders is estimated for these.  To that of an
-    automatic recipe, which has no phases, remedies are applied, and it is searched globally; models
+    automatic recipe, which has no phases, revisions are applied and it is searched globally; models
     for ``others`` of its purposes are kept beside it as the comparison of structures found them.
     """
     rivals: list[Model] = []
@@ -133,9 +133,9 @@ def complete_model(
     else:
         comparison = load(Comparison, files.decision("comparison"))
         scored = Scored.load(files, settings, fits, of_choice=True)
-        record, remedied = _remedied(files, comparison, scored, search, settings, fit, log)
-        save(remedied, files.decision("remedies"))
-        known = rivals_of(scored.scorer, remedied.choice, comparison)
+        record, revised = _revised(files, comparison, scored, search, settings, fit, log)
+        save(revised, files.decision("revisions"))
+        known = rivals_of(scored.scorer, revised.choice, comparison)
         rivals = [scored.record.in_its_units(candidate.model) for candidate in known]
         modes = with_spread(record.modes, [rival.modes() for rival in rivals])
         record = replace(record, modes=modes)

@@ -10,7 +10,7 @@ from evopem.automatic.cross_validation.folds import FoldPlan
 from evopem.automatic.decision import Alternative, Decision, DecisionRecord, OtherModel, Trial
 from evopem.automatic.orders import DelayChoice
 from evopem.automatic.preparation.plan import PreparationPlan
-from evopem.automatic.remedies import Remedied
+from evopem.automatic.revisions import Revised
 from evopem.automatic.structures import Choice, Comparison
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.order_candidate import Candidate as PhaseCandidate
@@ -57,13 +57,13 @@ def _of_phase(candidate: PhaseCandidate, selected: bool) -> Row:
 
 
 def rows_of_structures(
-    searches: Sequence[StructureSearch], comparison: Comparison, remedied: Remedied
+    searches: Sequence[StructureSearch], comparison: Comparison, revised: Revised
 ) -> list[Row]:
-    """The same of the automatic recipe: each candidate of each structure, and remedies."""
-    choice = comparison.choice(remedied.choice.purpose)
+    """The same of the automatic recipe: each candidate of each structure, and revisions."""
+    choice = comparison.choice(revised.choice.purpose)
     rows = [
         *_searched(searches, comparison, choice),
-        *(_remedy(trial, choice) for trial in remedied.trials),
+        *(_revision(trial, choice) for trial in revised.trials),
     ]
     return [{name: row.get(name) for name in COLUMNS} for row in rows]
 
@@ -99,15 +99,15 @@ def _reason(candidate: Candidate, choice: Choice) -> str:
     return "worse on held-out samples"
 
 
-def _remedy(trial: Trial, choice: Choice) -> Row:
+def _revision(trial: Trial, choice: Choice) -> Row:
     """A model that was tried against failed checks; one that is selected replaces the choice."""
     outcome = "fewer checks fail" if trial.taken else "no fewer checks fail, or worse errors"
     return {
-        "step": "remedy",
+        "step": "revision",
         "model": trial.model,
         f"{choice.kind}_error_percent": trial.score,
         "selected": trial.taken,
-        "reason": f"{trial.remedy}, as {trial.check} failed: {outcome}",
+        "reason": f"{trial.revision}, as {trial.check} failed: {outcome}",
     }
 
 
@@ -116,11 +116,11 @@ def decision_record(
     prepared: PreparedData,
     searches: Sequence[StructureSearch],
     comparison: Comparison,
-    remedied: Remedied,
+    revised: Revised,
     other_model: OtherModel | None,
 ) -> DecisionRecord:
     """All decisions of a data set, in their order."""
-    folds, choice = load(FoldPlan, files.decision("folds")), remedied.choice
+    folds, choice = load(FoldPlan, files.decision("folds")), revised.choice
     plan = load(PreparationPlan, files.decision("preparation"))
     delay = load(DelayChoice, files.decision("delay"))
     untold = [delay.decision.sentence] * any(len(likely) > 1 for likely in delay.likely)
@@ -132,18 +132,18 @@ def decision_record(
         delay.decision,
         *(search.decision for search in searches),
         *comparison.decisions,
-        *filter(None, [remedied.search]),
+        *filter(None, [revised.search]),
     )
     return DecisionRecord(
-        *(choice.purpose, decisions, remedied.trials, remedied.failed),
-        (*_remarks(prepared.estimation.segments), *untold, *remedied.statements),
+        *(choice.purpose, decisions, revised.trials, revised.failed),
+        (*_remarks(prepared.estimation.segments), *untold, *revised.statements),
         other_model,
         delay.likely,
     )
 
 
 def _about_channels(recording: RecordingInfo) -> tuple[Decision, ...]:
-    """How input and output were told from the file; nothing where the configuration names them."""
+    """How input and output were found in the file; nothing where the configuration names them."""
     roles = recording.roles
     if roles is None:
         return ()

@@ -84,7 +84,7 @@ class ProgressLine:
 
 @contextmanager
 def progress(shown: bool) -> Iterator[Announce | None]:
-    """A function that is told of each job before it begins; None where nothing is shown."""
+    """A function that is called before each job begins; None where nothing is shown."""
     if not shown:
         yield None
         return
@@ -145,7 +145,7 @@ def made_aside(files: DatasetFiles) -> Iterator[DatasetFiles]:
         shutil.rmtree(work, ignore_errors=True)
 
 
-def exchange(made: DatasetFiles, files: DatasetFiles) -> None:
+def put_in_place(made: DatasetFiles, files: DatasetFiles) -> None:
     """Put results that were made aside in the place of earlier ones."""
     delete_results(files.folder)
     for file in files_below(made.folder, ""):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import OtherModel
-from evopem.automatic.remedies import Remedied
+from evopem.automatic.revisions import Revised
 from evopem.automatic.structures import Comparison
 from evopem.automatic.varying import Varying
 from evopem.blas_threads import one_blas_thread
@@ -55,12 +55,10 @@ def complete_results(
         rows = rows_of_phases(selections.values())
     else:
         comparison = load(Comparison, files.decision("comparison"))
-        remedied = load(Remedied, files.decision("remedies"))
-        choice, rows = remedied.choice, rows_of_structures(searches, comparison, remedied)
+        revised = load(Revised, files.decision("revisions"))
+        choice, rows = revised.choice, rows_of_structures(searches, comparison, revised)
         other_model = _errors_of_other(files, prepared, others[0]) if others else None
-        all_decisions = decision_record(
-            files, prepared, searches, comparison, remedied, other_model
-        )
+        all_decisions = decision_record(files, prepared, searches, comparison, revised, other_model)
         save(all_decisions, files.decisions)
         path, order = files.models_of_orders(choice.candidate.structure), choice.candidate.order
         order_models = load(OrderModels, path).models if Path(path).exists() else ()

@@ -220,7 +220,7 @@ def _sentence(distortion: Distortion, parts: ErrorParts, several: bool) -> str:
 
 
 def show(text: str) -> None:
-    """Print text; characters that the terminal's encoding lacks become the nearest ones it has."""
+    """Print text; characters outside the terminal's encoding become the nearest ones in it."""
     encoding = sys.stdout.encoding or "utf-8"
     try:
         text.encode(encoding)

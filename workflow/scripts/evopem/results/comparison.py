@@ -24,7 +24,7 @@ T = TypeVar("T")
 Modes = Sequence[Mode | None]
 """A mode as each of some models has it."""
 MOST = 6
-"""More models than colours that can be told apart are not compared."""
+"""More models than colours that a reader can distinguish are not compared."""
 
 
 def spread_percent(modes: Modes) -> float:

@@ -12,7 +12,7 @@ import pandas as pd
 from evopem.automatic.candidates import Candidate as ScoredCandidate
 from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import DecisionRecord
-from evopem.automatic.remedies import Remedied
+from evopem.automatic.revisions import Revised
 from evopem.automatic.structures import Choice
 from evopem.automatic.varying import Varying
 from evopem.config.defaults import read_settings
@@ -218,7 +218,7 @@ class DatasetResults:
             return pd.DataFrame()
         error = f"{self.choice.kind}_error_percent"
         table = self.candidates
-        table = table[(table["step"] != "remedy") & table[error].notna()]
+        table = table[(table["step"] != "revision") & table[error].notna()]
         table = table.rename(columns={error: "error_percent"}).reset_index(drop=True)
         names = {name: FORMS.get(name) or structure_name(name) for name in set(table["structure"])}
         columns = ["structure", "order", "model", "error_percent", "bic", "selected"]
@@ -288,7 +288,7 @@ def evidence_of(
 def _searched_range(
     chosen: ScoredCandidate, searches: Iterable[StructureSearch]
 ) -> tuple[OrderRange, ...]:
-    """The range of the orders of a structure that were searched; none where it came of a remedy.
+    """The range of the orders of a structure that were searched; none where it came of a revision.
 
     A range that nobody gives begins with 1 or 2, of many states of outputs alone further up.
     """
@@ -355,7 +355,7 @@ def read_results(files: DatasetFiles, **known: Any) -> DatasetResults:
         searches=known.get("searches")
         or tuple(load(StructureSearch, files.search(name)) for name in forms),
         choice=of(
-            "choice", lambda: load(Remedied, files.decision("remedies")).choice, where=is_automatic
+            "choice", lambda: load(Revised, files.decision("revisions")).choice, where=is_automatic
         ),
         varying=of("varying", load, Varying, files.varying, where=in_time and settings.varying),
     )

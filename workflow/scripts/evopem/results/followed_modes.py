@@ -191,7 +191,7 @@ def _course(
         steps = levels if levels.changes else find_levels(values, errors, LENIENT, covariates)
         of_steps = _left(values, errors, steps) + 2 * len(steps.changes) * count
         of_drift = _left(values, errors, drift) + (1 + 2 * (drift.kind != "trend")) * count
-        # A step is part of a trend and a trend of steps: the better description is told (BIC).
+        # A step is part of a trend and a trend of steps: the better description is said (BIC).
         if steps.changes and of_steps < of_drift:
             levels, drift = steps, None
         else:
@@ -236,5 +236,5 @@ def _distance(track: _Track, mode: Mode) -> float:
     if len(last) < 2 or len(last) != len(mode.shape):
         return distance
     lost = (1.0 - assurance(last, mode.shape)) / (1.0 - SAME_SHAPE)
-    # Close modes are told apart by their shapes, far ones by their frequencies.
+    # Close modes are distinguished by their shapes, far ones by their frequencies.
     return lost if lost > 1.0 else 0.5 * (distance + lost) if distance <= 1.0 else distance

@@ -142,7 +142,7 @@ class DatasetFiles:
         """The models of all orders of one form with its weighting, of several channels."""
         return self.decision(f"orders/{form}")
 
-    # All decisions of the automatic recipe, and its trials of remedies
+    # All decisions of the automatic recipe, and its trials of revisions
     decisions = _File("decisions.json")
     candidates = _File("candidates.csv")  # every candidate of every phase
     model = _File("model.json")  # the model, for evopem and people

@@ -231,7 +231,7 @@ OUTPUT_NAMES = frozenset((
 
 @dataclass(frozen=True)
 class ChannelRoles:
-    """The channels of a file by what they are, and how that was told."""
+    """The channels of a file by what they are, and how that was found."""
 
     input: Reference
     output: Reference

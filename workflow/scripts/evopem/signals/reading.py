@@ -30,7 +30,7 @@ def read_measured(
     """Read the input and output channels of a measured file, by the settings of a data set.
 
     ``name`` is what the settings call the file, relative to ``folder``. The channel of time stamps
-    is told from the file where neither it nor a rate is stated. `InputError` where the file, its
+    is taken from the file where neither it nor a rate is stated. `InputError` where the file, its
     channels, their timing or their units cannot be used.
     """
     path = Path(folder) / name

@@ -56,7 +56,7 @@ class RecordingInfo:
     outputs: tuple[ChannelInfo, ...]
     # one for each recording, in their order; none for a synthetic recording
     files: tuple[FileOrigin, ...] = ()
-    roles: ChannelRoles | None = None  # where input, output and time were told from the first file
+    roles: ChannelRoles | None = None  # where input, output and time were found in the first file
 
 
 def describe_recording(

@@ -93,7 +93,7 @@ def _check_working_directory() -> None:
 
 
 def _parsed(given: Sequence[str]) -> argparse.Namespace:
-    """Parse the arguments; a second channel behind one option is told how to be given."""
+    """Parse the arguments; of a second channel behind one option is said how it is given."""
     parser = argparse.ArgumentParser(
         "evopem",
         usage="evopem FILE … [--input CHANNEL … --output CHANNEL … --rate HZ | --time CHANNEL]\n"
@@ -284,7 +284,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     settings = _settings(arguments)
     files = DatasetFiles(str(Path(arguments.results) / settings.name))
     _check_folder(files, settings)
-    from evopem.pipeline.identification import exchange, identify_dataset, made_aside
+    from evopem.pipeline.identification import identify_dataset, made_aside, put_in_place
     from evopem.pipeline.planning.stages import results_of
     from evopem.report.results_text import dataset_text, show
 
@@ -302,7 +302,7 @@ def _identify(arguments: argparse.Namespace) -> int:
             with made_aside(files) as made:
                 with _options_for_keys(settings.name):
                     identify_dataset(made, settings, True, log, cores, progress.announce)
-                exchange(made, files)
+                put_in_place(made, files)
     finally:
         progress.close()
     written = Path(files.verdict).read_text(encoding="utf-8") if arguments.json else ""
@@ -356,7 +356,7 @@ def _check_folder(files: DatasetFiles, settings: DatasetSettings) -> None:
 
 
 def _digests_read(files: DatasetFiles) -> list[str]:
-    """SHA-256 of the recorded files behind results; empty where they cannot be told."""
+    """SHA-256 of the recorded files behind results; empty where they are not known."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         content = json.loads(Path(files.recording_info).read_text(encoding="utf-8"))
         return [file["sha256"] for file in content["files"]]

@@ -87,7 +87,7 @@ class Frequencies:
         return Distance(index, p_value, judged, beside, expected)
 
     def missing(self, number: int) -> list[int]:
-        """Modes that a recording lacks, as an unchanged one does with a probability below RARE."""
+        """Modes missing in a recording, as an unchanged one does with a probability below RARE."""
         without, others = ~np.isfinite(self.values), self.is_reference.copy()
         others[number] = False
         lacking = (without[others].sum(axis=0) + 1) / (others.sum() + 1)

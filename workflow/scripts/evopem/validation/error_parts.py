@@ -224,7 +224,7 @@ def _allowed(u: Complex, power: Array, driven: Array, wrong: Complex, lines: Lin
 
     It is as wrong there as on the whole, and as at the nearest excited lines; beyond these it may
     be twice that of the model.  Inputs (M, F, m), powers of error and response (F,), and what the
-    model lacks at excited lines, (E, m).
+    model misses at excited lines, (E, m).
     """
     on, w, numbers = lines.excited, lines.weights, np.arange(len(power))
     whole = float(w[on] @ power[on]) / max(float(w[on] @ driven[on]), ROUNDING)

@@ -173,7 +173,7 @@ def find_drift(
     }
     for kind, regressor in regressors.items():
         designs = np.stack([np.column_stack([beside, *c]) for c in zip(*regressor, strict=True)])
-        # A covariate that is itself a trend or a wave leaves none to be told.
+        # A covariate that is itself a trend or a wave leaves none to be found.
         tried = np.flatnonzero(np.linalg.matrix_rank(designs) == designs.shape[2])
         if count < designs.shape[2] + FEWEST_BEYOND or not len(tried):
             continue

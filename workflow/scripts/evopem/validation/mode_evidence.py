@@ -1,7 +1,7 @@
 """The modes of models of several orders, each with its evidence and reasons to doubt it.
 
 A mode is a group of poles of several orders that agree; its numbers are those of the model of the
-chosen order or, where that one lacks it, of the model of lowest BIC that has it.
+chosen order or, where that one does not have it, of the model of lowest BIC that has it.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class ModeEvidence:
     mode: Mode
     order: int  # order of the model that it is taken from
     orders: tuple[int, ...]  # orders whose models have it
-    # Share of the other orders that have it.  One that lacks it counts only where its model has
+    # Share of the other orders that have it.  One without it counts only where its model has
     # more poles than all modes need: else that says nothing.  NaN where there are none
     recurrence: float
     # Of the mode's response to the inputs, on held-out samples beside the responses of all other

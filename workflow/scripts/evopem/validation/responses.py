@@ -67,7 +67,7 @@ class HeldOut:
         """Response of the validation samples, (N, l), from a state that no scored one determines.
 
         It runs on from the samples before, or from the first samples where there are none.  With a
-        free level a constant is fitted to the scored samples.
+        fitted level a constant is fitted to the scored samples.
         """
         if not self.model.inputs:
             return np.full(self.recording.outputs.shape, np.nan)
@@ -107,7 +107,7 @@ def held_out_stretches(
     """The stretches of validation samples, each with the samples before it where there are some.
 
     The predictor runs through both parts of a continuous record, so that it knows all the measured
-    past.  With a free level each recording without a past has one of its own.
+    past.  With a fitted level each recording without a past has one of its own.
     """
     if prepared.before_validation is None:
         return stretches_of(model, prepared.validation, fit_level)

@@ -25,7 +25,7 @@ NO_POWER = 100.0
 # Share of the validation input's power outside the estimation input's bands from which on the
 # validation is not comparable.
 LARGEST_SHARE = 0.05
-# Past samples by which inputs are told apart, frequencies at which they are, and how many times
+# Past samples by which inputs are distinguished, frequencies at which they are, and how many times
 # other inputs enlarge the variance of a response that they hide; 2 by chance.
 PAST, PLACES, HIDDEN = 20, 200, 100.0
 TIME_HALFBANDWIDTH = 4.0

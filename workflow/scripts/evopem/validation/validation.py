@@ -39,7 +39,7 @@ class Check:
 
     @property
     def word(self) -> str:
-        """What a reader is told of the outcome: "Passed", "Failed", "Caution", "Note"."""
+        """What a reader reads of the outcome: "Passed", "Failed", "Caution", "Note"."""
         if self.passed is not False:
             return "Passed" if self.passed else "Not judged"
         return "Failed" if self.grade == "defect" else self.grade.capitalize()

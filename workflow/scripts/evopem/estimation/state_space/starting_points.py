@@ -27,7 +27,7 @@ RESIDUE_RIDGE = 1e-8
 # Samples of a segment that determine the initial state of a model.
 MOST_SAMPLES = 2000
 # Half the distance that two real poles of a section get at least when a model is converted, and at
-# most in shares of their distance from the unit circle: slow poles are told apart by less.
+# most in shares of their distance from the unit circle: slow poles differ by less.
 SEPARATION, SHARE_OF_DISTANCE, NEAREST_ONE = 2e-3, 0.02, 1e-7
 
 

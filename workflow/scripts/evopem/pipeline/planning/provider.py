@@ -224,7 +224,7 @@ class StageRule:
 
     @property
     def priority(self) -> int:
-        """What is read and prepared comes first, so that a bad recording is told before any search.
+        """What is read and prepared comes first, so that a bad recording ends before any search.
 
         Then data sets come to their end one after the other, not all at once.
         """

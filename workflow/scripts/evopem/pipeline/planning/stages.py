@@ -30,7 +30,7 @@ _VALIDATION = (
 _DECIDED = _automatic("decision:preparation", "decision:folds", "decision:delay")
 _SCORED = (*_PREPARED, *_DECIDED)
 _COMPARED = _automatic("decision:comparison")
-_CHOSEN = (*_COMPARED, *_automatic("decision:remedies"))
+_CHOSEN = (*_COMPARED, *_automatic("decision:revisions"))
 _SEARCHED = ("phase:{phases}", *_automatic("search:{structures}"))
 _OTHER = "validation_recording if source.validation_files"
 _OF_RESPONSES = "channels.frequency"
@@ -138,7 +138,7 @@ STAGES = (
         inputs=(*_SCORED, *_COMPARED, "phase:{last}"),
         outputs=(
             *("model", "model_mat", "frequency_response", "time_response"),
-            *("other_model:{purposes}", "decision:remedies if automatic"),
+            *("other_model:{purposes}", "decision:revisions if automatic"),
         ),
         given=("search", "window", "phases", "fit", "fits"),
         settings={
@@ -243,7 +243,7 @@ def stages_of(settings: DatasetSettings, with_report: bool = True) -> list[Stage
     ]
 
 
-# Share of all work from which on the time left is told, and the seconds of work as measured that
+# Share of all work from which on the time left is said, and the seconds of work as measured that
 # speak for a machine and a recording like those measured, beside the time that this one took.
 _TOLD_FROM, _MEASURED = 0.15, 10.0
 

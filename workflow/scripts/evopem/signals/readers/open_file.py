@@ -57,7 +57,7 @@ class Contents:
         return [names[0] for names in self.names]
 
     def read(self, references: Sequence[Reference]) -> list[Channel]:
-        """The channels that references stand for, their units told from names like "Tip [m/s²]"."""
+        """The channels that references stand for, units taken from names like "Tip [m/s²]"."""
         columns = [self.load(self.find(reference)) for reference in references]
         split = [split_heading(dataset.name) for dataset in columns]
         return [

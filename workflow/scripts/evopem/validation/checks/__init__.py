@@ -27,7 +27,7 @@ CHECKS = tuple(
 """Every check, in the order of the report: that of these modules."""
 
 # The automatic recipe has tried what the advice of these would be.
-REMEDIED = (WHITE, INDEPENDENT_OF_INPUT, DISTINCT)
+REVISED = (WHITE, INDEPENDENT_OF_INPUT, DISTINCT)
 ELSEWHERE = "Look for nonlinearity, disturbances or feedback in the record."
 OF_PAIR = "The pair hardly affects the frequency response. Do not trust a mode of it."
 
@@ -66,7 +66,7 @@ def _with_reason(check: Check, evidence: Evidence) -> Check:
     validation, distortion = evidence.validation, evidence.validation.distortion
     if check.passed is not False:
         return check
-    if evidence.is_automatic and check.name in REMEDIED:
+    if evidence.is_automatic and check.name in REVISED:
         tried = "What was tried against it, and what that brought, is under “Decisions” and in"
         advice = f"{tried} decisions.json. {OF_PAIR if check.name == DISTINCT else ELSEWHERE}"
         check = replace(check, advice=advice)

@@ -277,7 +277,7 @@ def spectral_peaks(evidence: Evidence) -> Found:
 
 
 def _stated(peak: PeakEvidence) -> str:
-    """A missed peak, and how much of its density the model lacks."""
+    """A missed peak, and how much of its density is missing in the model."""
     if not math.isfinite(peak.excess):
         return f"{peak.frequency_hz:.4g} Hz"
     return f"{peak.frequency_hz:.4g} Hz ({peak.excess:.2g} times)"

@@ -1,4 +1,4 @@
-"""Acting on residuals and roots: each failed check has its remedy, each trial is recorded."""
+"""Acting on residuals and roots: a failed check has revisions, and each trial is kept."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,11 +8,11 @@ from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Decision, Trial
 from evopem.automatic.fold_errors import as_good, score_of
 from evopem.automatic.orders import with_white_noise
-from evopem.automatic.remedy_orders import (
+from evopem.automatic.revision_orders import (
     DELAY,
     LENGTH,
     MOST_TRIALS,
-    REMEDIES,
+    REVISIONS,
     TOLERATED,
     earlier_delays,
     with_noise_models,
@@ -23,8 +23,8 @@ from evopem.validation.held_out_tests import SIGNIFICANCE
 
 
 @dataclass(frozen=True)
-class Remedied:
-    """The choice after all remedies and a search, what was tried, and what stays failed."""
+class Revised:
+    """The choice after all revisions and a search, what was tried, and what stays failed."""
 
     choice: Choice
     trials: tuple[Trial, ...]
@@ -35,8 +35,8 @@ class Remedied:
     search: Decision | None = None  # of the model of this choice, once it is searched
 
 
-def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] = ()) -> Remedied:
-    """Apply remedies until the checks hold, nothing helps, or the budget ends.
+def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] = ()) -> Revised:
+    """Apply revisions until the checks hold, nothing helps, or the budget ends.
 
     Cancelling roots, roots at the bound, and more coefficients than the input excites: fewer poles
     and zeros.  First coefficients of B that are not significant: a longer delay; last ones: a
@@ -49,11 +49,11 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
     left = MOST_TRIALS
     trials: list[Trial] = []
     tried: list[tuple[str, Candidate]] = []
-    for checks, *of_forms in REMEDIES:
-        remedies = of_forms[first.polynomials is None]
+    for checks, *of_forms in REVISIONS:
+        revisions = of_forms[first.polynomials is None]
         failed = tuple(check for check in checks if check in _failures(scorer, current))
         best = current
-        listed = remedies(scorer, current, searched) if failed and remedies else iter(())
+        listed = revisions(scorer, current, searched) if failed and revisions else iter(())
         for name, candidate_of in islice(listed, left):
             left -= 1
             candidate = candidate_of(best)
@@ -78,11 +78,11 @@ def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] 
     )
     if not kept:
         current = scorer.on_all_samples(current)
-    return Remedied(replace(choice, candidate=current), tuple(trials), remaining, statements, kept)
+    return Revised(replace(choice, candidate=current), tuple(trials), remaining, statements, kept)
 
 
 def _failures(scorer: Scorer, candidate: Candidate) -> set[str]:
-    """What there are remedies for: coloured residuals of a model without a noise model as well."""
+    """What revisions are for: coloured residuals of a model without a noise model as well."""
     checks = scorer.checks(candidate)
     late = checks.earlier_delays and earlier_delays(scorer, candidate) != candidate.delays
     further = {DELAY: checks.later or late, LENGTH: checks.shorter}
@@ -127,16 +127,17 @@ def _statement(
             f" is {score(best):.3g} %, now {score(current):.3g} %{fails if others else ''}."
         )
     if not tried:
-        return f"“{check}” failed, and no remedy for it was tried."
+        return f"“{check}” failed, and no revision was tried for it."
     models = f"any of the {len(tried)} models that were" if len(tried) > 1 else "the one that was"
     return f"“{check}” did not hold for {models} tried."
 
 
 def _trial(
-    scorer: Scorer, check: str, remedy: str, candidate: Candidate, choice: Choice, taken: bool
+    scorer: Scorer, check: str, revision: str, candidate: Candidate, choice: Choice, taken: bool
 ) -> Trial:
     checks, score = scorer.checks(candidate), score_of(choice.kind)(candidate)
-    return Trial(check, remedy, candidate.name, score, checks.whiteness, checks.correlation, taken)
+    p_values = checks.whiteness, checks.correlation
+    return Trial(check, revision, candidate.name, score, *p_values, taken)
 
 
 def _has_coloured_plant(scorer: Scorer, candidate: Candidate) -> bool:
@@ -162,8 +163,8 @@ def _with_another_noise_model(
     for n, described in with_noise_models(scorer, plant):
         failed = set(scorer.checks(described).failed)
         taken = WHITE not in failed and failed <= known
-        remedy = f"noise model of order {n} for the errors of simulation, plant kept"
-        trials.append(_trial(scorer, WHITE, remedy, described, choice, taken))
+        revision = f"noise model of order {n} for the errors of simulation, plant kept"
+        trials.append(_trial(scorer, WHITE, revision, described, choice, taken))
         if taken:
             return described, True
     if candidate.structure == "oe":

@@ -27,17 +27,17 @@ FEWER_ROOTS, MOST_POLES_ALONE, MOST_MOVED = (1, 2, 3, 4, 6, 8), 2, 2
 # Larger orders of the same structure that are tried in state space.
 LARGER_ORDERS = 2
 NOISE_ORDERS = (1, 2, 3, 4, 6, 8, 10, 12)
-# Remedies that are tried in all.
+# Revisions that are tried in all.
 MOST_TRIALS = 12
-# A remedy is taken only if the error for the purpose grows by no more than this share.
+# A revision is taken only if the error for the purpose grows by no more than this share.
 TOLERATED = 0.02
 DELAY = "Delay"
 """The check that a model has the delays which its residuals ask for."""
 LENGTH = "Length of B"
 """The check that the last coefficients of B are significant."""
 
-Remedy = tuple[str, Callable[[Candidate], Candidate | None]]
-"""What a remedy is called, and the candidate that it gives beside the best one so far."""
+Revision = tuple[str, Callable[[Candidate], Candidate | None]]
+"""What a revision is called, and the candidate that it gives beside the best one so far."""
 Searched = Sequence[Candidate]
 """The candidates of the searches over orders, which models in state space choose from."""
 
@@ -59,7 +59,7 @@ def _with(
     return candidate_of
 
 
-def _later(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
+def _later(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Revision]:
     o = current.orders
     for place in scorer.checks(current).later:
         for more in range(1, min(4, o.nb[place])):
@@ -67,14 +67,14 @@ def _later(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
             yield name, _with(scorer, current, place=place, nk=more, nb=-more)
 
 
-def _shorter(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
+def _shorter(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Revision]:
     for place in scorer.checks(current).shorter:
         for fewer in range(1, min(4, current.orders.nb[place])):
             name = f"{fewer} coefficients of B less"
             yield name, _with(scorer, current, place=place, nb=-fewer)
 
 
-def _fewer_roots(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
+def _fewer_roots(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Revision]:
     o = current.orders
     # One input after the other where each has poles of its own.
     for place in range(o.inputs) if any(o.nf) else (None,):
@@ -98,7 +98,7 @@ def _fewer_roots(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Re
                 yield f"{fewer} pole less", _with(scorer, current, "", place, **less)
 
 
-def _further_noise(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
+def _further_noise(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Revision]:
     o = current.orders
     for n in NOISE_ORDERS:
         if not o.na and n > min(o.nc, o.nd):
@@ -111,12 +111,12 @@ def _further_noise(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[
             yield f"C of order {n}", _with(scorer, current, structure, nc=n - o.nc)
 
 
-def _longer_b(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
+def _longer_b(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Revision]:
     for more in (1, 2, 4, 8):
         yield f"{more} coefficients of B more", _with(scorer, current, nb=more)
 
 
-def _earlier(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy]:
+def _earlier(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Revision]:
     def candidate_of(_: Candidate) -> Candidate | None:
         delays, given = earlier_delays(scorer, current), (scorer.stretches, current.structure)
         fits = fits_in_state_space(*given, (current.order,), delays, scorer.settings)
@@ -128,12 +128,12 @@ def _earlier(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[Remedy
     yield "earlier delays", candidate_of
 
 
-def _smaller_order(scorer: Scorer, current: Candidate, searched: Searched) -> Iterator[Remedy]:
+def _smaller_order(scorer: Scorer, current: Candidate, searched: Searched) -> Iterator[Revision]:
     smaller = [c for c in _same_structure(current, searched) if c.order < current.order]
     yield from _of_search(scorer, "smaller order", smaller[-1:])
 
 
-def _other_models(scorer: Scorer, current: Candidate, searched: Searched) -> Iterator[Remedy]:
+def _other_models(scorer: Scorer, current: Candidate, searched: Searched) -> Iterator[Revision]:
     """Larger orders, and the likeliest candidate of each other structure with a noise model."""
     larger = [c for c in _same_structure(current, searched) if c.order > current.order]
     yield from _of_search(scorer, "larger order", larger[:LARGER_ORDERS])
@@ -148,14 +148,14 @@ def _same_structure(current: Candidate, searched: Searched) -> list[Candidate]:
     return [candidate for candidate in searched if candidate.structure == current.structure]
 
 
-def _of_search(scorer: Scorer, name: str, candidates: Iterable[Candidate]) -> Iterator[Remedy]:
+def _of_search(scorer: Scorer, name: str, candidates: Iterable[Candidate]) -> Iterator[Revision]:
     for candidate in candidates:
         yield name, partial(lambda chosen, _: scorer.with_own_scores(chosen), candidate)
 
 
 # Checks, and what is tried while some of them fail, in this order: of polynomials, whose orders are
 # changed one by one, and in state space, which has one order and the candidates of the search.
-REMEDIES = (
+REVISIONS = (
     ((DISTINCT, INSIDE_BOUND, EXCITATION_ADEQUATE), _fewer_roots, _smaller_order),
     ((DELAY,), _later, _earlier),
     ((LENGTH,), _shorter, None),

@@ -1,4 +1,4 @@
-"""Remedies of failed checks."""
+"""Revisions of failed checks."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,8 @@ from scipy.signal import lfilter
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.remedies import act_on_checks
-from evopem.automatic.remedy_orders import with_noise_models
+from evopem.automatic.revision_orders import with_noise_models
+from evopem.automatic.revisions import act_on_checks
 from evopem.automatic.structures import Choice
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
@@ -18,7 +18,7 @@ A = np.poly([0.92 * np.exp(0.6j), 0.92 * np.exp(-0.6j)]).real
 D = np.poly([0.8 * np.exp(1.5j), 0.8 * np.exp(-1.5j)]).real
 
 
-def remedied(y, u, structure, **orders):
+def revised(y, u, structure, **orders):
     stretches = [Segment(u, y)]
     scorer = Scorer(stretches, decide_folds(stretches), CommonSettings())
     candidate = scorer.candidate(structure, Orders(**orders))
@@ -28,7 +28,7 @@ def remedied(y, u, structure, **orders):
 def test_common_roots_of_an_arx_model_are_those_of_the_noise():
     u, e = np.random.default_rng(1).standard_normal((2, 1000))
     y = lfilter([0.0, 1.0, 0.6], A, u) + lfilter([1.0], np.convolve(A, D), e)
-    scorer, before, found = remedied(y, u, "arx", na=4, nb=4, nk=1)
+    scorer, before, found = revised(y, u, "arx", na=4, nb=4, nk=1)
     assert DISTINCT in scorer.checks(before).failed
     assert found.failed == ()
     after = found.choice.candidate
@@ -42,7 +42,7 @@ def test_common_roots_of_an_arx_model_are_those_of_the_noise():
 def test_ends_of_b_that_are_zero_are_left_out():
     u, e = np.random.default_rng(2).standard_normal((2, 1000))
     y = lfilter([0.0, 0.0, 1.0, 0.6], A, u) + 0.3 * e
-    _, _, found = remedied(y, u, "oe", nb=4, nf=2, nk=1)
+    _, _, found = revised(y, u, "oe", nb=4, nf=2, nk=1)
     assert found.choice.candidate.orders == Orders(nb=2, nf=2, nk=2)
 
 
@@ -50,7 +50,7 @@ def test_what_stays_failed_is_said_in_words():
     generator = np.random.default_rng(3)
     u = np.tile(generator.standard_normal(200), 4)
     y = lfilter([0.0, 1.0, 0.6], A, u + 0.3 * u**3) + 1e-3 * generator.standard_normal(len(u))
-    _, _, found = remedied(y, u, "arx", na=2, nb=2, nk=1)
+    _, _, found = revised(y, u, "arx", na=2, nb=2, nk=1)
     assert len(found.statements) == len(found.failed) > 0
     assert any("did not hold for" in each for each in found.statements)
 
