@@ -9,7 +9,7 @@ import numpy as np
 
 from evopem.automatic.candidates import Candidate, Scorer
 from evopem.automatic.decision import Alternative, Decision
-from evopem.automatic.fit import NOISE_RADIUS
+from evopem.automatic.fit import NOISE_RADIUS, PLANT_RADIUS
 from evopem.automatic.fold_errors import Kind, as_good, score_of
 from evopem.automatic.orders import orders_of_size
 from evopem.automatic.preparation.plan import PreparedRecord
@@ -17,7 +17,7 @@ from evopem.automatic.state_space import task_of, weighting_of
 from evopem.automatic.structures import Choice
 from evopem.blas_threads import one_blas_thread
 from evopem.config.constraints import Constraints
-from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
+from evopem.config.settings import AutomaticSettings, FitSettings, ScoringWindow, SearchSettings
 from evopem.config.structures import REGULARISED
 from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.estimate import estimate_polynomial
@@ -41,6 +41,8 @@ Log = Callable[[str], None]
 
 SUBJECT = "global search of the chosen model"
 SEARCHED, COMPARED = "searched model", "compared model"
+# Evaluations of the search of a polynomial model of several inputs, where none are given.
+POLYNOMIAL_EVALUATIONS = 10_000
 # A minimum that is lower by this share is another one.
 LOWER = 1e-6
 
@@ -52,6 +54,19 @@ class ChosenModel:
     estimate: StateSpaceEstimate | PolynomialEstimate  # of the plant alone in output-error form
     model: Model  # with the noise model beside an output-error plant in state space
     at_upper_ends: tuple[str, ...] = ()  # its orders at the upper end of a range that is given
+
+
+def searches_of(
+    candidate: Candidate, search: SearchSettings, settings: AutomaticSettings
+) -> tuple[SearchSettings, SearchSettings]:
+    """The settings of the search for a candidate, and the same with its evaluations."""
+    evaluations = settings.evaluations
+    if candidate.polynomials is not None:
+        if settings.max_root_radius is None:
+            search = replace(search, max_root_radius=PLANT_RADIUS)
+        if evaluations is None and len(candidate.delays) > 1:
+            evaluations = POLYNOMIAL_EVALUATIONS
+    return search, search if evaluations is None else replace(search, evaluations=evaluations)
 
 
 def estimate_candidate(

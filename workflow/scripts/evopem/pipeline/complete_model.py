@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
-from evopem.automatic.chosen_model import estimate_choice
+from evopem.automatic.chosen_model import estimate_choice, searches_of
 from evopem.automatic.decision import Decision
-from evopem.automatic.fit import PLANT_RADIUS, CommonSettings
+from evopem.automatic.fit import CommonSettings
 from evopem.automatic.revisions import Revised, act_on_checks
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose, rivals_of
@@ -36,9 +36,6 @@ from evopem.signals.recording import Recording
 
 Log = Callable[[str], None]
 
-# Evaluations of the search of a polynomial model of several inputs, where none are given.
-POLYNOMIAL_EVALUATIONS = 10_000
-
 
 def _record_of(
     files: DatasetFiles,
@@ -59,14 +56,8 @@ def _record_of(
     candidate, data, scorer = choice.candidate, scored.prepared.estimation, scored.scorer
     if candidate.structure in OF_SIMULATION:
         fit = replace(fit, focus="prediction")
-    states = candidate.polynomials is None
     search = replace(search, objective=scored.record.plan.objective)
-    if settings.max_root_radius is None and not states:
-        search = replace(search, max_root_radius=PLANT_RADIUS)
-    evaluations = settings.evaluations
-    if evaluations is None and not states and data.inputs.shape[1] > 1:
-        evaluations = POLYNOMIAL_EVALUATIONS
-    limited = search if evaluations is None else replace(search, evaluations=evaluations)
+    search, limited = searches_of(candidate, search, settings)
     with errors_name_dataset(files), one_blas_thread():
         chosen, about = estimate_choice(
             *(choice, scorer, scored.record, data, limited),
@@ -76,7 +67,9 @@ def _record_of(
         *(chosen.estimate, data, search, scored.prepared.transforms, _level_of(choice.level, data)),
         model=chosen.model,
         structure=candidate.structure,
-        weighting=weighting_of(candidate.structure, scorer.settings) if states else "",
+        weighting=weighting_of(candidate.structure, scorer.settings)
+        if candidate.polynomials is None
+        else "",
         focus=fit.focus,
         constraints=fit.constraints,
         at_upper_ends=chosen.at_upper_ends,
