@@ -35,6 +35,7 @@ BUDGET = {
     "files": 250,
     "files above 400 lines": 0,
     "folders above 20 files": 0,
+    "lines with dict[str, Any]": 29,
     "words of guides": 20_000,
     "words beside evidence": 6_000,
 }
@@ -53,6 +54,11 @@ def lines(file):
     return file.read_text(encoding="utf-8").count("\n")
 
 
+def untyped(file):
+    """Lines with a mapping of anything, which stands at the border alone: YAML, templates."""
+    return sum("[str, Any]" in line for line in file.read_text(encoding="utf-8").splitlines())
+
+
 def counted():
     guides = [*ROOT.glob("docs/*.md"), ROOT / "README.md"]
     folders = {file.parent for file in FILES}
@@ -61,6 +67,7 @@ def counted():
         "files": len(FILES),
         "files above 400 lines": sum(lines(file) > 400 for file in FILES),
         "folders above 20 files": sum(len(list(each.glob("*.py"))) > 20 for each in folders),
+        "lines with dict[str, Any]": sum(map(untyped, FILES)),
         "words of guides": words(file for file in guides if file.name != "design_notes.md"),
         "words beside evidence": words_beside_tables(ROOT.glob("docs/evidence/*.md")),
     }

@@ -133,19 +133,19 @@ def _dataset(name: str, entry: Keys, defaults: Keys, source: str) -> DatasetSett
     return settings
 
 
-def _laid_over(lower: Keys, upper: Keys) -> dict[str, Any]:
+def _laid_over(lower: Keys, upper: Keys) -> Keys:
     """Lay keys over others, those of a mapping one by one."""
     both = [group for group in GROUPS if group in lower and group in upper]
     return {**lower, **upper} | {group: {**lower[group], **upper[group]} for group in both}
 
 
-def _alone(keys: Keys, kind: Kind) -> dict[str, Any]:
+def _alone(keys: Keys, kind: Kind) -> Keys:
     """Keys with a list of one, or a mapping from the one input or output, as the value alone."""
     form = {}
     for key, value in keys.items():
         channels = kind.outputs if key == "output_unit" else kind.inputs
         if key in GROUPS and isinstance(value, Mapping):
-            value = _alone(value, kind)
+            value = _alone(dict(value), kind)
         elif key in _LISTED or (key in _OF_EACH and len(channels) == 1):
             if isinstance(value, Mapping) and list(value) == list(channels):
                 value = value[channels[0]]
@@ -167,12 +167,12 @@ def _placed(error: InputError, datasets: Any, origin: Origin) -> InputError:
     return error
 
 
-def _built_in(kind: Kind, keys: Keys) -> dict[str, Any]:
+def _built_in(kind: Kind, keys: Keys) -> Keys:
     """The keys of a data set that are built in; of an automatic recipe few, the others decided."""
     split, search = to_json(SplitSettings()), to_json(SearchSettings())
     if "validation_file" in keys:
         split["estimation"] = ALL_SAMPLES
-    built_in: dict[str, Any] = {"noise": 0.1} if kind.synthesis == "armax" else {}
+    built_in: Keys = {"noise": 0.1} if kind.synthesis == "armax" else {}
     built_in |= {"recipe": "chapter" if kind.by_chapter else "auto", "split": split}
     built_in["spectrum"] = to_json(SpectrumSettings())
     if kind.by_chapter:

@@ -9,7 +9,7 @@ Values come out in one form: ranges as tuples, paths, channels and units as they
 import ast
 import inspect
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from itertools import pairwise
 from types import NoneType
@@ -54,12 +54,13 @@ from evopem.config.settings import (
     TransformSettings,
     VaryingSettings,
 )
+from evopem.config.strict_yaml import Keys
 
 STATE_SPACE = "state_space"
 Value = TypeVar("Value")
 
 
-def mapping(name: str, keys: Mapping[str, Any], required: Iterable[str] = ()) -> Any:
+def mapping(name: str, keys: Keys, required: Iterable[str] = ()) -> Any:
     """The type of a mapping with these keys, of which none but some have to be there."""
     kinds = {key: Required[kind] if key in required else kind for key, kind in keys.items()}
     kind = TypedDict(name, kinds, total=False)
@@ -68,7 +69,7 @@ def mapping(name: str, keys: Mapping[str, Any], required: Iterable[str] = ()) ->
     return kind
 
 
-def keys_of_fields(settings: type, names: Iterable[str] = ()) -> dict[str, Any]:
+def keys_of_fields(settings: type, names: Iterable[str] = ()) -> Keys:
     """Fields of settings as keys, all of them or some; a user leaves out what is None."""
     hints = get_type_hints(settings, include_extras=True)
     said = _said_of_fields(settings.__module__)[settings.__name__]

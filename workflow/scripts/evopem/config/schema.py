@@ -1,5 +1,7 @@
 """Refuse keys and values that cannot be, in one sentence; bring the others into one form."""
 
+from __future__ import annotations
+
 import difflib
 import json
 import math
@@ -7,13 +9,16 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from evopem.config.strict_yaml import MAX_DEPTH, Keys
 from evopem.errors import InputError
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 MAX_NUMBER = 2.0**64
 """Largest magnitude of any number in a configuration."""
@@ -113,20 +118,21 @@ def checked(kind: Any, written: Any, source: str) -> Any:
     raise InputError(source, problem, remedy, key_path(path))
 
 
-def _path(error: Mapping[str, Any], written: Any) -> list[str | int]:
+def _path(error: ErrorDetails, written: Any) -> list[str | int]:
     """The keys and positions that lead to a value, without the names of members of unions."""
     path: list[str | int] = []
     for step in error["loc"]:
-        inside = step in written if isinstance(written, Mapping) else isinstance(step, int)
-        if inside and isinstance(written, Mapping | list):
-            if isinstance(written, list) and step >= len(written):
+        if isinstance(written, list) and isinstance(step, int):
+            if step >= len(written):
                 break
-            path.append(step)
-            written = written[step]
+        elif not (isinstance(written, Mapping) and step in written):
+            continue
+        path.append(step)
+        written = written[step]
     return path
 
 
-def _is_of_other_kind(error: Mapping[str, Any]) -> bool:
+def _is_of_other_kind(error: ErrorDetails) -> bool:
     """Whether a member of a union complains that the value is of another one."""
     given = error["input"]
     match error["type"]:
@@ -138,7 +144,7 @@ def _is_of_other_kind(error: Mapping[str, Any]) -> bool:
             return kind == "int_from_float" or kind.endswith("_type")
 
 
-def _explained(error: Mapping[str, Any], path: list[str | int], schema: Keys) -> tuple[str, str]:
+def _explained(error: ErrorDetails, path: list[str | int], schema: Keys) -> tuple[str, str]:
     """Turn what was found into a problem and a remedy."""
     node, limits, given = _below(schema, path), error.get("ctx", {}), error["input"]
     about = _LINK.sub(r"\1", described(node)[0])
@@ -169,10 +175,10 @@ def _explained(error: Mapping[str, Any], path: list[str | int], schema: Keys) ->
     return problem, remedy
 
 
-def _below(schema: Keys, path: Iterable[str | int]) -> dict[str, Any]:
+def _below(schema: Keys, path: Iterable[str | int]) -> Keys:
     """The part of a JSON schema that is about a value; without a description, what is above it."""
 
-    def resolved(part: Keys) -> dict[str, Any]:
+    def resolved(part: Keys) -> Keys:
         of_part = {key: value for key, value in part.items() if key != "$ref"}
         return (
             schema["$defs"][part["$ref"].rpartition("/")[2]] | of_part

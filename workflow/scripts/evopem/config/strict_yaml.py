@@ -5,7 +5,7 @@ text are checked before any value is built from them.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,7 @@ import yaml
 
 from evopem.errors import InputError
 
-Keys = Mapping[str, Any]
+Keys = dict[str, Any]
 """Keys and values of a mapping in YAML, before they become settings."""
 
 MAX_DEPTH = 20

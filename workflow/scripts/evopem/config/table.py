@@ -17,7 +17,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
-from evopem.config.strict_yaml import read_value
+from evopem.config.strict_yaml import Keys, read_value
 from evopem.errors import InputError
 
 _PATHS = ("file", "validation_file")
@@ -77,7 +77,7 @@ def expand(written: Any, source: str) -> tuple[Any, Origin]:
         return _read_table(written)
     if not isinstance(written, Mapping):
         return written, Origin(source)
-    datasets: dict[str, Any] = {}
+    datasets: Keys = {}
     templates: dict[str, str] = {}
     for name, entry in written.items():
         files = {name: entry}
@@ -92,7 +92,7 @@ def expand(written: Any, source: str) -> tuple[Any, Origin]:
     return datasets, Origin(source, templates)
 
 
-def _matching(name: str, entry: Any, source: str) -> dict[str, Any]:
+def _matching(name: str, entry: Any, source: str) -> Keys:
     """Write out one entry for every file that its pattern matches, by what its `*` stands for."""
     pattern = entry.get("file") if isinstance(entry, Mapping) else None
     if not isinstance(pattern, str) or pattern.count("*") != 1 or name.count("*") != 1:
@@ -145,12 +145,12 @@ def shard_of(datasets: Mapping[str, T], shard: str, source: str) -> dict[str, T]
     return dict(list(datasets.items())[number - 1 :: count])
 
 
-def _read_table(path: str) -> tuple[dict[str, Any], Origin]:
+def _read_table(path: str) -> tuple[Keys, Origin]:
     """Read a table of data sets; a dot in a column's name leads to a key below another one."""
     separator, (header_line, header), rows = _rows(path)
     columns = _columns(header, rows, path, f"line {header_line}")
     comma_place = _decimal_comma(columns, rows) if separator == ";" else ""
-    entries: dict[str, Any] = {}
+    entries: Keys = {}
     lines: dict[str, int] = {}
     for line, row in rows:
         cells = {column: row[index].strip() for index, column in columns}

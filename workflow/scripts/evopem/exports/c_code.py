@@ -27,6 +27,9 @@ from evopem.version import __version__
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+Context = dict[str, Any]
+"""What a template is given, by name."""
+
 _MARK = "Written by evopem"
 _WIDTH = 96
 _FADED = 0.01
@@ -192,7 +195,7 @@ def plain(text: str) -> str:
     return re.sub(r"\*(?=/)|/(?=\*)", r"\g<0> ", printed(text))
 
 
-def _context(exported: Exported) -> dict[str, Any]:
+def _context(exported: Exported) -> Context:
     model, signals, upper = exported.model, exported.signals, exported.name.upper()
     inputs, outputs = f"{upper}_INPUTS", f"{upper}_OUTPUTS"
     parts = _polynomials(model) if isinstance(model, PolynomialModel) else _state_space(model)
@@ -242,7 +245,7 @@ def _fading(poles: Complex) -> str:
     return f"what was before fades to 1 % in about {samples + 1} samples"
 
 
-def _polynomials(model: PolynomialModel) -> dict[str, Any]:
+def _polynomials(model: PolynomialModel) -> Context:
     """The polynomials; those of all inputs as the rows of one table."""
     delayed = [model.delayed_b(place) for place in range(model.inputs)]
     below = [np.convolve(model.A, f) for f in model.F]
@@ -270,7 +273,7 @@ def _table(rows: Sequence[Array]) -> Array:
     return table
 
 
-def _state_space(model: StateSpaceModel) -> dict[str, Any]:
+def _state_space(model: StateSpaceModel) -> Context:
     """The matrices and delays."""
     names = "A", "B", "C", "D", "K", "level"
     delays = model.delays

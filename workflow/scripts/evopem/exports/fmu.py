@@ -6,13 +6,12 @@ import shutil
 import subprocess
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
 from evopem.arrays import Flags
 from evopem.errors import InputError, checked_path
-from evopem.exports.c_code import Exported, c_texts, printed, rendered
+from evopem.exports.c_code import Context, Exported, c_texts, printed, rendered
 from evopem.files.atomic import files_below, member_of, pack, write_text
 from evopem.files.checksums import check_own
 from evopem.models.polynomial import Model, PolynomialModel
@@ -71,7 +70,7 @@ def _is_own(path: Path) -> bool:
     return _MARK in (member_of(path, _DESCRIPTION) or b"")
 
 
-def _variables(exported: Exported) -> dict[str, Any]:
+def _variables(exported: Exported) -> Context:
     """Names, units and start values; outputs depend on the inputs that act on the same sample."""
     signals = exported.signals
     channels = signals.inputs + signals.outputs

@@ -18,6 +18,10 @@ from evopem.models.polynomial_roots import root_gradient, roots
 DEFECTIVE = 1e-13
 
 
+Fields = dict[str, Any]
+"""Some fields of a :class:`Mode`."""
+
+
 @dataclass(frozen=True, eq=False)
 class Mode:
     """One oscillating mode of a model with l outputs and m inputs."""
@@ -132,10 +136,8 @@ def state_space_modes(
     oscillating = np.flatnonzero(poles.imag > 0.0)
     oscillating = oscillating[np.argsort(np.abs(np.log(poles[oscillating])), kind="stable")]
     unknown = np.full(len(C), np.nan)
-    errors: list[dict[str, Any]] = [{"shape_se_real": unknown, "shape_se_imag": unknown}] * len(
-        oscillating
-    )
-    neighbours: list[dict[str, Any]] = [{}] * len(oscillating)
+    errors: list[Fields] = [{"shape_se_real": unknown, "shape_se_imag": unknown}] * len(oscillating)
+    neighbours: list[Fields] = [{}] * len(oscillating)
     if covariance is not None:
         derivatives = [
             mode_derivatives(poles, right, left, int(k), B, C, len(covariance)) for k in oscillating
@@ -211,7 +213,7 @@ def _standard_errors(
     d_shape: Complex,
     covariance: ParameterCovariance,
     sampling_rate: float,
-) -> dict[str, Any]:
+) -> Fields:
     """Of a mode, from the derivatives of its pole, (p,), and of its shape, (l, p)."""
     outputs, largest, scale = len(shape), int(np.argmax(np.abs(shape))), _scale(shape)
     d_scaled = (d_shape - np.outer(shape / scale, d_shape[largest])) / scale
@@ -302,12 +304,12 @@ def neighbours_among(
     derivatives: Sequence[tuple[Complex, ...]],
     known: Sequence[int],
     covariance: ParameterCovariance,
-) -> list[dict[str, Any]]:
+) -> list[Fields]:
     """How well each shape, (l, modes), is known, alone and in the plane with a partner.
 
     As fields of :class:`.Mode`; nothing of those whose errors are not ``known``.
     """
-    neighbours: list[dict[str, Any]] = [{}] * len(poles)
+    neighbours: list[Fields] = [{}] * len(poles)
     # Errors of poles and shapes for independent errors of unit variance.
     of_poles = {place: derivatives[place][0] @ covariance.factor for place in known}
     for row in known:

@@ -14,6 +14,7 @@ from evopem.config.configuration import check_environment
 from evopem.config.defaults import complete
 from evopem.config.keys import STATE_SPACE, one_or_list
 from evopem.config.source_checks import RESULTS_FOLDER
+from evopem.config.strict_yaml import Keys
 from evopem.config.structures import STATE_SPACE_FORMS, STRUCTURES, is_polynomial, plant_order
 from evopem.errors import FOR_RESULTS, InputError, check_packages, checked_path
 from evopem.models.orders import Orders, orders_in_state_space, orders_of
@@ -245,7 +246,7 @@ def _settings(
     name: str,
     recorded: Sequence[GivenSignals],
     held_out: Sequence[GivenSignals],
-    keys: dict[str, Any],
+    keys: Keys,
 ) -> DatasetSettings:
     """The settings that a data set of these keys has in a configuration."""
     signals = recorded[0]
@@ -255,7 +256,7 @@ def _settings(
         if key in keys:
             raise InputError(key, "it is no key of the analysis", "leave it out")
     inputs, outputs = signals.input_names, signals.output_names
-    written_keys: dict[str, Any] = {
+    written_keys: Keys = {
         "file": one_or_list(_files(DATA, recorded)),
         "input": one_or_list(inputs) if inputs else NONE,
         "output": one_or_list(outputs),
@@ -272,7 +273,7 @@ def _settings(
         raise InputError(place, error.problem, error.remedy) from None
 
 
-def _with_ranges(keys: Mapping[str, Any], inputs: int) -> dict[str, Any]:
+def _with_ranges(keys: Keys, inputs: int) -> Keys:
     """Keys with ranges in place of a structure and orders as :func:`evopem.estimate` takes them."""
     written, orders = dict(keys), keys.get("orders")
     structure: Any = written.get("structure") or getattr(orders, "structure", None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 from xml.etree import ElementTree
 
@@ -17,6 +17,7 @@ from evopem.figures import CHARTS, style
 from evopem.figures.chart import Chart
 from evopem.figures.draw import draw
 from evopem.figures.style import svg_text
+from evopem.report.templates import Context
 from evopem.results.dataset import DatasetResults
 from evopem.results.layout import FIGURES
 
@@ -41,7 +42,7 @@ def drawn_figure(
     data: Sequence[str],
     svg: str = "",
     most_cells: int = MOST_CELLS,
-) -> dict[str, Any]:
+) -> Context:
     """A chart by its id, title and caption, as ``parts.html.j2`` draws it.
 
     Its table is a CSV file in a link. ``data``: files that hold the whole of it.
@@ -63,7 +64,7 @@ def drawn_figure(
 
 def drawn_figures(
     results: DatasetResults, drawings: Mapping[str, str], captions: TemplateModule, part: str
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, Context]:
     """The figures of a part of the report by name; `drawings` are SVG texts by name."""
     pictures = {}
     for name, figure in FIGURES.items():
@@ -110,7 +111,7 @@ def inline_svg(text: str, name: str, label: str) -> Markup:
 
 def csv_download(
     table: pd.DataFrame, dataset: str, figure: str, most_cells: int = MOST_CELLS
-) -> dict[str, Any]:
+) -> Context:
     """Put a figure's table into a link, thinned where it is longer than :data:`MOST_ROWS`.
 
     Returns the name of the file, its ``data:`` address, its rows, and those of the whole table.

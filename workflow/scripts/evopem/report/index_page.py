@@ -16,7 +16,7 @@ from evopem.models.parameter_covariance import NORMAL_95
 from evopem.report import control_chart
 from evopem.report.comparison import dependence_sentences
 from evopem.report.numbers import THIN, enumeration, number
-from evopem.report.templates import environment
+from evopem.report.templates import Context, environment
 from evopem.results.comparison import Dependence
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.followed_modes import FollowedMode, group_of
@@ -94,7 +94,7 @@ def _rank(name: str, entry: Entry) -> tuple[Any, ...]:
     return (True, -len(entry.failed), -entry.n_checks(passed=None), -severity, name)
 
 
-def _row(name: str, entry: Entry, page: str, folder: str, group: str) -> dict[str, Any]:
+def _row(name: str, entry: Entry, page: str, folder: str, group: str) -> Context:
     """A row; the address is that of the page or a log."""
     row = {"name": name, "group": group}
     if isinstance(entry, DatasetSummary):
@@ -103,7 +103,7 @@ def _row(name: str, entry: Entry, page: str, folder: str, group: str) -> dict[st
     return row | {"href": href, "problem": entry.problem, "summary": None}
 
 
-def _gain(summary: DatasetSummary) -> dict[str, Any] | None:
+def _gain(summary: DatasetSummary) -> Context | None:
     """The gain over frequency, from its largest value down to at most :data:`DEEPEST` below."""
     gain_db, highest = np.array(summary.gain_db), summary.sampling_rate / 2
     known = gain_db[np.isfinite(gain_db)]

@@ -4,13 +4,12 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from evopem.report.figures import drawn_figures
 from evopem.report.page_sections import PHASE_NAMES, SECTIONS
-from evopem.report.templates import environment
+from evopem.report.templates import Context, environment
 from evopem.results.dataset import DatasetResults
 from evopem.results.layout import IDENTIFICATION
 
@@ -70,7 +69,7 @@ def build_report(
     )
 
 
-def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[dict[str, Any]]:
+def stages(results: DatasetResults, wall_clock: Mapping[str, float]) -> list[Context]:
     """Seconds of every stage from the start to the end of its jobs; the searches in their order."""
     tried = results.candidates.groupby("phase", sort=False)["evaluations"] if results.phases else ()
     searches = {

@@ -30,6 +30,7 @@ from evopem.report import equations
 from evopem.report.figures import drawn_figure
 from evopem.report.numbers import hertz, is_number, number
 from evopem.report.results_text import error_parts, moving_sentence
+from evopem.report.templates import Context
 from evopem.report.verdict import mode_lines, verdict
 from evopem.results.dataset import DatasetResults
 from evopem.synthesis.armax import true_mode
@@ -74,11 +75,11 @@ class Section:
 
     id: str
     title: Callable[[DatasetResults], str]  # its heading
-    content: Callable[[DatasetResults], dict[str, Any]] | None = None  # None for figures alone
+    content: Callable[[DatasetResults], Context] | None = None  # None for figures alone
     applies: Callable[[DatasetResults], bool] = lambda _: True  # whether the page has it
 
 
-def _summary(results: DatasetResults) -> dict[str, Any]:
+def _summary(results: DatasetResults) -> Context:
     return {
         "verdict": verdict(results),
         "parts_of_error": [*_moved(results), *error_parts(results.validation)],
@@ -92,7 +93,7 @@ def _moved(results: DatasetResults) -> list[str]:
     return [moved] if moved else []
 
 
-def _moving(results: DatasetResults) -> dict[str, Any]:
+def _moving(results: DatasetResults) -> Context:
     """What a moving model says, its modes over time, and its gain beside the spectrogram."""
     varying = results.varying
     assert varying is not None
@@ -111,7 +112,7 @@ def _moving(results: DatasetResults) -> dict[str, Any]:
     return {"moves": varying.moves, "drawings": drawings}
 
 
-def _model(results: DatasetResults) -> dict[str, Any]:
+def _model(results: DatasetResults) -> Context:
     record = results.model
     return {
         "polynomials": record.polynomials if record.orders else None,
@@ -120,7 +121,7 @@ def _model(results: DatasetResults) -> dict[str, Any]:
     }
 
 
-def _continuous(results: DatasetResults) -> dict[str, Any]:
+def _continuous(results: DatasetResults) -> Context:
     """The model in s: of each path its numbers in words, and its transfer function."""
     record = results.model.continuous
     model = record.model if record else None
@@ -173,7 +174,7 @@ def _shown(value: Any, unit: str = "") -> str:
     return number(value) if is_number(value) else str(value or "none")
 
 
-def _modes(results: DatasetResults) -> dict[str, Any]:
+def _modes(results: DatasetResults) -> Context:
     """The table of modes, their lines of evidence, and the shapes of several outputs."""
     stand_in = stands_in_for_the_chapter(results.settings)
     true_modes = results.true_modes
@@ -250,7 +251,7 @@ def recording_rows(results: DatasetResults) -> list[tuple[str, int, int, int, fl
 PHASE_NAMES = {"plant": "plant order"}
 
 
-def _selection(results: DatasetResults) -> dict[str, Any]:
+def _selection(results: DatasetResults) -> Context:
     record, validation = results.decisions, results.validation
     decisions = record.decisions if record else map(phase_decision, results.phases.values())
     other_model = record.other_model if record else None

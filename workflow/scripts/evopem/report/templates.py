@@ -27,6 +27,9 @@ from evopem.validation.checks import p_text
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+Context = dict[str, Any]
+"""What a template is given, by name."""
+
 
 # The search counts as near its final objective from this ratio on.
 NEAR = 1.001
@@ -49,7 +52,7 @@ def evaluations_to_near(history: Sequence[tuple[int, float]]) -> int:
     return next(spent for spent, value in history if value <= NEAR * history[-1][1])
 
 
-def counted_roots(results: DatasetResults) -> dict[str, Any]:
+def counted_roots(results: DatasetResults) -> Context:
     """Numbers of poles and zeros, and how far out the outermost ones are."""
     record, kinds = results.model, results.roots["kind"]
     zeros_of_noise = record.noise_zeros if record.has_noise_model else np.empty(0)
@@ -68,7 +71,7 @@ def counted_roots(results: DatasetResults) -> dict[str, Any]:
     }
 
 
-def gains_in_words(results: DatasetResults) -> Iterator[dict[str, Any]]:
+def gains_in_words(results: DatasetResults) -> Iterator[Context]:
     """Where the gain of each pair is largest, and its medians at both ends of the band."""
     kind, label = results.model_source
     table = results.responses

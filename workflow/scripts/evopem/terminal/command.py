@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -16,7 +15,7 @@ from evopem.config.defaults import complete, read_settings
 from evopem.config.keys import COLUMNS, one_or_list
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESULTS_FOLDER
-from evopem.config.strict_yaml import check_yaml_files
+from evopem.config.strict_yaml import Keys, check_yaml_files
 from evopem.errors import FOR_REPORT, InputError, check_packages
 from evopem.files.checksums import COMMAND, sha256_of_file
 from evopem.files.job import job
@@ -107,7 +106,7 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add, rate = parser.add_argument, parser.add_mutually_exclusive_group()
-    channel: dict[str, Any] = {"type": _channel, "metavar": "CHANNEL"}
+    channel: Keys = {"type": _channel, "metavar": "CHANNEL"}
     add("--version", action="version", version=f"evopem {__version__}")
     add("file", metavar="FILE", nargs="+", help="the recording, or several of one system")
     for role, about in (
@@ -323,7 +322,7 @@ def _settings(arguments: argparse.Namespace) -> DatasetSettings:
     keys = {key: one_or_list(given[key]) for key in ("file", "input", "output")}
     keys |= {key: given[key] for key in COLUMNS if given[key] is not None}
     name = dataset_name(Path(arguments.file[0]))
-    content: dict[str, Any] = {"datasets": {name: keys}}
+    content: Keys = {"datasets": {name: keys}}
     if arguments.config is not None:
         if not Path(arguments.config).exists():
             remedy = "correct the path after --config"

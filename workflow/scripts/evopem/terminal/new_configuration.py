@@ -4,10 +4,9 @@ import json
 import os
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -15,6 +14,7 @@ from evopem.config.configuration import MANY
 from evopem.config.defaults import complete
 from evopem.config.schema import schema_file
 from evopem.config.source_checks import MAX_LENGTH, RESERVED_NAMES, RESULTS_FOLDER, is_valid
+from evopem.config.strict_yaml import Keys
 from evopem.errors import InputError
 from evopem.files.atomic import write_text
 from evopem.signals.inspection import (
@@ -157,7 +157,7 @@ def _channels(
     return [source], [target or next(signal for signal in signals if signal != source)], False
 
 
-def certain_channels(path: str) -> tuple[dict[str, Any], str]:
+def certain_channels(path: str) -> tuple[Keys, str]:
     """Input, output and time of a recording where they are certain, and a sentence about them.
 
     By the words of the names, else, of two signals, by a test of causality.
@@ -171,7 +171,7 @@ def certain_channels(path: str) -> tuple[dict[str, Any], str]:
         problem = f"it seems to hold frequency responses ({', '.join(responses)})"
         options = f"--frequency {shlex.quote(columns[0])} --input NAME --output '*'"
         raise InputError(path, problem, f"give evopem {path} {options}, or name its channels")
-    keys: dict[str, Any] = {}
+    keys: Keys = {}
     sources = roles = None
     if len(signals) > 1:
         sources, targets, sure = _channels(signals)
@@ -201,7 +201,7 @@ def certain_channels(path: str) -> tuple[dict[str, Any], str]:
     raise InputError(path, problem, f"name them, as in: evopem {path} {options}{rate}")
 
 
-def _taken(keys: Mapping[str, Any]) -> str:
+def _taken(keys: Keys) -> str:
     """Inputs, outputs and time in words."""
     words = [
         f"{role}{'s' if len(keys[role]) > 1 else ''} {', '.join(map(str, keys[role]))}"

@@ -1,6 +1,6 @@
 """HDF5 files, read by h5py."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from math import ceil, prod
 from pathlib import Path
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from evopem.errors import InputError
 from evopem.signals.readers.numpy_files import RATE_NAMES, StoredArray, contents_of, in_memory
-from evopem.signals.readers.open_file import Contents, library, refuse_unreadable
+from evopem.signals.readers.open_file import Contents, Properties, library, refuse_unreadable
 
 _COMPLEX_FIELDS = ("real", "imag")
 
@@ -88,7 +88,7 @@ def opened(path: Path, is_matlab: bool = False) -> Iterator[Contents]:
         refuse_unreadable(path, "MATLAB 7.3 file" if is_matlab else "HDF5 file")
 
 
-def _rates_in(attributes: Mapping[str, Any], prefix: str = "") -> dict[str, StoredArray]:
+def _rates_in(attributes: Properties, prefix: str = "") -> dict[str, StoredArray]:
     return {
         f"{prefix}{name}": in_memory(np.asarray(attributes[name]))
         for name in attributes
@@ -96,7 +96,7 @@ def _rates_in(attributes: Mapping[str, Any], prefix: str = "") -> dict[str, Stor
     }
 
 
-def _unit(attributes: Mapping[str, Any]) -> str:
+def _unit(attributes: Properties) -> str:
     for name in attributes:
         if name.lower() not in ("unit", "units"):
             continue

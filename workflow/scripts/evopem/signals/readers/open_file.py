@@ -15,6 +15,9 @@ from evopem.errors import InputError
 Reference = int | str
 """A channel by its number, counted from 1, or by its name."""
 
+Properties = Mapping[str, Any]
+"""What a file says of itself or of a channel, by name."""
+
 _SYMBOL = (
     r"(?:[yzafpnuµμmcdhkMGTPEZY]|da)?(?:m|s|g|A|K|mol|cd|Hz|N|Pa|J|W|C|V|F|Ω|Ohm|ohm|S|Wb|T|H|lm|lx"
     r"|rad|sr|bar|eV|L|l|Nm|Wh|Ah|Vs|Ns|S/s)|°C?|°F|deg[CF]?|degrees?|rpm|RPM|rps|rev|U|%|dB|in|ft"

@@ -1,14 +1,19 @@
 """LabVIEW's TDMS files, read by nptdms."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from evopem.errors import InputError
-from evopem.signals.readers.open_file import Channel, Contents, library, refuse_unreadable
+from evopem.signals.readers.open_file import (
+    Channel,
+    Contents,
+    Properties,
+    library,
+    refuse_unreadable,
+)
 from evopem.signals.time_units import seconds_of
 
 
@@ -39,7 +44,7 @@ def opened(path: Path) -> Iterator[Contents]:
     yield Contents(path, "channel", names, load)
 
 
-def _sampling_rate(properties: Mapping[str, Any]) -> tuple[float | None, str]:
+def _sampling_rate(properties: Properties) -> tuple[float | None, str]:
     """The rate (Hz) of a channel, or what is wrong with the property that states it."""
     increment = properties.get("wf_increment", 0.0)
     unit = str(properties.get("wf_xunit_string", ""))
@@ -56,7 +61,7 @@ def _sampling_rate(properties: Mapping[str, Any]) -> tuple[float | None, str]:
     return None, f"its wf_increment is {step:g} s"
 
 
-def _start(properties: Mapping[str, Any]) -> float | None:
+def _start(properties: Properties) -> float | None:
     """Time (s) of the first sample since 1970, or since 0 where no date is stated."""
     offset = properties.get("wf_start_offset", 0.0)
     begin = properties.get("wf_start_time")

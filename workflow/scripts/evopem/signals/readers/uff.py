@@ -1,15 +1,20 @@
 """Universal File Format, datasets of type 58 (functions at nodal degrees of freedom), by pyuff."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from evopem.arrays import Array, Complex
 from evopem.errors import InputError
-from evopem.signals.readers.open_file import Channel, Contents, library, refuse_unreadable
+from evopem.signals.readers.open_file import (
+    Channel,
+    Contents,
+    Properties,
+    library,
+    refuse_unreadable,
+)
 from evopem.signals.timestamps import timing
 
 _NAME_FIELDS = ("id1", "id2", "id3", "id4", "id5", "rsp_ent_name", "ordinate_axis_lab")
@@ -100,7 +105,7 @@ def _refuse_broken_off(path: Path) -> None:
         raise InputError(str(path), problem, "copy or export it again")
 
 
-def _names_of(header: Mapping[str, Any]) -> tuple[str, ...]:
+def _names_of(header: Properties) -> tuple[str, ...]:
     """All names of a dataset, the most telling one first."""
     texts = [str(header.get(field, "")).strip() for field in _NAME_FIELDS]
     names = [text for text in texts if text and text.upper() != "NONE"]
@@ -108,7 +113,7 @@ def _names_of(header: Mapping[str, Any]) -> tuple[str, ...]:
     return (*names, f"{header.get('rsp_node', 0)}:{direction}")
 
 
-def _channel(path: Path, dataset: Mapping[str, Any], number: int, name: str) -> Channel:
+def _channel(path: Path, dataset: Properties, number: int, name: str) -> Channel:
     place = f'dataset {number} "{name}"'
     values = np.asarray(dataset["data"])
     in_time = dataset.get("abscissa_spec_data_type") != _FREQUENCY_AXIS
