@@ -32,7 +32,7 @@ test: $(VENV)/installed-dev  ## run every test, and the examples of the docstrin
 		$(LONGEST) $(filter-out $(FIRST) $(LONGEST) tests/__pycache__,$(patsubst %/,%,$(wildcard tests/*/))) tests/test_smoke.py
 
 matrix: $(VENV)/installed-dev  ## estimate every structure with every focus, objective and constraint
-	EVOPEM_FULL_MATRIX=1 $(BIN)/pytest --quiet --numprocesses auto tests/estimation/test_matrix.py
+	EVOPEM_FULL_MATRIX=1 $(BIN)/pytest --quiet --numprocesses auto tests/estimation/test_matrix.py tests/terminal/test_matrix.py
 
 quick: $(VENV)/installed-dev  ## what an edit needs in half a minute: style, types, a plan, and TESTS
 	$(BIN)/ruff check

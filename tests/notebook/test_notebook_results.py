@@ -262,9 +262,9 @@ TWO = ["u1", "u2"]
             {"structure": "arx", "orders": (2, 1, 1), "recipe": "chapter", "split": {"discard": 0}},
             "ARX(2,1,1)",
         ),
-        ("u1", ["y1", "y2"], {"structure": "ss", "orders": 2}, "2 ss (1,)"),
-        ("u1", "y1", {"structure": "ss", "orders": (2, 1)}, "2 ss (1,)"),
-        (TWO, "y1", {"structure": "ss", "orders": (2, [1, 2])}, "2 ss (1, 2)"),
+        ("u1", ["y1", "y2"], {"structure": "ss", "orders": 2}, "2 ss (0,)"),
+        ("u1", "y1", {"structure": "ss", "orders": (2, 1)}, "2 ss (0,)"),
+        (TWO, "y1", {"structure": "ss", "orders": (2, [1, 2])}, "2 ss (0, 1)"),
     ],
 )
 def test_orders_are_understood_as_by_estimate(inputs, outputs, keys, name):
