@@ -50,26 +50,51 @@ def test_mat_bytes_depend_on_the_model_alone(model, tmp_path):
     assert b"evopem" in first.read_bytes()[:116]
 
 
-def test_octave_simulates_the_same(model, tmp_path):
+# As blocks of a simulation do: transfer functions, or states behind delays; then the level.
+BLOCKS = """
+load model.mat; u = load('u.txt');
+if exist('K')
+  for i = 1:columns(u), u(:, i) = [zeros(InputDelay(i), 1); u(1:end-InputDelay(i), i)]; end
+  x = zeros(rows(A), 1);
+  for t = 1:rows(u), y(t, :) = C * x + D * u(t, :)'; x = A * x + B * u(t, :)'; end
+else
+  if !iscell(B), B = {B}; F = {F}; end
+  y = 0; for i = 1:columns(u), y = y + filter(B{i}, conv(A, F{i}), u(:, i)); end
+end
+printf('%.17g\\n', (y + Level')', Ts);
+"""
+
+
+@pytest.mark.parametrize("structure", ["armax", "bj", "ss"])
+def test_octave_simulates_the_same(model, structure, tmp_path):
     octave = shutil.which("octave-cli") or shutil.which("octave")
     if octave is None:
         pytest.skip("Octave is not installed")
+    generator, one = np.random.default_rng(1), np.ones(1)
+    if structure == "bj":
+        B, F = ([1.0, 0.5], [0.3]), ([1.0, -1.2, 0.8], [1.0, -0.4])
+        model = evopem.PolynomialModel(
+            one, B, [1.0, 0.3], [1.0, -0.7], F, nk=(2, 0), sampling_rate=100.0, level=0.25
+        )
+    if structure == "ss":
+        A, sizes = 0.9 * np.linalg.qr(generator.standard_normal((4, 4)))[0], ((4, 2), (3, 4))
+        parts = [generator.standard_normal(size) for size in (*sizes, (3, 2), (4, 3))]
+        level, delays = generator.standard_normal(3), (3, 0)
+        model = evopem.StateSpaceModel(A, *parts, 100.0, level, np.eye(3), delays)
     save_model_mat(model, tmp_path / "model.mat")
-    u = np.random.default_rng(1).standard_normal(50)
-    np.savetxt(tmp_path / "u.txt", u)
-    script = (
-        "load model.mat; u = load('u.txt'); y = filter(B, A, u); "
-        "printf('%.17g\\n', y); printf('%.17g\\n', Ts);"
-    )
+    u = generator.standard_normal((50, model.inputs))
+    np.savetxt(tmp_path / "u.txt", u, fmt="%.17g")
     printed = subprocess.run(
-        [octave, "--no-gui", "--quiet", "--eval", script],
+        [octave, "--no-gui", "--quiet", "--eval", BLOCKS],
         cwd=tmp_path,
         capture_output=True,
         text=True,
         check=True,
         timeout=120,
     ).stdout.split()
-    np.testing.assert_allclose(np.array(printed[:-1], float), model.simulate(u), rtol=1e-9)
+    expected = model.simulate(u).ravel()
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(np.array(printed[:-1], float), expected, atol=1e-12 * scale, rtol=0)
     assert float(printed[-1]) == 0.01
 
 
