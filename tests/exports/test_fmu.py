@@ -37,8 +37,8 @@ def exported(identified, tmp_path, monkeypatch):
     return export
 
 
-# Delays and feedthrough, one and several outputs, differences, a trend and a Box-Cox transform.
-@pytest.mark.parametrize("number", [9, 10, 14, 17, 19, 22, 27, 29])
+# Every structure with an input, delays and feedthrough, one and several outputs, every transform.
+@pytest.mark.parametrize("number", [9, 10, 11, 13, 14, 17, 18, 19, 22, 29, 33, 34])
 def test_an_fmu_is_valid_and_simulates_what_python_does(exported, fmpy, tmp_path, number):
     """Inputs of a sample are set before its outputs are read."""
     from fmpy.fmi3 import FMU3Slave
