@@ -572,6 +572,14 @@ def test_a_failed_test_of_the_class_says_when_and_what_kind(good):
     assert "Cubes of the inputs" in said("Linear", linear=failed, powers=powers)
 
 
+def test_feedback_on_the_same_sample_is_not_told_of_a_model_without_delay(good):
+    """A white disturbance in u = r - K y is then one of the response; the joint process is one."""
+    assert "same sample" not in good.check("Free").statement
+    direct = good.with_("model", orders=armax_orders(3, 3, 3, 0)).check("Free")
+    assert direct.passed
+    assert direct.statement.endswith("is not told from a response without delay.")
+
+
 @pytest.mark.parametrize(
     ("follows", "follower", "cause"),
     [("constant", "Constant in time", "Linear"), ("linear", "Linear", "Constant in time")],

@@ -178,8 +178,8 @@ def input_independence(evidence: Evidence) -> Found | None:
     )
 
 
-def _of_class(test: ResidualTest, what: str, reason: str = "") -> Found:
-    """A test of what every model assumes, with what else is said where it fails."""
+def _of_class(test: ResidualTest, what: str, reason: str = "", unseen: str = "") -> Found:
+    """A test of what every model assumes, with what else is said where it fails, or passes."""
     if math.isnan(test.p_value):
         return None, "There are too few samples to test it.", "Use a longer record."
     return (
@@ -187,7 +187,7 @@ def _of_class(test: ResidualTest, what: str, reason: str = "") -> Found:
         f"Regression of the whitened residuals on {what}: {p_text(test.p_value)}, explains"
         f" {100 * test.share:.2g} % of their variance (fails where p is below"
         f" {100 * SIGNIFICANCE:g} % and more than {100 * SMALL_SHARE:g} % is explained)."
-        f"{'' if test.passed else reason}",
+        f"{unseen if test.passed else reason}",
     )
 
 
@@ -230,7 +230,11 @@ def without_feedback(evidence: Evidence) -> Found | None:
     test = evidence.validation.model_class.without_feedback
     if math.isnan(test.p_value) and test.share == 0.0:
         return True, "The input is periodic, so that little of it can follow the noise."
-    return _of_class(test, "later samples of an input") if evidence.validation.inputs else None
+    if not evidence.validation.inputs:
+        return None
+    same = " What acts on the same sample is not told from a response without delay."
+    unseen = same if 0 in evidence.model.delays else ""
+    return _of_class(test, "later samples of an input", unseen=unseen)
 
 
 @check("Every spectral peak modelled")
