@@ -83,7 +83,7 @@ def test_one_command_identifies_a_recording(identified_once):
     # The settings are those of the same keys in a configuration.
     assert read_settings(folder / "results" / "data" / "config.yaml") == SETTINGS
     # Progress is on standard error alone, a line for each stage where there is no terminal.
-    stages = [line.partition("]")[0] for line in ended.stderr.splitlines() if line[:1] == "["]
+    stages = re.findall(r"^[#.]{10} \[(\d+/\d+)\]", ended.stderr, re.MULTILINE)
     counts = {stage.partition("/")[2] for stage in stages}
     assert len(counts) == 1
     assert len(set(stages)) == int(counts.pop()) > 5
@@ -237,7 +237,8 @@ def test_bad_input_is_said_in_one_sentence(folder, capsys, arguments, sentence):
     (folder / "gone").symlink_to("nowhere")
     (folder / "-rf.csv").touch()
     assert code_of(arguments) == 1
-    said = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("[")]
+    printed = capsys.readouterr().err.splitlines()
+    said = [line for line in printed if not re.match(r"[#.]{10} \[", line)]
     assert len(said) == 1
     assert said[0].startswith(sentence)
     assert said[0].endswith(".")
