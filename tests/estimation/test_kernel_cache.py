@@ -74,6 +74,21 @@ def test_a_change_in_one_file_invalidates_what_other_files_compiled_and_a_touch_
     assert run(package)[0] == (30, 0, 1)
 
 
+def test_a_part_becomes_machine_code_only_with_what_calls_it(package):
+    code = (
+        RUN
+        + """
+from numba.core.registry import cpu_target
+from package.inner import addend
+defined = cpu_target.target_context.codegen()._engine.is_symbol_defined
+for function in (addend, total):
+    (compiled,) = function.overloads.values()
+    print(int(defined(compiled.fndesc.llvm_func_name)))
+"""
+    )
+    assert run(package, code)[0] == (20, 0, 1, 0, 1)
+
+
 def test_types_of_a_module_that_is_gone_are_compiled_anew(package):
     for name in ("kinds", "sorts"):
         (package / f"{name}.py").write_text(KINDS)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Flags, Indices
-from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
+from evopem.estimation.pem.kernels.cache import allocating_njit, cached_njit, njit
 
 SUFFICIENT_DECREASE = 1e-4
 CURVATURE = 0.9
@@ -106,7 +106,7 @@ def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -
     return low + 0.5 * width
 
 
-@inlined
+@allocating_njit
 def _accept(
     state: State,
     r: int,
@@ -118,13 +118,13 @@ def _accept(
 ) -> None:
     """Move a start to its trial point and aim from there; end it where it has converged."""
     drop = state.line[r].value - value
-    step, change = np.empty(point.size), np.empty(point.size)
+    step, change, product = np.empty(point.size), np.empty(point.size), np.empty(point.size)
     for i in range(point.size):
         step[i] = state.line[r].step * state.d[r, i]
         change[i] = gradient[i] - state.g[r, i]
         state.x[r, i], state.g[r, i] = point[i], gradient[i]
     state.line[r].value = value
-    _update(state.h[r], step, change)
+    _update(state.h[r], step, change, product)
     state.line[r].iterations += 1
     state.line[r].tries = 0
     _aim(state, r)
@@ -139,9 +139,9 @@ def _accept(
 def _aim(state: State, r: int) -> None:
     """Begin a line along the quasi-Newton direction, or steepest descent where that climbs."""
     h, g, d = state.h[r], state.g[r], state.d[r]
-    product = _times(h, g)
+    _multiply(h, g, d)
     for i in range(g.size):
-        d[i] = -product[i]
+        d[i] = -d[i]
     state.line[r].slope = _dot(d, g)
     if not state.line[r].slope < 0.0:
         for i in range(g.size):
@@ -154,12 +154,13 @@ def _aim(state: State, r: int) -> None:
 
 
 @njit
-def _update(h: Array, s: Array, y: Array) -> None:
-    """Update an inverse Hessian by BFGS (Fletcher 1987), except where curvature is not positive."""
+def _update(h: Array, s: Array, y: Array, hy: Array) -> None:
+    """Update an inverse Hessian by BFGS (Fletcher 1987), except where curvature is not positive.
+    ``hy``: a buffer."""
     sy = _dot(s, y)
     if not sy > 1e-12 * np.sqrt(_dot(s, s) * _dot(y, y)):
         return
-    hy = _times(h, y)
+    _multiply(h, y, hy)
     weight = (1.0 + _dot(y, hy) / sy) / sy
     for i in range(len(s)):
         for j in range(len(s)):
@@ -176,14 +177,12 @@ def _dot(x: Array, y: Array) -> float:
 
 
 @njit
-def _times(symmetric: Array, vector: Array) -> Array:
-    product = np.empty(len(vector))
+def _multiply(symmetric: Array, vector: Array, product: Array) -> None:
     for i in range(len(vector)):
         product[i] = 0.0
     for j in range(len(vector)):
         for i in range(len(vector)):
             product[i] += symmetric[j, i] * vector[j]
-    return product
 
 
 InverseHessians = Callable[[Array, Indices], Array]

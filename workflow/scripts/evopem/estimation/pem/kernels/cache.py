@@ -12,22 +12,71 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba import _dynfunc  # type: ignore[attr-defined]
 from numba.core import caching
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.compiler_machinery import register_pass
+from numba.core.typed_passes import NativeLowering
 
 LOGGER = logging.getLogger("evopem")
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
-_INNER: dict[str, Any] = {"no_cpython_wrapper": True}
+
+
+class _PartLibrary(JITCodeLibrary):
+    """Code that is optimised, and becomes machine code, only with the functions that call it: by
+    itself as well it would be so once for each of them."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _PartLowering(NativeLowering):
+    """Lowering into such a library, of a function that Python cannot call."""
+
+    _name = "part_lowering"
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        lowered = state["cr"]
+        names = lowered.fndesc.lookup_module(), *[lowered.fndesc.qualname] * 2
+        nowhere = _dynfunc.make_function(*names, 0, lowered.env, (state.library,))
+        state.targetctx.insert_user_function(nowhere, lowered.fndesc, [state.library])
+        state["cr"] = lowered._replace(cfunc=nowhere)
+        return True
+
+
+class _PartCompiler(Compiler):
+    """numba's compiler, which lowers a part of others."""
+
+    def define_pipelines(self) -> list[Any]:
+        (manager,) = super().define_pipelines()
+        instead = {NativeLowering: _PartLowering}
+        manager.passes = [(instead.get(each, each), title) for each, title in manager.passes]
+        manager.finalize()
+        return [manager]
+
+
+_ALLOCATING_PART = {**_OPTIONS, "no_cpython_wrapper": True, "pipeline_class": _PartCompiler}
+_PART = {**_ALLOCATING_PART, "_nrt": False}
 
 
 def njit(function: Callable[..., Any]) -> Any:
-    """Compile a function that only compiled functions call: not kept, not callable from Python."""
-    return numba.njit(**_OPTIONS, **_INNER)(function)
+    """Compile a function that only compiled functions call: not kept, not callable from Python.
+    It makes no arrays, so that references to arrays need not be counted."""
+    return numba.njit(**_PART)(function)
 
 
-def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a large function into the one place that calls it, and not by itself as well."""
-    return numba.njit(inline="always", **_OPTIONS, **_INNER)(function)
+def allocating_njit(function: Callable[..., Any]) -> Any:
+    """The same of a function that makes, or returns, arrays."""
+    return numba.njit(**_ALLOCATING_PART)(function)
 
 
 def cached_njit(function: Callable[..., Any]) -> Any:
@@ -91,6 +140,6 @@ class _FolderCache(caching.FunctionCache):
 @cache
 def _announce(process: int) -> None:  # noqa: ARG001 - once a process
     """Say on standard error, and in the log of a job, why the first search takes longer."""
-    message = "compiling the numerical kernels (20 to 40 s, once after an installation)"
+    message = "compiling the numerical kernels (15 to 30 s, once after an installation)"
     sys.stderr.write(f"evopem: {message}\n")
     LOGGER.info(message)

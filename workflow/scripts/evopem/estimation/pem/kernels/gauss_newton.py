@@ -5,7 +5,7 @@ u_i differs by the sample that enters it from the past, times the response to an
 
 import numpy as np
 
-from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
+from evopem.estimation.pem.kernels.cache import allocating_njit, cached_njit, njit
 from evopem.estimation.pem.kernels.record import (
     CHUNK,
     LEVEL,
@@ -125,13 +125,15 @@ def _filter_source(record, parameters, buffers, part, row, size):
 
 
 @njit
-def _table_of(record, buffers, part):
+def _table_of(record, part, by_c, by_d, by_f):
     """The table that holds the filtered signal of a part."""
     if _through_c_alone(part[0]):
-        return buffers.by_c
+        return by_c
     if _through_f(record, part):
-        return buffers.by_f
-    return buffers.by_d if record.nd > 0 else buffers.by_c
+        return by_f
+    if record.nd > 0:
+        return by_d
+    return by_c
 
 
 @njit
@@ -154,8 +156,9 @@ def _forget_decayed(table, row, size):
 @njit
 def _keep_ends(record, buffers, segment, history, at, ends):
     """The filtered signals at ``at - lag`` for all lags, as rows ``part * history + lag``."""
+    tables = buffers.by_c, buffers.by_d, buffers.by_f
     for p in range(buffers.parts.shape[0]):
-        table = _table_of(record, buffers, buffers.parts[p])
+        table = _table_of(record, buffers.parts[p], *tables)
         for lag in range(1, history):
             row = p * segment + history + at - lag
             store(ends, p * history + lag, load(table, row))
@@ -215,15 +218,15 @@ def _add_products(table, x, size, past, z, count, sums, row, stride):
 def _add_products_of_parts(record, buffers, segment, now, size, alive):
     """Add the products of ``size`` samples: the first row and column of each pair of parts."""
     parts, sums = buffers.parts, buffers.sums
-    width = buffers.width
+    width, tables = buffers.width, (buffers.by_c, buffers.by_d, buffers.by_f)
     # A bare 1 would be a type of its own, which the products would be compiled for once more.
     next_row = np.intp(1)
     for p in range(parts.shape[0]):
-        of_p, x, copies = _table_of(record, buffers, parts[p]), p * segment + now, parts[p, 2]
+        of_p, x, copies = _table_of(record, parts[p], *tables), p * segment + now, parts[p, 2]
         for q in range(p, parts.shape[0]):
             if not (alive[p] and alive[q]):
                 continue
-            of_q, z = _table_of(record, buffers, parts[q]), q * segment + now
+            of_q, z = _table_of(record, parts[q], *tables), q * segment + now
             row = parts[p, 3] * width + parts[q, 3]
             _add_products(of_p, x, size, of_q, z, parts[q, 2], sums, row, next_row)
             if q > p:
@@ -273,7 +276,7 @@ def _add_responses(record, buffers, step, across):
                     store(sums, into + k * step, s)
 
 
-@inlined
+@allocating_njit
 def _gauss_newton(record, workspace, buffers):
     """``sum_t J_t J_t'`` over the samples that count, for the loaded models, to ``buffers.sums``.
     By the copies of :class:`.record.LagSums`."""

@@ -5,7 +5,7 @@ residual.  The gradient correlates one of these with the signal that a parameter
 import numpy as np
 
 from evopem.estimation.pem.kernels.bfgs import advance, trial_points
-from evopem.estimation.pem.kernels.cache import cached_njit, inlined, njit
+from evopem.estimation.pem.kernels.cache import allocating_njit, cached_njit, njit
 from evopem.estimation.pem.kernels.polynomials import barrier
 from evopem.estimation.pem.kernels.record import (
     CHUNK,
@@ -149,7 +149,7 @@ def _loss_and_gradient(record, workspace, absolute):
     return loss
 
 
-@inlined
+@allocating_njit
 def pass_over(record, objective, workspace, task, points, smoothing, barriers):
     """Residuals, values, or values and gradients of each row, (M,) and (M, n).  Residuals, of
     up to eight rows whether feasible or not, are left in ``workspace.e``."""
@@ -193,7 +193,7 @@ def pass_over(record, objective, workspace, task, points, smoothing, barriers):
     return values, gradients
 
 
-@inlined
+@allocating_njit
 def _pass_over_all(record, stretches, objective, workspace, task, points, smoothing, barriers):
     """The sum of what passes over all stretches give for each row."""
     values, gradients = np.zeros(len(points)), np.zeros(points.shape)
@@ -208,7 +208,7 @@ def _pass_over_all(record, stretches, objective, workspace, task, points, smooth
     return values, gradients
 
 
-@njit
+@allocating_njit
 def _barriers(record, objective, points, gradients):
     """Barriers of all monic polynomials of each row, inf where a root lies outside, and gradients.
     The gradients go to their rows, which are zero."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evopem.arrays import Array, Indices
-from evopem.estimation.pem.kernels.cache import njit
+from evopem.estimation.pem.kernels.cache import allocating_njit, njit
 from evopem.estimation.pem.kernels.simd import constant, lanes_table, store
 from evopem.models.orders import Orders
 
@@ -271,7 +271,7 @@ def _parts_of_sums(record: Record, linear: bool) -> Indices:
     return np.array(sums, dtype=np.intp).reshape(-1, 7)
 
 
-@njit
+@allocating_njit
 def stretch_of(record, objective, stretches, k):
     """A stretch as a record, with tables as long as those of the longest, and its objective."""
     ends, weights = stretches.ends[k], stretches.weights[k]
