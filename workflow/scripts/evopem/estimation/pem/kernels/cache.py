@@ -59,7 +59,7 @@ class _PartCompiler(Compiler):
     def define_pipelines(self) -> list[Any]:
         (manager,) = super().define_pipelines()
         instead = {NativeLowering: _PartLowering}
-        manager.passes = [(instead.get(each, each), title) for each, title in manager.passes]
+        manager.passes = [(instead.get(step, step), title) for step, title in manager.passes]
         manager.finalize()
         return [manager]
 
