@@ -55,8 +55,11 @@ format: $(VENV)/installed-dev  ## bring every file into the style
 	$(BIN)/ruff format
 	$(BIN)/snakefmt Snakefile workflow/Snakefile workflow/rules benchmarks/fletcher_powell/Snakefile benchmarks/fletcher_powell/common.smk
 
-docs: $(VENV)/installed-docs  ## build the documentation site into site/; a warning is an error
+docs: docs/gallery/index.txt $(VENV)/installed-docs  ## build the documentation site into site/; a warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+
+docs/gallery/index.txt: $(shell git ls-files workflow examples docs/*.py 2>/dev/null) $(VENV)/installed-docs
+	PYTHONPATH=workflow/scripts $(BIN)/python docs/make_gallery.py
 
 keys: $(VENV)/installed-dev  ## write the schema for editors and the tables of docs/configuration.md
 	$(BIN)/python docs/write_keys.py
@@ -77,9 +80,8 @@ bench: $(VENV)/installed-dev  ## compare the estimator's speed with others', in 
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --group bench
 	$(BIN)/python benchmarks/speed.py
 
-screenshots: report $(VENV)/installed-dev  ## take the README's pictures of the default run
-	$(BIN)/python docs/take_screenshots.py results/arm/report.html
-	$(BIN)/python docs/draw_softening.py
+screenshots: docs/gallery/index.txt  ## take the README's picture of a report
+	$(BIN)/python docs/take_screenshots.py
 
 clean:  ## remove the environment; results stay
 	rm -rf $(VENV)

@@ -1,12 +1,7 @@
-"""Draw the modes of an arm whose payload grows by three models: `python docs/draw_softening.py`."""
-
-import sys
-from pathlib import Path
+"""Modes of an arm whose payload grows by three models, for docs/make_gallery.py."""
 
 import numpy as np
 from matplotlib.figure import Figure
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "workflow" / "scripts"))
 
 from evopem import Orders, Recording, SearchSettings, estimate, estimate_varying
 from evopem.figures.style import styled, svg_text
@@ -17,7 +12,7 @@ ORDERS = Orders(na=9, nb=9, nk=3)
 
 
 @styled
-def picture() -> str:
+def softening_picture() -> str:
     """Constant as recorded, constant of the transformed record, and moving of the same, as SVG."""
     recording, truth = flexible_arm(1, 3000, softening=0.3)
     seconds, u, y = recording.times[[0, -1]], recording.inputs, recording.outputs
@@ -44,7 +39,3 @@ def picture() -> str:
         axes.set(title=title, xlabel="Time (s)")
     panels[0].set_ylabel("Natural frequency (Hz)")
     return svg_text(figure)
-
-
-if __name__ == "__main__":
-    Path(__file__).with_name("softening.svg").write_text(picture(), encoding="utf-8")

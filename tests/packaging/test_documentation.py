@@ -31,6 +31,7 @@ y = lfilter([0.0, 0.3, 0.2], [1.0, -1.3, 0.55], u) + 0.1 * e
 """
 BEFORE = {
     "README.md": RECORD + "import pandas\nframe = pandas.DataFrame({'u': u, 'y': y})[:120]\n",
+    "docs/coming_from.md": RECORD,
     "docs/structures.md": RECORD
     + """
 inputs = np.random.default_rng(2).standard_normal((400, 2))
@@ -46,6 +47,8 @@ SHORTER = {
     "orders=(8, (1, 3))": "orders=(2, (1, 3))",
     'structure="oe")': 'structure="oe", orders={"plant": [2, 2]})',
     'structure="arx", name': 'structure="arx", orders={"plant": [2, 2]}, name',
+    '100.0, structure="arx")': '100.0, structure="arx", orders={"plant": [2, 2]})',
+    "identify(None, y, 100.0)": 'identify(None, y, 100.0, structure="ss", orders=2)',
     "range(1, 13)": "range(1, 4)",
     "range(2, 17, 2)": "range(2, 7, 2)",
     "(2, 600)": "(2, 200)",
@@ -136,7 +139,7 @@ def folder(tmp_path, undrawn, monkeypatch):
 def give(folder, page, identified):
     """Lay out the files of a page."""
     bench = ROOT / "examples" / "motor_bench"
-    if page in ("docs/gallery.md", "docs/tutorial.md"):
+    if page == "docs/tutorial.md":
         settings = SETTINGS.rstrip() + "\n  resample: 500\n"
         (folder / "settings.yaml").write_text(settings)
         for file in bench.glob("*.csv"):

@@ -1,5 +1,6 @@
 """Chromium, and the pages that are tested in it."""
 
+import importlib.util
 import re
 import shutil
 from dataclasses import replace
@@ -26,6 +27,13 @@ needs_chromium = pytest.mark.skipif(
     not (CHROMIUM and DRIVER),
     reason="Chromium is not installed (Debian packages chromium and chromium-driver)",
 )
+
+AXE = importlib.util.find_spec("axe_playwright_python")
+needs_axe = pytest.mark.skipif(
+    AXE is None, reason="axe-core is not installed (axe-playwright-python)"
+)
+# Of a report outside its figures, for a reader who opens nothing.
+MOST_WORDS = 600
 
 
 def renamed_channels(info, input_name, output_name):
@@ -165,3 +173,34 @@ def visit(browser, file, width=1440, scheme="light"):
         {"features": [{"name": "prefers-color-scheme", "value": scheme}]},
     )
     browser.get(file.as_uri())
+
+
+def open_everything(browser):
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
+    browser.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0], 100))")
+
+
+def words_at_first(browser):
+    """The words that a reader sees who opens nothing, outside figures."""
+    text = browser.execute_script(
+        """document.querySelectorAll('svg, .live').forEach(each => { each.hidden = true; });
+        document.querySelectorAll('svg, .off-page').forEach(each => each.remove());
+        return document.body.innerText"""
+    )
+    return re.findall(r"[A-Za-z][A-Za-z’'-]+", text)
+
+
+def violations(browser):
+    """The rules of accessibility that a page breaks, with where, and how many it keeps."""
+    browser.execute_script((Path(AXE.origin).parent / "axe.min.js").read_text(encoding="utf-8"))
+    violated, passed = browser.execute_async_script(
+        """const done = arguments[arguments.length - 1];
+        const rules = {'label-content-name-mismatch': {enabled: true}};
+        axe.run(document, {rules, resultTypes: ['violations']}).then(
+            result => done([
+                result.violations.map(v => [v.id, v.nodes.map(n => n.html)]),
+                result.passes.length,
+            ]),
+            error => done([String(error), 0]))"""
+    )
+    return violated, passed

@@ -1,17 +1,23 @@
 """The pages in a real browser: their layout, accessibility and printing."""
 
 import base64
-import importlib.util
 import io
 import json
-import re
 from html.parser import HTMLParser
 from itertools import pairwise
-from pathlib import Path
 from unicodedata import normalize
 
 import pytest
-from browsing import HOSTILE, needs_chromium, visit
+from browsing import (
+    HOSTILE,
+    MOST_WORDS,
+    needs_axe,
+    needs_chromium,
+    open_everything,
+    violations,
+    visit,
+    words_at_first,
+)
 
 from evopem.results.layout import FIGURES
 
@@ -123,13 +129,9 @@ def test_the_first_plot_is_on_the_first_screen_of_a_phone(browser, report):
 def test_a_reader_who_opens_nothing_reads_little(browser, report):
     """Words outside figures; about 1100 while captions stood open."""
     visit(browser, report)
-    text = browser.execute_script(
-        """document.querySelectorAll('svg, .live').forEach(each => { each.hidden = true; });
-        document.querySelectorAll('svg, .off-page').forEach(each => each.remove());
-        return document.body.innerText"""
-    )
-    assert "Good for" in text
-    assert 100 < len(re.findall(r"[A-Za-z][A-Za-z’'-]+", text)) <= 600
+    words = words_at_first(browser)
+    assert {"Good", "for"} < {*words}
+    assert 100 < len(words) <= MOST_WORDS
 
 
 def first_paint(browser, page):
@@ -161,11 +163,6 @@ def test_the_contents_follow_and_mark_the_part_that_is_read(browser, report, wid
         assert top >= -1
         assert bottom <= FIRST_SCREEN
         assert marked == part
-
-
-def open_everything(browser):
-    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
-    browser.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0], 100))")
 
 
 def wait_for_figures(browser):
@@ -291,10 +288,7 @@ def test_headings_descend_by_one(browser, report):
     assert all(after - before <= 1 for before, after in pairwise(levels))
 
 
-AXE = importlib.util.find_spec("axe_playwright_python")
-
-
-@pytest.mark.skipif(AXE is None, reason="axe-core is not installed (axe-playwright-python)")
+@needs_axe
 # Every kind of page in both schemes and both widths: two are reports, two are lists.
 @pytest.mark.parametrize(
     ("name", "width", "scheme"),
@@ -312,19 +306,9 @@ AXE = importlib.util.find_spec("axe_playwright_python")
 def test_no_accessibility_violation(browser, request, name, width, scheme):
     visit(browser, request.getfixturevalue(name), width, scheme)
     open_everything(browser)
-    browser.execute_script((Path(AXE.origin).parent / "axe.min.js").read_text(encoding="utf-8"))
-    found = browser.execute_async_script(
-        """const done = arguments[arguments.length - 1];
-        const rules = {'label-content-name-mismatch': {enabled: true}};
-        axe.run(document, {rules, resultTypes: ['violations']}).then(
-            result => done({
-                passes: result.passes.length,
-                violations: result.violations.map(v => [v.id, v.nodes.map(n => n.html)]),
-            }),
-            error => done({violations: [String(error)]}))"""
-    )
-    assert found["violations"] == []
-    assert found["passes"] > 15
+    violated, passed = violations(browser)
+    assert violated == []
+    assert passed > 15
 
 
 class Drawings(HTMLParser):

@@ -336,6 +336,9 @@ def test_reasons_to_doubt_a_mode(results):
     assert of(recurrence=0.5, orders=(4, 5, 6), **compared) == [
         "only 2 of the 4 other orders with enough poles share its frequency and damping"
     ]
+    assert of(recurrence=0.0, orders=(6,), order=6, compared=1) == [
+        "the only other order with enough poles does not share its frequency and damping"
+    ]
     # Orders that need all their poles elsewhere are not compared, and may have it all the same.
     assert of(recurrence=0.0, orders=(2, 3, 6), **compared) == [
         "none of the 4 other orders with enough poles share its frequency and damping,"

@@ -36,4 +36,10 @@ def test_the_numbers_come_out_of_a_run(tmp_path):
     error = float(re.search(r"simulation (\S+) %", TUTORIAL)[1])
     simulation = load(Validation, files.validation).simulation_error_percent
     assert simulation == pytest.approx(error, abs=0.5)
-    assert "failed  White residuals:" in printed
+    block = TUTORIAL.partition("ends with\n\n```text\n")[2].partition("  report  ")[0]
+    assert words(block) in words(printed)
+
+
+def words(text):
+    """Text without its numbers, whose last digits may differ between processors."""
+    return " ".join(re.sub(r"[\d.,]+", "#", text).split())
