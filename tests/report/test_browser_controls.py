@@ -210,13 +210,18 @@ def test_what_is_seen_of_a_list_is_chosen_marked_and_saved(browser, several):
     assert len(choose(browser, marked="arm-")) == 4
     marked = browser.find_elements("css selector", "tr.marked th")
     assert {cell.text for cell in marked} == {"arm-1", "arm-2"}
+    choose(browser, marked="/m-2$|^arm-2 /")
+    assert [row.text for row in browser.find_elements("css selector", "tr.marked th")] == ["arm-2"]
+    assert choose(browser, text="/arm-(?!2)/") == ["arm-1"]
+    assert choose(browser, text="/arm-(/") == []
+    assert len(choose(browser, text="")) == 4
     choose(browser, marked="", group="arm")
     browser.execute_script(
         """window.saved = {};
         HTMLAnchorElement.prototype.click = function () { saved[this.download] = this.href; };
         document.querySelectorAll('details').forEach(d => d.open = true);
-        [...document.querySelectorAll('.columns label')].find(
-            label => label.textContent.includes('Model')).firstChild.click();"""
+        [...document.querySelectorAll('.columns input')].filter(
+            box => /Model|Rate/.test(box.parentElement.textContent)).forEach(box => box.click());"""
     )
     settle(browser)
     saved = browser.execute_async_script(
@@ -229,7 +234,8 @@ def test_what_is_seen_of_a_list_is_chosen_marked_and_saved(browser, several):
     rows = list(csv.reader(table.splitlines()))
     assert [row[0] for row in rows] == ["Data set", "arm-2", "arm-1"]
     assert "Checks" in rows[0]
-    assert "Model" not in rows[0]
+    assert "Rate" in rows[0]
+    assert not {"Model", "Samples"} & {*rows[0]}
     groups = unquote(saved["groups.csv"]).partition(",")[2]
     (head, row) = csv.reader(groups.splitlines())
     assert head[:3] == ["Group", "Data sets", "With failed checks"]

@@ -85,13 +85,21 @@
     return lines.map((cells) => cells.join("\t")).join("\n");
   };
 
-  // Filters of a table: a row is shown that contains all words of the search in any case, failed the
-  // chosen check, belongs to the chosen group, and has a mode in the chosen range of frequencies.
+  // What is sought in a row, in any case: all of several words, or a /regular expression/.
+  const seeker = (sought) => {
+    const [, pattern] = sought.match(/^\/(.+?)\/?$/) ?? [];
+    const parts = pattern ? [pattern] : sought.split(/\s+/).filter(Boolean).map((word) => word.replace(/[.*+?^${}()|[\]\\]/g, "\\$&"));
+    try {
+      const found = parts.map((part) => new RegExp(part, "i"));
+      return (text) => found.every((one) => one.test(text));
+    } catch { return () => false; } // a pattern that is being written
+  };
+  // A row is shown that has what is sought, the chosen failed check and group, and a mode in the range.
   const filter = (place) => {
     const table = document.querySelector(`table[data-name="${place.dataset.filters}"]`);
     const rows = [...table.tBodies[0].rows].map((row) => ({
       row,
-      text: plain(row).toLowerCase(),
+      text: plain(row),
       failed: row.dataset.failed ? row.dataset.failed.split("|") : [],
       group: row.dataset.group,
       modes: row.dataset.modes.split(" ").filter(Boolean).map(Number),
@@ -108,19 +116,20 @@
     offer("failed", rows.flatMap((each) => each.failed));
     offer("group", rows.map((each) => each.group).filter(Boolean));
     const mark = () => {
-      const sought = field("marked")?.value.toLowerCase().split(/\s+/).filter(Boolean) ?? [];
-      rows.forEach((each) => each.row.classList.toggle("marked", sought.length > 0 && sought.every((word) => each.text.includes(word))));
+      const sought = field("marked")?.value.trim() ?? "";
+      const marked = seeker(sought);
+      rows.forEach((each) => each.row.classList.toggle("marked", sought !== "" && marked(each.text)));
     };
     const apply = () => {
       mark();
-      const sought = field("text").value.toLowerCase().split(/\s+/).filter(Boolean);
+      const sought = seeker(field("text").value.trim());
       const [failed, group] = [field("failed").value, field("group").value];
       const [from, to] = [field("from").value, field("to").value];
       const inRange = (mode) => (from === "" || mode >= Number(from)) && (to === "" || mode <= Number(to));
       let shown = 0;
       for (const each of rows) {
         each.row.hidden = !(
-          sought.every((word) => each.text.includes(word))
+          sought(each.text)
           && (!failed || each.failed.includes(failed))
           && (!group || each.group === group)
           && ((from === "" && to === "") || each.modes.some(inRange))
@@ -247,7 +256,7 @@
       const label = document.createElement("label");
       const box = document.createElement("input");
       box.type = "checkbox";
-      box.checked = true;
+      box.checked = !cell.hidden;
       box.addEventListener("change", () => {
         for (const row of table.rows) {
           const own = columns(row)[at + 1];
@@ -259,11 +268,8 @@
     });
     shown.className = "columns";
     const map = folded("Checks by recording");
-    const place = document.createElement("div");
-    place.className = "scroll map";
-    place.tabIndex = 0;
-    place.setAttribute("role", "region");
-    place.setAttribute("aria-label", "Map of checks");
+    const region = (kind, label) => Object.assign(document.createElement("div"), { className: kind, tabIndex: 0, role: "region", ariaLabel: label });
+    const place = region("scroll map", "Map of checks");
     const groups = folded("Groups");
     const choice = document.createElement("select");
     head.slice(1).forEach((cell, at) => { if (cell.tagName === "TH" && !cell.dataset.head) choice.append(new Option(plain(cell), at + 1)); });
@@ -271,11 +277,7 @@
     by.append("Group by ", choice);
     const saving = document.createElement("p");
     saving.className = "tools";
-    const listed = document.createElement("div");
-    listed.className = "scroll";
-    listed.tabIndex = 0;
-    listed.setAttribute("role", "region");
-    listed.setAttribute("aria-label", "Groups");
+    const listed = region("scroll", "Groups");
     saving.append(button("CSV of groups", () => {
       const made = listed.firstChild;
       save("groups.csv", `data:text/csv;charset=utf-8,${encodeURIComponent(asCsv(made, [...made.rows[0].cells]))}`);
