@@ -13,6 +13,7 @@ pytest.importorskip("ipykernel", reason="no kernel to run notebooks in")
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
+PICTURES = {"motor_bench": 5, "structures": 2}
 # Reports without drawings, which are those of tests/notebook.
 UNDRAWN = """
 import evopem.figures
@@ -31,6 +32,13 @@ def texts(notebook):
     return shown
 
 
+def counted(notebook):
+    """Pictures, and messages in the red box of standard error."""
+    outputs = [each for cell in notebook.cells for each in cell.get("outputs", [])]
+    pictures = sum("image/png" in each.get("data", {}) for each in outputs)
+    return pictures, sum(each.get("name") == "stderr" for each in outputs)
+
+
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda each: each.stem)
 def test_a_notebook_runs_and_shows_what_was_stored(file, tmp_path, monkeypatch):
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
@@ -46,6 +54,7 @@ def test_a_notebook_runs_and_shows_what_was_stored(file, tmp_path, monkeypatch):
     )
     client.execute()
     assert texts(fresh) == texts(stored)
+    assert counted(fresh) == counted(stored) == (PICTURES[file.stem], 0)
 
 
 def test_the_notebooks_are_there():

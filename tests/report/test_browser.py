@@ -142,6 +142,11 @@ def first_paint(browser, page):
     )
 
 
+def test_a_list_of_a_thousand_is_small_and_opens_soon(browser, thousand):
+    assert thousand.stat().st_size < 5_000_000
+    assert min(first_paint(browser, thousand) for _ in range(3)) < 1000
+
+
 @pytest.mark.parametrize("width", [360, 1440])
 def test_the_contents_follow_and_mark_the_part_that_is_read(browser, report, width):
     visit(browser, report, width)
