@@ -63,7 +63,7 @@ def take(browser: webdriver.Chrome) -> Image.Image:
     bottom = browser.execute_script(
         "return document.querySelector(arguments[0]).getBoundingClientRect().bottom", LAST
     )
-    area = {"x": 0, "y": 0, "width": WIDTH, "height": bottom + 12, "scale": 1}
+    area = {"x": 0, "y": 0, "width": WIDTH, "height": bottom + 2, "scale": 1}
     shot = browser.execute_cdp_cmd(
         "Page.captureScreenshot", {"captureBeyondViewport": True, "clip": area}
     )
