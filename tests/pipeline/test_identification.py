@@ -164,3 +164,5 @@ def test_the_key_continuous_time_gives_the_plant_in_s(arm, tmp_path):
     assert "In continuous time" not in Path(arm.report).read_text()
     for quantity in found.model.quantities():
         assert number(quantity.value, 5) in page
+    degree = found.model.transfer_function().relative_degree
+    assert f"{record.input_names[0]} → {record.output_names[0]} {degree}." in page
