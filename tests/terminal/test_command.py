@@ -302,6 +302,16 @@ def test_channels_that_nothing_tells_are_asked_for(folder, capsys, heading, exam
     assert not Path("results").exists()
 
 
+def test_infinite_samples_warn_of_nothing_and_a_path_with_a_blank_is_quoted(
+    folder, capsys, recwarn
+):
+    signals = np.random.default_rng(1).standard_normal((200, 3))
+    np.savez("a log.npz", a=signals[:, 0], b=signals[:, 1], c=np.full(200, -np.inf))
+    assert code_of(["a log.npz"]) == 1
+    assert "evopem 'a log.npz' --input a --output b" in capsys.readouterr().err
+    assert [str(warning.message) for warning in recwarn] == []
+
+
 def test_of_a_folder_is_said_what_would_be_taken(folder, capsys):
     assert main(["."]) == 0
     shown = capsys.readouterr().out

@@ -127,7 +127,8 @@ def _is_time(channel: Channel) -> bool:
         return values.size > 1 and values[0] != values[-1]
     if values.dtype.kind not in "fiu" or values.size < 3:
         return False
-    return has_even_steps(values.astype(np.float64))
+    times = values.astype(np.float64)
+    return bool(np.isfinite(times).all()) and has_even_steps(times)
 
 
 def _is_named_time(channel: Channel) -> bool:

@@ -169,8 +169,8 @@ def certain_channels(path: str) -> tuple[Keys, str]:
     columns = channel_names(Path(path))
     if responses := responses_named(columns):
         problem = f"it seems to hold frequency responses ({', '.join(responses)})"
-        options = f"--frequency {shlex.quote(columns[0])} --input NAME --output '*'"
-        raise InputError(path, problem, f"give evopem {path} {options}, or name its channels")
+        options = f"{shlex.quote(path)} --frequency {shlex.quote(columns[0])}"
+        raise InputError(path, problem, f"give evopem {options} --input NAME --output '*'")
     keys: Keys = {}
     sources = roles = None
     if len(signals) > 1:
@@ -198,7 +198,7 @@ def certain_channels(path: str) -> tuple[Keys, str]:
         for role, name in zip(["input", *["output"] * len(example)], example, strict=False)
     )
     rate = "" if time is not None or (signals and signals[0].sampling_rate) else " --rate HZ"
-    raise InputError(path, problem, f"name them, as in: evopem {path} {options}{rate}")
+    raise InputError(path, problem, f"name them, as in: evopem {shlex.quote(path)} {options}{rate}")
 
 
 def _taken(keys: Keys) -> str:
