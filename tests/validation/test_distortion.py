@@ -94,7 +94,7 @@ def test_distortion_is_the_error_of_the_best_linear_approximation(system, kind):
         assert parts.distortion.percent == pytest.approx(100.0 * np.sqrt(truth), rel=0.35)
         hits.append((inside(parts.distortion, 100.0 * np.sqrt(truth)), inside(parts.noise, 2.0)))
         squares = sum(each.percent**2 for each in (parts.noise, parts.distortion, parts.rest))
-        assert squares >= parts.error_percent**2 * (1.0 - 1e-9)
+        assert squares == pytest.approx(parts.error_percent**2)
     # Of 12 intervals of 95 % three or more miss in 2 % of all cases.
     assert np.sum(hits, axis=0).min() >= RECORDS - 2
 

@@ -179,7 +179,9 @@ def parts_of(
         squares = _squares(level, off)
         variance = float((w + taken) ** 2 @ spread + (taken**2 + w**2 @ weights) @ squares)
     changing = float(w @ of_period) + drift
-    of_noise = bounds_of(changing, float(w**2 @ of_period**2) / (freedom / 2 + 1))
+    # The drift is known from the means of the periods alone.
+    of_changing = float(w**2 @ of_period**2) / (freedom / 2 + 1) + 4.0 * drift**2 / freedom
+    of_noise = bounds_of(changing, of_changing)
     of_distortion, rest = bounds_of(distortion, variance), total - changing - distortion
     # The rest has the error of the distortion, and varies with it at lines where both are.
     linear = np.maximum((power - noise)[on] - at_lines, 0.0)
@@ -191,11 +193,13 @@ def parts_of(
     levels = np.array([noise[on], np.maximum(at_lines - noise[on] * lines.by_realisations, 0.0)])
     even = np.arange(len(on)) % 2 == 0
     known = distortion > 0.0 and not on[even].any()
+    # What is at lines left out tells more, or less, than is in the error.
+    stated = min(distortion, max(total - changing, 0.0))
     log_p = np.log(np.maximum(p_values, np.finfo(float).tiny))
     parts = ErrorParts(
         *(name, 100.0 * math.sqrt(total)),
         Part.of(changing, of_noise),
-        Part.of(distortion, of_distortion),
+        Part.of(stated, (min(of_distortion[0], stated), of_distortion[1])),
         Part.of(rest, (rest - down, rest + up)),
         min(max(float(w[even] @ level[even]) / distortion, 0.0), 1.0) if known else math.nan,
     )
