@@ -329,7 +329,7 @@ def chirp():
     )
 
 
-def test_a_chirping_resonance_is_reported(chirp, tmp_path):
+def test_a_chirping_resonance_is_reported(chirp, undrawn, tmp_path):
     moves = chirp.varying.moves
     (mode,) = moves.modes
     assert moves.is_better
@@ -570,7 +570,7 @@ def machine():
     return identify(*signals, RATE, show_progress=False, structure="arx", varying=varying)
 
 
-def test_one_model_of_recordings_at_several_temperatures_is_reported(machine, tmp_path):
+def test_one_model_of_recordings_at_several_temperatures_is_reported(machine, undrawn, tmp_path):
     found = machine.varying
     assert found.model.schedule == found.moves.schedule == "temperature"
     assert found.moves.is_better

@@ -17,6 +17,7 @@ from scipy.signal import lfilter
 
 import evopem
 from evopem.config.defaults import complete, read_settings, yaml_text
+from evopem.config.keys import COLUMNS
 from evopem.report.numbers import with_error
 from evopem.signals.reading import read_measured
 from evopem.terminal.command import main
@@ -370,6 +371,17 @@ def test_version_and_help_need_no_library(tmp_path):
         )
         assert (ended.returncode, ended.stderr) == (0, "")
         assert shown in ended.stdout
+
+
+def test_the_help_of_an_option_is_what_the_documentation_says_of_its_key(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    shown = "".join(capsys.readouterr().out.split())
+    rows = Path(evopem.__file__).parents[3] / "docs" / "configuration.md"
+    documented = rows.read_text(encoding="utf-8")
+    for key in ("input", "output", *COLUMNS):
+        clause = re.search(rf"^\| `{key}` \| ([^,.|]+)", documented, re.MULTILINE)[1]
+        assert clause.replace(" ", "") in shown, key
 
 
 def test_init_writes_a_configuration_that_is_accepted(folder, capsys):

@@ -72,6 +72,7 @@ def run(
     """
     sys.modules.update(dict.fromkeys(missing))
     os.environ.update(environment)
+    sys.path[1:1] = filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))
     from snakemake.cli import main as snakemake
 
     if not drawn:

@@ -1,9 +1,7 @@
 """The workflow as a module of another project, with that project's configuration and data."""
 
-import os
 import shutil
 import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -58,19 +56,9 @@ def project(tmp_path):
     return write
 
 
-def snakemake(folder, *arguments, environment=None):
+def snakemake(folder, *arguments, **environment):
     arguments = ("--nocolor", "--cores", "1", *arguments)
-    if not environment:
-        return OF_ANY_CHECKOUT.run(arguments, folder)
-    return subprocess.run(
-        [sys.executable, "-m", "snakemake", *arguments],
-        cwd=folder,
-        env={**os.environ, **environment},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
+    return OF_ANY_CHECKOUT.run(arguments, folder, **environment)
 
 
 def test_another_project_uses_the_workflow_under_a_prefix(project, finished, recorded):
@@ -133,6 +121,6 @@ def test_a_tagged_repository_is_used_with_the_installed_package(
         shutil.copytree(ROOT / "workflow" / part, installed / "evopem" / part)
     # The trigger `code` stops Snakemake with a TypeError of its own where a module is a gitfile.
     triggers = ("--rerun-triggers", "mtime", "params", "input", "software-env")
-    run = snakemake(folder, *triggers, environment={"PYTHONPATH": str(installed)})
+    run = snakemake(folder, *triggers, PYTHONPATH=str(installed))
     assert run.returncode == 0, run.stdout
     assert (folder / "results" / "bench" / "summary.json").exists()

@@ -213,6 +213,12 @@ def described(node: Keys) -> tuple[str, str]:
     return clause, more
 
 
+def in_words(kind: Any) -> str:
+    """What the documentation says of values of a type, without its links."""
+    said = described(adapter(kind).json_schema())
+    return _LINK.sub(r"\1", ". ".join(filter(None, said))).replace("`", "")
+
+
 def _members(node: Keys) -> list[Keys]:
     """The types of a union, and of the unions in it; else the type itself."""
     return [inner for c in node["anyOf"] for inner in _members(c)] if "anyOf" in node else [node]

@@ -12,7 +12,8 @@ import yaml
 
 from evopem.config.configuration import check_environment, job_environment
 from evopem.config.defaults import complete, read_settings
-from evopem.config.keys import COLUMNS, one_or_list
+from evopem.config.keys import COLUMNS, SOURCE, one_or_list
+from evopem.config.schema import in_words
 from evopem.config.settings import DatasetSettings
 from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.config.strict_yaml import Keys, check_yaml_files
@@ -109,27 +110,20 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
     channel: Keys = {"type": _channel, "metavar": "CHANNEL"}
     add("--version", action="version", version=f"evopem {__version__}")
     add("file", metavar="FILE", nargs="+", help="the recording, or several of one system")
-    for role, about in (
-        (
-            "input",
-            "the input: number from 1, or name of a column, variable or channel; repeated, or a"
-            " pattern such as 'force_*', for several inputs; none for outputs alone",
-        ),
-        ("output", "the output, likewise"),
-    ):
-        add(f"--{role}", action="append", help=about, **channel)
-    rate.add_argument(
-        "--rate", type=float, metavar="HZ", help="sampling rate, where the file states none"
-    )
-    rate.add_argument("--time", help="the channel of times", **channel)
-    about = "the column of frequencies of a file of frequency responses; of UFF: abscissa"
-    add("--frequency", help=about, **channel)
-    about = "bring signals whose times are not even to an even grid"
-    add("--uneven-time", choices=["interpolate"], help=about)
-    add("--time-unit", metavar="UNIT", help="of times: s, ms, us, ns, min, h or d")
-    about = "of a text table: lines above the first sample"
-    add("--header-lines", type=int, metavar="N", help=about)
-    add("--decimal-mark", choices=[".", ","], help="of a text table")
+    several = "For a list, repeat the option"
+    for role in ("input", "output"):
+        add(f"--{role}", action="append", help=f"{in_words(SOURCE[role])}. {several}", **channel)
+    about = in_words(SOURCE["sampling_rate"])
+    rate.add_argument("--rate", type=float, metavar="HZ", help=about)
+    rate.add_argument("--time", help=in_words(SOURCE["time"]), **channel)
+    for key, form in {
+        "frequency": channel,
+        "uneven_time": {"choices": ["interpolate"]},
+        "time_unit": {"metavar": "UNIT"},
+        "header_lines": {"type": int, "metavar": "N"},
+        "decimal_mark": {"choices": [".", ","]},
+    }.items():
+        add(f"--{key.replace('_', '-')}", help=in_words(SOURCE[key]), **form)
     about = "where the folder of the results is made (default: %(default)s)"
     add("--results", default=RESULTS_FOLDER, metavar="FOLDER", help=about)
     about = "a config.yaml whose `defaults:` decide what they name"
