@@ -561,6 +561,19 @@ def test_modes_along_a_condition_are_covered_also_where_nothing_was_recorded(str
     assert np.mean(np.abs(deviations) < 1.96) > 0.8
 
 
+def test_modes_are_covered_between_conditions_that_leave_a_wide_gap():
+    """Cosines fit the recordings as well as polynomials, and are far off between them."""
+    temperatures, at = (8.4, 11.3, 11.6, 15.3, 15.5, 29.5), np.linspace(8.4, 29.5, 11)
+    for seed in (50, 60):
+        parts = recorded_at("arx", temperatures, 300, seed)
+        segments = [Segment(part.inputs, part.outputs, k) for k, part in enumerate(parts)]
+        data = parts[0].with_segments(segments)
+        given = {"schedule": temperatures, "condition": "temperature", "orders": ORDERS["arx"]}
+        path = estimate_varying(data, **given).model.modes(at)[0].modes
+        errors = np.array([mode.frequency_se_hz for mode in path])
+        assert np.abs(([m.frequency_hz for m in path] - warm(at)) / errors).max() < 3.5
+
+
 @pytest.fixture(scope="module")
 def machine():
     """Results of several recordings of one machine, each at a temperature of its own."""

@@ -124,9 +124,11 @@ def moving_model(
 
     ``orders``: known ones, or the highest to be tried with delays ``nk``.  ``schedule``: its name.
     """
-    kinds = KINDS if settings.basis == "auto" else (settings.basis,)
-    # Where some values are held out, the others determine the functions, and one more.
     levels = len(np.unique(scheduled.schedule))
+    # Between one value of each recording nothing tells other functions from polynomials.
+    kinds = KINDS[:1] if levels <= len(scheduled.data.segments) else KINDS
+    kinds = kinds if settings.basis == "auto" else (settings.basis,)
+    # Where some values are held out, the others determine the functions, and one more.
     dimensions = tuple(n for n in DIMENSIONS if n < levels + (2 - levels) // FOLDS)
     if settings.dimension != "auto":
         dimensions = (settings.dimension,)

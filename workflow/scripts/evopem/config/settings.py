@@ -131,7 +131,8 @@ class VaryingSettings:
     """The basis along which the coefficients of a model may move."""
 
     basis: Literal["auto", "legendre", "cosine", "spline"] = "auto"
-    """the functions of time. Legendre polynomials, cosines or cubic splines; `auto` is by BIC"""
+    """the functions of time. Legendre polynomials, cosines or cubic splines; `auto` is by BIC, or
+    Legendre along a condition"""
     dimension: Annotated[int, Field(ge=2, le=30)] | Literal["auto"] = "auto"
     """the number of functions"""
     condition: Annotated[str, Field(min_length=1)] | None = None
