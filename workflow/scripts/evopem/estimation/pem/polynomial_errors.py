@@ -16,6 +16,7 @@ from evopem.errors import NoModelError
 from evopem.estimation.pem.kernels.gradient import GRADIENTS, VALUES
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.kernels.record import Objective
+from evopem.estimation.pem.least_squares import triangle_of
 from evopem.estimation.pem.stretch_errors import PLANT_WEIGHT, STATE_WEIGHT, Passes, StretchErrors
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
@@ -225,6 +226,24 @@ class PolynomialErrors:
         nonlinear = entries & ~self.linear("b", "level", "plant", "noise")
         matrices = self._curvatures(points, smoothing, not nonlinear.any())
         return matrices[:, entries][:, :, entries]
+
+    def curvature_root(self, point: Array, smoothing: float, barrier: float) -> Array:
+        """R, (n, n), with ``R'R`` the matrix of :meth:`curvatures` at a point.  By decompositions
+        of the derivatives: products of columns that hardly differ, as those of poles close together
+        near 1, lose half of the digits."""
+        of_point = point[None, :]
+        matrix = self._curvatures(of_point, np.array([smoothing]), False)[0]
+        triangle, counted = triangle_of(self.jacobian_blocks(point)), slice(self.parameters)
+        size = np.sum(triangle[:, counted] ** 2)
+        rows = [np.sqrt(np.trace(matrix[counted, counted]) / size) * triangle]
+        rows.append(np.diag(np.sqrt(2.0 * self.state_weights())))
+        for (_, part), (_, _, bends) in zip(
+            self.polynomials(), self._barriers(of_point), strict=True
+        ):
+            values, vectors = np.linalg.eigh(barrier * bends[0])
+            rows.append(np.zeros((len(values), len(point))))
+            rows[-1][:, part] = (np.sqrt(np.maximum(values, 0.0)) * vectors).T
+        return np.asarray(np.linalg.qr(np.concatenate(rows), mode="r"))
 
     def _curvatures(self, points: Array, smoothing: Array, linear: bool) -> Array:
         if len(self.places) == 1:

@@ -29,6 +29,9 @@ WAIT = 1.0
 # Added to the unit diagonal of a scaled Gauss-Newton matrix, times its size: directions that the
 # data say less about are left to BFGS.
 DAMPING = 1e-12
+# Smallest eigenvalue of such a matrix that its products of columns still tell, and the smallest
+# singular value of its columns themselves, relative to the largest.
+DEPENDENT, LEAST_SINGULAR = 1e-13, 1e-13
 # Smallest ratio of a diagonal entry to the largest one at which a coordinate is sensitive.
 SENSITIVE = 1e-60
 
@@ -128,6 +131,71 @@ def _bfgs(
     damping: float,
     wait: float | None,
 ) -> Descent:
+    """BFGS from each point, in a frame of its own where the products of its matrix say too little
+    for a start without further damping."""
+    found = Descent(points.copy(), np.empty(len(points)), np.empty(len(points), dtype=bool), 0)
+    framed = np.zeros(len(points), dtype=bool)
+    if isinstance(errors, PolynomialErrors) and damping == DAMPING:
+        framed = nearly_dependent(errors.curvatures(points, smoothing, barriers))
+    for rows in (np.flatnonzero(~framed), np.flatnonzero(framed)):
+        if not len(rows):
+            continue
+        given = points[rows], smoothing[rows], barriers[rows], tolerance
+        if isinstance(errors, PolynomialErrors) and framed[rows[0]]:
+            ended = _bfgs_in_frames(errors, *given, wait)
+        else:
+            ended = _bfgs_in_coefficients(errors, *given, damping, wait)
+        found.points[rows], found.values[rows] = ended.points, ended.values
+        found.converged[rows] = ended.converged
+        found = replace(found, evaluations=found.evaluations + ended.evaluations)
+    return found
+
+
+def _bfgs_in_frames(
+    errors: PolynomialErrors,
+    points: Array,
+    smoothing: Array,
+    barriers: Array,
+    tolerance: float,
+    wait: float | None,
+) -> Descent:
+    """BFGS in coordinates in which the Gauss-Newton matrix of each start is the identity."""
+    starts = zip(points, smoothing, barriers, strict=True)
+    frames = np.array([_frame(errors.curvature_root(*start)) for start in starts])
+
+    def evaluate(z: Array, rows: Indices) -> tuple[Array, Array]:
+        trial = points[rows] + np.einsum("mnk,mk->mn", frames[rows], z)
+        values, gradients = errors.values_and_gradients(trial, smoothing[rows], barriers[rows])
+        return values, np.einsum("mnk,mn->mk", frames[rows], gradients)
+
+    def identities(z: Array, rows: Indices) -> Array:
+        return np.tile(np.eye(z.shape[1]), (len(rows), 1, 1))
+
+    given = np.zeros_like(points), identities, MAX_ITERATIONS, tolerance
+    ended = descend(evaluate, *given, refresh=False, wait=wait)
+    return replace(ended, points=points + np.einsum("mnk,mk->mn", frames, ended.points))
+
+
+def _frame(root: Array) -> Array:
+    """T, (n, n), with ``T T'`` the inverse of ``R'R``, singular values raised to a least one."""
+    size = np.linalg.norm(root, axis=0)
+    if not np.isfinite(size).all():
+        return np.eye(len(root))
+    sensitive = size**2 > SENSITIVE * np.max(size**2)
+    scale = np.where(sensitive, 1.0 / np.where(sensitive, size, 1.0), 0.0)
+    _, singular, directions = np.linalg.svd(root * scale)
+    return scale[:, None] * directions.T / np.maximum(singular, LEAST_SINGULAR * singular[0])
+
+
+def _bfgs_in_coefficients(
+    errors: PredictionErrors,
+    points: Array,
+    smoothing: Array,
+    barriers: Array,
+    tolerance: float,
+    damping: float,
+    wait: float | None,
+) -> Descent:
     def inverse_hessians(at: Array, rows: Indices) -> Array:
         return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
 
@@ -161,24 +229,35 @@ def promised_values(
     return values - 0.5 * gains
 
 
+def nearly_dependent(matrices: Array) -> Flags:
+    """Which Gauss-Newton matrices, scaled, have an eigenvalue of the size of their rounding."""
+    return np.asarray(np.linalg.eigvalsh(_scaled(matrices)[0])[:, 0] < DEPENDENT)
+
+
 def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:
     """Inverses of positive semidefinite matrices, scaled to a unit diagonal and damped."""
-    count = matrices.shape[1]
-    diagonal = np.einsum("ijj->ij", matrices)
-    # Coordinates without any effect, such as a noise state that has decayed, are not changed.
-    sensitive = diagonal > SENSITIVE * diagonal.max(axis=1, keepdims=True)
-    scale = np.where(sensitive, 1.0 / np.sqrt(np.where(sensitive, diagonal, 1.0)), 0.0)
-    scaled = matrices * scale[:, :, None]
-    scaled *= scale[:, None, :]
-    finite = np.isfinite(scaled).all(axis=(1, 2))
-    scaled[~finite] = np.eye(count)
-    scale[~finite] = 1.0
-    np.einsum("ijj->ij", scaled)[:] = 1.0 + damping * count
+    scaled, scale = _scaled(matrices)
+    np.einsum("ijj->ij", scaled)[:] += damping * matrices.shape[1]
     inverses = np.linalg.inv(scaled)
     damped = 0.5 * (inverses + np.swapaxes(inverses, 1, 2))
     damped *= scale[:, :, None]
     damped *= scale[:, None, :]
     return np.asarray(damped)
+
+
+def _scaled(matrices: Array) -> tuple[Array, Array]:
+    """Matrices scaled to a unit diagonal, and the scales, (M, n).  Coordinates without any effect,
+    such as a noise state that has decayed, are not changed."""
+    diagonal = np.einsum("ijj->ij", matrices)
+    sensitive = diagonal > SENSITIVE * diagonal.max(axis=1, keepdims=True)
+    scale = np.where(sensitive, 1.0 / np.sqrt(np.where(sensitive, diagonal, 1.0)), 0.0)
+    scaled = matrices * scale[:, :, None]
+    scaled *= scale[:, None, :]
+    finite = np.isfinite(scaled).all(axis=(1, 2))
+    scaled[~finite] = np.eye(matrices.shape[1])
+    scale[~finite] = 1.0
+    np.einsum("ijj->ij", scaled)[:] = 1.0
+    return scaled, scale
 
 
 def solve_linear(
