@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
@@ -21,6 +22,7 @@ from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended, pooled
 from evopem.models.orders import armax_orders, orders_of
+from evopem.signals.recording import Recording
 from evopem.synthesis.armax import armax
 
 
@@ -184,3 +186,22 @@ def test_every_structure_has_neighbours_of_finite_value(structure, orders):
     assert np.isfinite(searched.values(moved)).all()
     assert evaluations > 8
     assert basin_hopping(searched, point, value, 3000, generator).value <= value
+
+
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
+def test_a_search_of_a_finely_sampled_system_explains_as_much_as_the_truth(objective):
+    """Modes of 60, 100 and 150 samples a period and a slow real pole: products of the derivatives
+    by coefficients keep no digit of some directions."""
+    generator = np.random.default_rng(3)
+    u = lfilter([1.0], [1.0, -0.9], generator.standard_normal(2000))
+    modes = np.outer(2.0 * np.pi / np.array([60.0, 100.0, 150.0]), [-0.1 + 1j, -0.1 - 1j])
+    f = np.real(np.poly(np.exp(np.append(modes, -2.0 * np.pi / 100.0))))
+    y = lfilter([0.0, 1.0], f, u)
+    noise = 0.05 * np.std(y) * generator.standard_normal(len(y))
+    orders, settings = orders_of("oe", (7, 7, 1)), SearchSettings(objective=objective)
+    window = ScoringWindow(7, 7)
+    errors = prediction_errors(Recording(u, y + noise, 1.0), orders, settings, window, False)
+    found = global_search(
+        PolynomialProblem(scaled_errors(errors)[0]), settings, np.random.default_rng(1)
+    )
+    assert found.value < errors.loss(noise[7:])

@@ -275,6 +275,17 @@ def test_the_barrier_of_a_descent_is_that_of_all_monic_polynomials():
     )
 
 
+@pytest.mark.parametrize(("orders", "level"), CASES, ids=str)
+@pytest.mark.parametrize("objective", ["quadratic", "absolute"])
+def test_the_root_of_a_gauss_newton_matrix_has_it_as_its_square(orders, level, objective):
+    errors, _, _ = problem(orders, level, objective, samples=400)
+    points, smoothing, weights = population(errors, 3), np.full(3, 0.1), np.array([0.0, 0.5, 2.0])
+    matrices = errors.curvatures(points, smoothing, weights)
+    for point, weight, matrix in zip(points, weights, matrices, strict=True):
+        root = errors.curvature_root(point, 0.1, weight)
+        np.testing.assert_allclose(root.T @ root, matrix, atol=1e-9 * np.abs(matrix).max())
+
+
 @pytest.mark.parametrize("degree", [1, 2, 5, 8])
 def test_the_stability_barrier_is_the_log_variance_of_filtered_noise(degree):
     """Of white noise through 1/A: sum of the squared impulse response (Jury's identity)."""

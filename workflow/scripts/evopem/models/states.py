@@ -10,7 +10,7 @@ from evopem.arrays import Array
 
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state.
-STATE_RANK = 1e-10
+STATE_RANK = 1e-11
 # Weight of samples that count where others say nothing.
 FAINT = 1e-8
 FIRST_SHARE = 0.1

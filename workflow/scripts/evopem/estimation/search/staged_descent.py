@@ -32,6 +32,9 @@ DAMPING = 1e-12
 # Smallest eigenvalue of such a matrix that its products of columns still tell, and the smallest
 # singular value of its columns themselves, relative to the largest.
 DEPENDENT, LEAST_SINGULAR = 1e-13, 1e-13
+# Variance inflation factor, a diagonal entry times that of the damped inverse, from which on the
+# eigenvalues are looked at.
+SUSPECTED = 1e8
 # Smallest ratio of a diagonal entry to the largest one at which a coordinate is sensitive.
 SENSITIVE = 1e-60
 
@@ -133,22 +136,37 @@ def _bfgs(
 ) -> Descent:
     """BFGS from each point, in a frame of its own where the products of its matrix say too little
     for a start without further damping."""
-    found = Descent(points.copy(), np.empty(len(points)), np.empty(len(points), dtype=bool), 0)
-    framed = np.zeros(len(points), dtype=bool)
-    if isinstance(errors, PolynomialErrors) and damping == DAMPING:
-        framed = nearly_dependent(errors.curvatures(points, smoothing, barriers))
-    for rows in (np.flatnonzero(~framed), np.flatnonzero(framed)):
-        if not len(rows):
-            continue
-        given = points[rows], smoothing[rows], barriers[rows], tolerance
-        if isinstance(errors, PolynomialErrors) and framed[rows[0]]:
-            ended = _bfgs_in_frames(errors, *given, wait)
-        else:
-            ended = _bfgs_in_coefficients(errors, *given, damping, wait)
-        found.points[rows], found.values[rows] = ended.points, ended.values
-        found.converged[rows] = ended.converged
-        found = replace(found, evaluations=found.evaluations + ended.evaluations)
-    return found
+
+    def inverse_hessians(at: Array, rows: Indices) -> Array:
+        return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
+
+    if not isinstance(errors, PolynomialErrors):
+        return descend(
+            lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),
+            points,
+            inverse_hessians,
+            MAX_ITERATIONS,
+            tolerance,
+            wait=wait,
+        )
+    matrices = errors.curvatures(points, smoothing, barriers)
+    inverses = damped_inverses(matrices, damping)
+    if damping > DAMPING or not (framed := nearly_dependent(matrices, inverses)).any():
+        advance = partial(errors.passes.advance, (smoothing, barriers, tolerance, MAX_ITERATIONS))
+        return descend_by(advance, points, inverse_hessians, wait=wait, first=inverses)
+    rest = ~framed
+    given = points[framed], smoothing[framed], barriers[framed]
+    ends = [_bfgs_in_frames(errors, *given, tolerance, wait)]
+    if rest.any():
+        given = points[rest], smoothing[rest], barriers[rest]
+        ends.append(_bfgs(errors, *given, tolerance, damping, wait))
+    order = np.argsort(np.concatenate([np.flatnonzero(framed), np.flatnonzero(rest)]))
+    return Descent(
+        np.concatenate([end.points for end in ends])[order],
+        np.concatenate([end.values for end in ends])[order],
+        np.concatenate([end.converged for end in ends])[order],
+        sum(end.evaluations for end in ends),
+    )
 
 
 def _bfgs_in_frames(
@@ -187,33 +205,6 @@ def _frame(root: Array) -> Array:
     return scale[:, None] * directions.T / np.maximum(singular, LEAST_SINGULAR * singular[0])
 
 
-def _bfgs_in_coefficients(
-    errors: PredictionErrors,
-    points: Array,
-    smoothing: Array,
-    barriers: Array,
-    tolerance: float,
-    damping: float,
-    wait: float | None,
-) -> Descent:
-    def inverse_hessians(at: Array, rows: Indices) -> Array:
-        return damped_inverses(errors.curvatures(at, smoothing[rows], barriers[rows]), damping)
-
-    if isinstance(errors, PolynomialErrors):
-        given = smoothing, barriers, tolerance, MAX_ITERATIONS
-        return descend_by(
-            partial(errors.passes.advance, given), points, inverse_hessians, wait=wait
-        )
-    return descend(
-        lambda trial, rows: errors.values_and_gradients(trial, smoothing[rows], barriers[rows]),
-        points,
-        inverse_hessians,
-        MAX_ITERATIONS,
-        tolerance,
-        wait=wait,
-    )
-
-
 def promised_values(
     errors: PredictionErrors, points: Array, value: float, largest_value: float, damping: float
 ) -> Array:
@@ -229,9 +220,12 @@ def promised_values(
     return values - 0.5 * gains
 
 
-def nearly_dependent(matrices: Array) -> Flags:
+def nearly_dependent(matrices: Array, inverses: Array) -> Flags:
     """Which Gauss-Newton matrices, scaled, have an eigenvalue of the size of their rounding."""
-    return np.asarray(np.linalg.eigvalsh(_scaled(matrices)[0])[:, 0] < DEPENDENT)
+    dependent = np.einsum("ijj,ijj->ij", matrices, inverses).max(axis=1) > SUSPECTED
+    rows = np.flatnonzero(dependent)
+    dependent[rows] = np.linalg.eigvalsh(_scaled(matrices[rows])[0])[:, 0] < DEPENDENT
+    return np.asarray(dependent)
 
 
 def damped_inverses(matrices: Array, damping: float = DAMPING) -> Array:

@@ -243,10 +243,12 @@ def descend_by(
     inverse_hessians: InverseHessians,
     refresh: bool = True,
     wait: float | None = None,
+    first: Array | None = None,
 ) -> Descent:
     """Minimise as :func:`descend` does an objective that comes with the loop over its trials:
     ``advance(state, trials, few)`` lets active descents try points until so many trials are made,
-    or no more than ``few`` are active.  No trials are values and gradients of the starts."""
+    or no more than ``few`` are active.  No trials are values and gradients of the starts.
+    ``first``: inverse Hessians of the starts, (M, n, n), where they are known."""
     state, count = state_at(starts.copy()), len(starts)
     advance(state, 0, 0)
     line, evaluations = state.line, count
@@ -256,7 +258,10 @@ def descend_by(
         if wait is not None and latest == np.inf and 2 * len(rows) <= count:
             latest = (1.0 + wait) * trials
         if trials == 0 or (refresh and trials % REFRESH == 0):
-            state.h[rows] = inverse_hessians(state.x[rows], rows)
+            if first is None or trials:
+                state.h[rows] = inverse_hessians(state.x[rows], rows)
+            else:
+                state.h[rows] = first[rows]
             line["unaimed"] = True
         refreshed = trials + REFRESH - trials % REFRESH
         most = max(math.ceil(min(refreshed, latest)) - trials, 1)
