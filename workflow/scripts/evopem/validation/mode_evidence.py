@@ -360,13 +360,12 @@ def doubts(
     if evidence.stable is False:
         of_them = round(evidence.recurrence * evidence.compared)
         others = len(evidence.orders) - 1 - of_them
-        few = f"{f'only {of_them}' if of_them else 'none'} of the {evidence.compared} other orders"
-        sharing = f"{few} with enough poles share"
-        if evidence.compared == 1:
-            sharing = "the only other order with enough poles does not share"
+        few = f"only {of_them}" if of_them else "none"
+        sharing = f"{few} of the {evidence.compared} other orders with enough poles share"
+        alone = "the only other order with enough poles does not share"
+        more = f", and {others} with fewer do" if others > 0 else ""
         reasons.append(
-            f"{sharing} its frequency and damping"
-            + (f", and {others} with fewer do" if others > 0 else "")
+            f"{alone if evidence.compared == 1 else sharing} its frequency and damping{more}"
         )
     if not evidence.confirmed:
         reasons.append(
