@@ -7,6 +7,7 @@ import pandas as pd
 from evopem.automatic.candidates import Candidate, StructureSearch
 from evopem.automatic.cross_validation.folds import HeldOutScores
 from evopem.automatic.decision import Decision
+from evopem.automatic.revisions import Revised
 from evopem.automatic.structures import Choice
 
 
@@ -30,6 +31,6 @@ def chosen_by_scores(results, record, tried=2):
         decisions=record,
         phases={},
         searches=(search,),
-        choice=Choice("simulation", candidate, "constant"),
+        revised=Revised(Choice("simulation", candidate, "constant"), (), (), ()),
         candidates=pd.DataFrame(rows, columns=columns),
     )

@@ -17,7 +17,7 @@ from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import root_covariance, root_gradient
 from evopem.signals.recording_info import ChannelInfo, RecordingInfo
-from evopem.validation.checks import CHECKS, Evidence, checks
+from evopem.validation.checks import CHECKS, Evidence, checks, failed_checks
 from evopem.validation.checks.roots import cancelling_pairs
 from evopem.validation.checks.search import ranges_of_phases, repeatability
 from evopem.validation.distortion import Distortion, Floor
@@ -582,19 +582,41 @@ def test_feedback_on_the_same_sample_is_not_told_of_a_model_without_delay(good):
 
 @pytest.mark.parametrize(
     ("follows", "follower", "cause"),
-    [("constant", "Constant in time", "Linear"), ("linear", "Linear", "Constant in time")],
+    [
+        ("constant", "Constant in time", "Linear"),
+        ("linear", "Linear", "Constant in time"),
+        ("feedback", "Constant in time", "Free of feedback"),
+    ],
 )
 def test_one_cause_of_two_failed_checks_counts_once(good, follows, follower, cause):
     failed = ResidualTest(1e-6, 0.05)
     tests = replace(good.validation.model_class, constant=failed, linear=failed)
+    tests = replace(tests, without_feedback=failed)
     assert good.with_("validation", model_class=tests).check(follower).word == "Failed"
     judged = good.with_("validation", model_class=replace(tests, follows=follows))
     followed = judged.check(follower)
     assert (followed.word, followed.follows_from) == ("Caution", cause)
-    assert followed.statement.startswith(f"Follows from “{cause}”: beside ")
+    assert re.match(f"Follows from “{cause}”: .*beside ", followed.statement)
     assert judged.check(cause).word == "Failed"
     names = [check.name for check in judged.checks]
     assert names.index(follower) == names.index(cause) + 1
+
+
+@pytest.mark.parametrize("failing", ["linear", "constant", "without_feedback"])
+@pytest.mark.parametrize("revisions", [None, 0, 3])
+def test_residuals_follow_from_a_wrong_class_where_no_revision_mended_them(
+    good, failing, revisions
+):
+    name = "Residuals independent of the input"
+    tests = replace(good.validation.model_class, **{failing: ResidualTest(1e-6, 0.05)})
+    given = good.with_("validation", model_class=tests).with_("pairs", share_inside95=0.5)
+    revised = None if revisions is None else (f"White residuals and {name}",) * revisions
+    judged = checks(Evidence(given.model, given.validation, given.recording, (), revised))
+    (found,) = [check for check in judged if check.name == name]
+    follows = bool(revisions) and failing != "without_feedback"
+    assert found.word == ("Caution" if follows else "Failed")
+    assert ("no other model of 3 that were tried did as well" in found.statement) == follows
+    assert len(failed_checks(judged)) == 2 - follows
 
 
 def test_a_model_at_the_floor_names_what_no_linear_model_removes(good):

@@ -116,6 +116,24 @@ def test_of_change_and_nonlinearity_the_one_that_is_not_there_follows(system, ki
     assert found.follows == follows
 
 
+@pytest.mark.parametrize(("changes", "seed"), [(False, 19), (True, 0), (True, 1)])
+def test_what_is_not_found_beside_feedback_follows_from_it(changes, seed):
+    """The residuals of a response too short hold noise, which comes back through a controller."""
+    r, e = np.random.default_rng([seed, 11]).standard_normal((2, SAMPLES))
+    r, u, y = np.repeat(r[: SAMPLES // 20], 20), np.zeros(SAMPLES), np.zeros(SAMPLES)
+    for t in range(2, SAMPLES):
+        gain = 0.1 if changes and t >= SAMPLES // 2 else 0.05
+        y[t] = 1.7 * y[t - 1] - 0.72 * y[t - 2] + gain * u[t - 1] + 0.1 * e[t]
+        u[t] = 2.0 * r[t] - 0.8 * y[t]
+    past = np.column_stack([u[10 - k : CUT - k] for k in range(1, 5)])
+    response = np.linalg.lstsq(np.insert(past, 4, 1.0, axis=1), y[10:CUT])[0][:4]
+    one = np.ones(1)
+    model = PolynomialModel(one, response, one, one, one, nk=1)
+    found = model_class(divided(model, Recording(u, y, 1.0), CUT))
+    assert found.constant.passed != changes
+    assert (found.follows == "feedback") != changes
+
+
 def test_what_a_sweep_has_not_excited_yet_is_no_change():
     """A model of the first part of a sweep is wrong at the frequencies of the second one."""
     failed = []

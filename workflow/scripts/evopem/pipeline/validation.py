@@ -49,7 +49,7 @@ def complete_results(
     selections = {phase: load(PhaseSelection, files.phase(phase)) for phase in phases}
     searches = [load(StructureSearch, files.search(structure)) for structure in structures]
     varying = load(Varying, files.varying) if settings.varying else None
-    choice, all_decisions = None, None
+    revised, all_decisions = None, None
     if phase is not None:
         order, models = _of_phase(record, selections[phase])
         rows = rows_of_phases(selections.values())
@@ -82,7 +82,7 @@ def complete_results(
     write_table(files.modes, modes.rows(record.input_names, record.output_names))
     for name, table in vars(tables).items():
         write_table(getattr(files, name), table)
-    evidence = evidence_of(record, validation, info, selections, searches, choice)
+    evidence = evidence_of(record, validation, info, selections, searches, revised)
     summary = summarize(evidence, varying.moves if varying else None)
     save(summary, files.summary)
     # What other settings left, and an archive, whose contents are written anew.
@@ -91,7 +91,7 @@ def complete_results(
     write_text(files.config, yaml_text(settings))
     known = {"settings": settings, "recording_info": info, "prepared": prepared, "model": record}
     known |= {"validation": validation, "validation_tables": tables, "decisions": all_decisions}
-    known |= {"phases": selections, "searches": tuple(searches), "choice": choice}
+    known |= {"phases": selections, "searches": tuple(searches), "revised": revised}
     known["varying"] = varying
     save(verdict_file(read_results(files, **known), summary, files), files.verdict)
 

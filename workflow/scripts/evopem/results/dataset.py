@@ -13,7 +13,6 @@ from evopem.automatic.candidates import Candidate as ScoredCandidate
 from evopem.automatic.candidates import StructureSearch
 from evopem.automatic.decision import DecisionRecord
 from evopem.automatic.revisions import Revised
-from evopem.automatic.structures import Choice
 from evopem.automatic.varying import Varying
 from evopem.config.defaults import read_settings
 from evopem.config.order_grid import phases_of_dataset
@@ -91,8 +90,8 @@ class DatasetResults:
     spectrum_summaries: tuple[SpectrumSummary, ...]  # of each output
     # By the names of the phases of the order search, in their order
     phases: dict[str, PhaseSelection]
-    searches: tuple[StructureSearch, ...] = ()  # of the automatic recipe, like the choice
-    choice: Choice | None = None
+    searches: tuple[StructureSearch, ...] = ()  # of the automatic recipe, like the revisions
+    revised: Revised | None = None
     varying: Varying | None = None  # what moves, where it was tried
 
     @property
@@ -111,7 +110,7 @@ class DatasetResults:
         """What the checks of the model judge."""
         return evidence_of(
             *(self.model, self.validation, self.recording_info),
-            *(self.phases, self.searches, self.choice),
+            *(self.phases, self.searches, self.revised),
         )
 
     @cached_property
@@ -214,9 +213,9 @@ class DatasetResults:
     @cached_property
     def scores(self) -> pd.DataFrame:
         """Errors on held-out samples by structure and order, the choice of the recipe selected."""
-        if self.choice is None:
+        if self.revised is None:
             return pd.DataFrame()
-        error = f"{self.choice.kind}_error_percent"
+        error = f"{self.revised.choice.kind}_error_percent"
         table = self.candidates
         table = table[(table["step"] != "revision") & table[error].notna()]
         table = table.rename(columns={error: "error_percent"}).reset_index(drop=True)
@@ -276,13 +275,14 @@ def evidence_of(
     recording: RecordingInfo,
     phases: Mapping[str, PhaseSelection],
     searches: Iterable[StructureSearch],
-    choice: Choice | None,
+    revised: Revised | None,
 ) -> Evidence:
     """What the checks of a model judge; without phases it is the choice of the automatic recipe."""
-    ranges = ranges_of_phases(phases)
-    if choice is not None:
-        ranges = _searched_range(choice.candidate, searches)
-    return Evidence(model, validation, recording, ranges, choice is not None)
+    if revised is None:
+        return Evidence(model, validation, recording, ranges_of_phases(phases))
+    ranges = _searched_range(revised.choice.candidate, searches)
+    trials = tuple(trial.check for trial in revised.trials)
+    return Evidence(model, validation, recording, ranges, trials)
 
 
 def _searched_range(
@@ -354,9 +354,7 @@ def read_results(files: DatasetFiles, **known: Any) -> DatasetResults:
         },
         searches=known.get("searches")
         or tuple(load(StructureSearch, files.search(name)) for name in forms),
-        choice=of(
-            "choice", lambda: load(Revised, files.decision("revisions")).choice, where=is_automatic
-        ),
+        revised=of("revised", load, Revised, files.decision("revisions"), where=is_automatic),
         varying=of("varying", load, Varying, files.varying, where=in_time and settings.varying),
     )
 

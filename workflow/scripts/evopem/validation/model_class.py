@@ -5,7 +5,7 @@ What a wrong class leaves in the residuals is small at each lag but has a known 
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 import numpy as np
@@ -50,6 +50,7 @@ class ResidualTest:
         return self.p_value >= SIGNIFICANCE or self.share < SMALL_SHARE
 
 
+Followed = Literal["", "constant", "linear", "feedback"]
 NOT_TESTED = ResidualTest(math.nan, math.nan)
 # Of inputs that repeat themselves: what follows the noise would differ from period to period.
 REPEATS = ResidualTest(math.nan, 0.0)
@@ -68,8 +69,9 @@ class ModelClass:
     # Shares of the residuals that squares and cubes of the response explain alone, and those of
     # the inputs before it, the most of all outputs; empty without an input or nonlinearity
     powers: tuple[float, ...] = ()
-    # Of change and nonlinearity, where both are found, what is not there beside the other
-    follows: Literal["", "constant", "linear"] = ""
+    # Of change and nonlinearity, where both are found, what is not there beside the other; feedback
+    # where neither is there beside it
+    follows: Followed = ""
 
 
 def model_class(records: Sequence[HeldOut]) -> ModelClass:
@@ -85,8 +87,8 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
         constant, linear = _of_outputs(parts, _changing), _of_outputs(parts, _nonlinear)
         changed_at = _moment(parts, constant.share) if constant.p_value < SIGNIFICANCE else math.nan
         powers = _powers(parts) if linear.p_value < SIGNIFICANCE else ()
-        follows = "" if constant.passed or linear.passed else _following(parts)
-        return ModelClass(constant, linear, _feedback(parts), changed_at, powers, follows)
+        tests = ModelClass(constant, linear, _feedback(parts), changed_at, powers)
+        return replace(tests, follows=_following(parts, tests))
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,14 +204,30 @@ def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> Residu
     return min(tests, key=lambda test: test.p_value, default=NOT_TESTED)
 
 
-def _following(stretches: Sequence[_Stretch]) -> Literal["", "constant", "linear"]:
-    """Which of change and nonlinearity is not found beside the other: the less likely of both."""
+def _later(stretch: _Stretch, _: int) -> tuple[Array, Array]:
+    """Nothing, and the inputs at the same sample and at later ones."""
+    later = [_lagged(u, LATER + 1)[::-1] for u in stretch.inputs[::-1].T]
+    return stretch.inputs[:, :0], np.hstack(later)
+
+
+def _following(stretches: Sequence[_Stretch], tests: ModelClass) -> Followed:
+    """What is not found beside another: of change and nonlinearity the less likely of both."""
 
     def beside(tested: Regressors, known: Regressors) -> ResidualTest:
         return _of_outputs(
             stretches, lambda s, k: (np.hstack([tested(s, k)[0], *known(s, k)]), tested(s, k)[1])
         )
 
+    both = (_changing, tests.constant), (_nonlinear, tests.linear)
+    failed = [regressors for regressors, test in both if not test.passed]
+    if (
+        failed
+        and not tests.without_feedback.passed
+        and all(beside(r, _later).passed for r in failed)
+    ):
+        return "feedback"
+    if len(failed) < 2:
+        return ""
     change, nonlinearity = beside(_changing, _nonlinear), beside(_nonlinear, _changing)
     if change.passed and not change.share > nonlinearity.share:
         return "constant"

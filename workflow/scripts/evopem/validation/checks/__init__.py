@@ -4,6 +4,7 @@ A check passes only on numbers that show it. Where a number could not be compute
 exist, ``passed`` is None and the statement says which one.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from evopem.validation.checks import inputs, residuals, roots, search
@@ -42,10 +43,11 @@ NOT_THE_MODEL = (
     " smaller input, and trust no standard error."
 )
 
-# What is not found beside what: the check that follows, its cause, and what was shown.
+# What is not found beside what: the checks that follow, their cause, and what was shown.
 FOLLOWS = {
-    "constant": (CONSTANT, LINEAR, "beside squares and cubes the data show no change"),
-    "linear": (LINEAR, CONSTANT, "beside the change the data show no nonlinearity"),
+    "constant": ((CONSTANT,), LINEAR, "beside squares and cubes the data show no change"),
+    "linear": ((LINEAR,), CONSTANT, "beside the change the data show no nonlinearity"),
+    "feedback": ((CONSTANT, LINEAR), residuals.FEEDBACK, "not found beside later inputs"),
 }
 
 __all__ = ["Check", "Evidence", "OrderRange", "checks", "failed_checks", "p_text"]
@@ -57,8 +59,21 @@ def checks(evidence: Evidence) -> list[Check]:
         return list(evidence.validation.checks)
     judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
     judged = [_with_reason(check, evidence) for check in judged]
+    causes = [check.name for check in failed_checks(judged) if check.name in (LINEAR, CONSTANT)]
+    judged = [_following(check, causes, evidence) for check in judged]
     places = {check.name: place for place, check in enumerate(judged)}
     return sorted(judged, key=lambda c: (places[c.follows_from or c.name], bool(c.follows_from)))
+
+
+def _following(check: Check, causes: Sequence[str], evidence: Evidence) -> Check:
+    """A failed test of residuals as what a wrong class leaves, where no revision was of use."""
+    revisions = sum(check.name in of_revision for of_revision in evidence.revised or ())
+    of_residuals = check.name in (WHITE, INDEPENDENT_OF_INPUT) and failed_checks([check])
+    if not (causes and revisions and of_residuals):
+        return check
+    shown = f"no other model of {revisions} that were tried did as well without it"
+    statement = f"Follows from “{causes[0]}”: {shown}. {check.statement}"
+    return replace(check, statement=statement, grade="caution", follows_from=causes[0])
 
 
 def _with_reason(check: Check, evidence: Evidence) -> Check:
@@ -66,12 +81,12 @@ def _with_reason(check: Check, evidence: Evidence) -> Check:
     validation, distortion = evidence.validation, evidence.validation.distortion
     if check.passed is not False:
         return check
-    if evidence.is_automatic and check.name in REVISED:
+    if evidence.revised is not None and check.name in REVISED:
         tried = "What was tried against it, and what that brought, is under “Decisions” and in"
         advice = f"{tried} decisions.json. {OF_PAIR if check.name == DISTINCT else ELSEWHERE}"
         check = replace(check, advice=advice)
-    follower, cause, shown = FOLLOWS.get(validation.model_class.follows, ("", "", ""))
-    if check.name == follower:
+    followers, cause, shown = FOLLOWS.get(validation.model_class.follows, ((), "", ""))
+    if check.name in followers:
         statement = f"Follows from “{cause}”: {shown}. {check.statement}"
         return replace(check, statement=statement, grade="caution", follows_from=cause)
     if check.name not in BY_DISTORTION:

@@ -43,7 +43,8 @@ class Evidence:
     validation: Validation
     recording: RecordingInfo
     ranges: tuple[OrderRange, ...] = field(default=())  # of all orders that were searched
-    is_automatic: bool = False  # whether the automatic recipe has tried what advice would be
+    # Checks that revisions of the automatic recipe were tried against; None without the recipe
+    revised: tuple[str, ...] | None = None
 
 
 Found = tuple[bool | None, str] | tuple[bool | None, str, str]

@@ -39,6 +39,7 @@ WHITE = "White residuals"
 INDEPENDENT_OF_INPUT = "Residuals independent of the input"
 CONSTANT = "Constant in time"
 LINEAR = "Linear"
+FEEDBACK = "Free of feedback"
 # What the powers that explain most point to: squares and cubes of the response, of the inputs.
 AT_OUTPUT = "at the output or inside, as of a sensor, a spring, friction or backlash"
 AT_INPUT = "before the dynamics, as of an actuator or amplifier"
@@ -220,7 +221,7 @@ def linear(evidence: Evidence) -> Found:
 
 
 @check(
-    "Free of feedback",
+    FEEDBACK,
     "The input depends on the output, as of a controller: the model may be that of the controller,"
     " or carry its bias. Use a structure with a noise model and a delay of one sample at least, or"
     " record without the controller.",
