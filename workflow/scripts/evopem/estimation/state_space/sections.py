@@ -26,8 +26,8 @@ DECAYED = 1e-150
 def _respond(out, first, stop, sigma, coupling, back, driven_by, pulses, signals):
     """The responses p and r of one segment, in the first ``2 len(sigma)`` columns of ``out``."""
     count = len(sigma)
-    out[first, :count] = pulses
-    out[first, count : 2 * count] = 0.0
+    for c in range(count):
+        out[first, c], out[first, count + c] = pulses[c], 0.0
     for t in range(first, stop - 1):
         now, after, z = out[t], out[t + 1], signals[t]
         for c in range(count):
