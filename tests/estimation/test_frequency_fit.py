@@ -301,6 +301,7 @@ def test_one_response_of_sampled_signals(tmp_path, monkeypatch, capsys):
     page = (tmp_path / "results" / "frf" / "report.html").read_text()
     assert "in discrete time at the stated 200" in page
     assert "weighed by the variances in the file" in page
+    assert "Number of modes in its range" not in page  # it was given
 
 
 def test_the_command_writes_results_and_a_report(identified):
@@ -310,6 +311,7 @@ def test_the_command_writes_results_and_a_report(identified):
     page = (results / "report.html").read_text()
     for words in ("continuous time", "Not applied, because they need a recording in time", "tip"):
         assert words in page
+    assert "Number of modes in its range" in page
     assert 'id="residual_tests"' not in page
     assert "zero of the noise filter" not in page  # there is no noise model
     for figure in ("gain", "stabilization", "frequency_response", "nyquist"):

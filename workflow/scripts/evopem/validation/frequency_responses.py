@@ -95,6 +95,7 @@ def _checks(fit: ResponseFit, most: int) -> tuple[Check, ...]:
         (AGREEMENT, agreeing > 1, agreed, again, "caution"),
         ("Number of modes in its range", fit.modes < most, tried, wider, "note"),
     )
+    judged = judged[: 3 + (len(fit.criteria) > 1)]  # a number that was given has no range
     return tuple(
         Check(name, bool(good), said, "" if good else advice, grade)
         for name, good, said, advice, grade in judged[1 - fit.responses.are_absolute :]
