@@ -89,6 +89,12 @@ for function in (addend, total):
     assert run(package, code)[0] == (20, 0, 1, 0, 1)
 
 
+def test_what_is_loaded_does_not_import_what_numba_compiles_by(package):
+    code = f"import sys{RUN}print(int('numba.np.linalg' in sys.modules))"
+    assert run(package, code)[0] == (20, 0, 1, 1)
+    assert run(package, code)[0] == (20, 1, 0, 0)
+
+
 def test_types_of_a_module_that_is_gone_are_compiled_anew(package):
     for name in ("kinds", "sorts"):
         (package / f"{name}.py").write_text(KINDS)

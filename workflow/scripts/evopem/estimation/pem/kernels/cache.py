@@ -17,6 +17,7 @@ from numba.core import caching
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import register_pass
+from numba.core.runtime import rtsys
 from numba.core.typed_passes import NativeLowering
 
 LOGGER = logging.getLogger("evopem")
@@ -119,6 +120,11 @@ class _FolderCacheImplementation(caching.CompileResultCacheImpl):
         )
     ]
 
+    def reduce(self, cres: Any) -> Any:
+        # Without the environments of what is called, whose modules would be imported again: they
+        # hold objects of Python, which no kernel uses.
+        return *super().reduce(cres)[:-1], ()
+
 
 class _FolderCache(caching.FunctionCache):
     """numba's cache of one function, with the folder's digest as source stamp."""
@@ -126,8 +132,11 @@ class _FolderCache(caching.FunctionCache):
     _impl_class = _FolderCacheImplementation
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        # What is loaded needs the counts of references alone, not all that numba compiles by, which
+        # the method of the base class imports: a third of a small estimate.
+        rtsys.initialize(target_context)
         try:
-            loaded = super().load_overload(sig, target_context)
+            loaded = self._load_overload(sig, target_context)
         except (ImportError, AttributeError):
             # The index names what another version of the package had.
             self._cache_file.flush()
