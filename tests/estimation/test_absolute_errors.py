@@ -87,7 +87,7 @@ def test_the_jacobian_is_the_derivative_of_the_errors(structure):
 
 @pytest.mark.parametrize("structure", ["ss_oe", "ss"])
 def test_the_optimum_is_that_of_linear_programmes(structure):
-    u, y = recorded(150, 3, structure=structure)
+    u, y = recorded(100, 3, structure=structure)
     found = estimate_state_space(Recording(u, y, RATE), 2, structure=structure, **ABSOLUTE)
     model = found.model
     gain = model.K.ravel() if structure == "ss" else []
