@@ -134,7 +134,7 @@ def test_a_gain_stands_for_a_response_that_cannot_be_told_from_zero(gain):
         assert found is None
     else:
         assert found[0] is small
-        assert "told from zero" in found[1]
+        assert "differs from zero" in found[1]
 
 
 def test_a_gain_stands_for_no_response_beside_noise_of_any_order():

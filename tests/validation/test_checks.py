@@ -483,7 +483,7 @@ def test_an_input_of_several_that_explains_nothing_is_named(good):
     several = good.with_("validation", inputs=tuple(inputs), input_test=told)
     check = several.check("Every input")
     assert (check.passed, check.grade) == (False, "caution")
-    assert "the response to u2 (p = 0.2) is not told from zero" in check.statement
+    assert "the response to u2 (p = 0.2) does not differ from zero" in check.statement
     kept = several.with_("validation", inputs=tuple(inputs[::2]))
     assert kept.check("Every input").passed is True
     # Where all inputs together explain nothing, that is said alone.
@@ -498,7 +498,7 @@ def test_inputs_that_hide_each_others_response_fail(good):
     inputs[::2] = [replace(each, hidden_hz=((0.5, 15.0),)) for each in inputs[::2]]
     check = good.with_("validation", inputs=tuple(inputs)).check("Inputs told")
     assert (check.passed, check.grade) == (False, "defect")
-    assert check.statement.startswith("u1, u3 cannot be told apart at 0.5 to 15 Hz")
+    assert check.statement.startswith("u1, u3 cannot be distinguished at 0.5 to 15 Hz")
 
 
 def test_a_validation_input_with_power_elsewhere_fails(good):

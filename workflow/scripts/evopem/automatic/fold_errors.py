@@ -129,7 +129,7 @@ def gain_of_nothing(
         return None
     return gain, (
         f"{chosen.name} does not simulate held-out samples clearly better than a constant, and no"
-        " model is clearly likelier than noise alone: the input explains nothing that can be told"
+        " model is clearly likelier than noise alone: the input explains nothing that differs"
         f" from zero, and {gain.name} stands for its response."
     )
 

@@ -102,7 +102,7 @@ def each_response(evidence: Evidence) -> Found | None:
     if len(inputs) < 2 or not responds(evidence.validation.input_test):
         return None
     nothing = [f"{c.name} ({p_text(c.test.p_value)})" for c in inputs if not responds(c.test)]
-    zero = f"the response to {listed(nothing)} is not told from zero"
+    zero = f"the response to {listed(nothing)} does not differ from zero"
     return not nothing, f"Beside the others {zero if nothing else 'each explains a part'}."
 
 
@@ -119,7 +119,7 @@ def told_apart(evidence: Evidence) -> Found | None:
     if not hidden:
         return True, "No input follows from the others at any frequency."
     where = ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in hidden[0].hidden_hz[:4])
-    names = f"{listed([channel.name for channel in hidden])} cannot be told apart at {where}:"
+    names = f"{listed([channel.name for channel in hidden])} cannot be distinguished at {where}:"
     return False, f"{names} the others make each one's standard error more than ten times as large."
 
 
