@@ -22,7 +22,7 @@ from evopem.figures.time_domain import settling_part, shown_samples
 from evopem.models.mode_matching import PoleOfOrder
 from evopem.models.polynomial import PolynomialModel
 from evopem.results.layout import FIGURES
-from evopem.validation.error_parts import Levels
+from evopem.validation.error_parts import ErrorParts, Levels, Part
 
 HOSTILE = """<script>alert("1")</script> $x^2$ & 'q', \\frac"""
 
@@ -194,8 +194,16 @@ def test_the_first_screen_shows_the_simulation_and_the_gain_over_the_data(result
 def test_levels_of_noise_and_distortion_are_drawn_below_the_gain(results):
     output = results.outputs[0].name
     levels = Levels(output, (1.0, 2.0, 3.0), (1e-3, 2e-3, 1e-3), (0.1, 0.2, 0.3))
-    distortion = replace(results.validation.distortion, levels=(levels,))
-    both = replace(results, validation=replace(results.validation, distortion=distortion))
+    parts = ErrorParts(output, 6.4, Part(1.1, 1.0, 1.2), Part(4.9, 4.2, 5.6), Part(4.0, 3.1, 4.7))
+    distortion = replace(
+        results.validation.distortion, levels=(levels,), outputs=(parts,), p_value=1e-9
+    )
+    alone = replace(distortion, p_value=0.5)
+    noise, both = (
+        replace(results, validation=replace(results.validation, distortion=each))
+        for each in (alone, distortion)
+    )
+    assert "from distortion" not in lines(drawn(noise, "gain")[0])
     (axes,) = drawn(both, "gain")
     assert lines(axes)["from noise"].get_ydata() == pytest.approx(levels.noise)
     assert lines(axes)["from distortion"].get_ydata() == pytest.approx(levels.distortion)
@@ -204,6 +212,18 @@ def test_levels_of_noise_and_distortion_are_drawn_below_the_gain(results):
     bands = [area.get_paths()[0].get_extents() for area in axes.collections]
     tops = [band.y1 for band in bands if band.y0 < low]
     assert sorted(tops) == pytest.approx([2e-3, 0.3])
+
+
+def test_the_gain_from_the_data_is_drawn_where_it_is_known(results):
+    """Between the lines of an input it is anything, and its band reaches down to 0."""
+    spectrum = results.spectrum.copy()
+    between = np.arange(len(spectrum)) % 3 > 0
+    spectrum.loc[between, "frequency_response_gain"] = 1e9
+    spectrum.loc[between, "frequency_response_gain_lower"] = 0.0
+    (axes,) = drawn(replace(results, spectrum=spectrum), "gain")
+    gain = lines(axes)["from the data"].get_ydata()
+    assert len(gain) > 100
+    assert gain.max() < 1e3
 
 
 def test_step_and_impulse_are_those_of_the_transfer_function(results):

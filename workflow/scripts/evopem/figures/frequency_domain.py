@@ -117,9 +117,14 @@ def phase_panels(results: DatasetResults, height: int) -> list[Panel]:
 
 
 def thinned(results: DatasetResults) -> pd.DataFrame:
-    """The responses of model and data above 0 Hz, in fewer rows with all extremes of the gain."""
+    """The responses of model and data above 0 Hz, in fewer rows with all extremes of the gain.
+
+    Without what is not above 0 in its 95 % band, as between the lines of an input.
+    """
     table = results.responses
     table = table[table["source"].isin([results.model_source[0], "measured"])]
+    if not results.of_responses and "gain_lower" in table:
+        table = table[(table["source"] != "measured") | (table["gain_lower"] != 0.0)]
     table = table[table["frequency_hz"] > 0].dropna(axis="columns", how="all")
     keys = [column for column in ("source", "output", "input") if column in table]
     parts = [
@@ -153,7 +158,7 @@ def _levels(results: DatasetResults) -> list[pd.DataFrame]:
         )
         for at in results.validation.distortion.levels
         for source, gains in (("noise", at.noise), ("distortion", at.distortion))
-        if np.max(gains) > 0.0
+        if np.max(gains) > 0.0 and (source == "noise" or results.validation.distortion.shown)
     ]
 
 
