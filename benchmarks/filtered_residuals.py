@@ -19,7 +19,7 @@ class FilteredResiduals:
     """
 
     def __init__(self, errors: PolynomialErrors) -> None:
-        o, start, samples = errors.orders, errors.window.residual_start, errors.samples
+        o, start, samples = errors.orders, errors.window.residual_start, len(errors.output)
         u, y = errors.inputs[:, 0], errors.output
         past = [y[start - i : samples - i] for i in range(1, o.na + 1)]
         past += [

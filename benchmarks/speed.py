@@ -196,7 +196,7 @@ def objective_of(errors: PolynomialErrors, a: Array, b: Array, c: Array) -> floa
     o = errors.orders
     point = np.concatenate([a[1:], b, c[1:], np.zeros(o.nc)])
     window = errors.window
-    impulses = np.eye(errors.samples - window.residual_start, o.nc)
+    impulses = np.eye(len(errors.output) - window.residual_start, o.nc)
     kept = slice(window.loss_start - window.residual_start, None)
     columns = lfilter([1.0], c, impulses, axis=0)[kept]
     e = errors.residuals(point)

@@ -205,3 +205,23 @@ def test_a_search_of_a_finely_sampled_system_explains_as_much_as_the_truth(objec
         PolynomialProblem(scaled_errors(errors)[0]), settings, np.random.default_rng(1)
     )
     assert found.value < errors.loss(noise[7:])
+
+
+def test_descents_from_means_of_blocks_find_the_slow_poles_of_a_finely_sampled_record():
+    """From estimates of the samples, whose noise at high frequencies hides them, none does."""
+    generator = np.random.default_rng(6)
+    u = lfilter([1.0], [1.0, -0.95], generator.standard_normal(4000))
+    modes = np.outer(2.0 * np.pi / np.array([100.0, 150.0, 400.0]), [-0.1 + 1j, -0.1 - 1j])
+    f = np.real(np.poly(np.exp(modes).ravel()))
+    y = lfilter([0.0, 1.0], f, u)
+    noise = 0.1 * np.std(y) * generator.standard_normal(len(y))
+    orders, settings = orders_of("oe", (6, 6, 1)), SearchSettings(objective="quadratic")
+    window = ScoringWindow(6, 6)
+    errors = prediction_errors(Recording(u, y + noise, 1.0), orders, settings, window, False)
+    searched = PolynomialProblem(scaled_errors(errors)[0])
+    lowest = searched.descend(searched.lowest_estimates(4, slow=True)[0])
+    assert lowest.values.min() < errors.loss(noise[6:])
+    poles = np.roots(np.append(1.0, lowest.points[lowest.values.argmin(), orders.part("f", 0)]))
+    frequencies = np.sort(np.abs(np.log(poles.astype(complex))))[::2]
+    np.testing.assert_allclose(frequencies, np.sort(np.abs(modes[:, 0])), rtol=0.05)
+    assert not len(problem((2, 2, 2, 1)).lowest_estimates(4, slow=True)[0])

@@ -113,6 +113,8 @@ def global_search(
         _descend_coarsely(problem, generator, state)
     else:
         _descend_from_random_points(problem, settings.evaluations, generator, state)
+        if isinstance(problem, PolynomialProblem) and not state.one_optimum:
+            _descend_from_slow_estimates(problem, state)
         alone = replacement is not None and replacement.problem.errors.orders.inputs <= 1
         if state.undiscovered >= HOPELESS and not alone:
             left = settings.evaluations - state.spent
@@ -200,6 +202,16 @@ def _descend_from_random_points(
     for point, value in zip(polished.points, polished.values, strict=True):
         state.add("random points", point, float(value), used // len(lowest))
     state.one_optimum = state.undiscovered <= ONE_OPTIMUM and count_distinct(state.optima) == 1
+
+
+def _descend_from_slow_estimates(problem: PolynomialProblem, state: _Record) -> None:
+    """Descend from estimates of a finely sampled record, which are no independent restart."""
+    starts, used = problem.lowest_estimates(FIRST_ESTIMATES, slow=True)
+    if len(starts):
+        descents = problem.descend(starts)
+        ended = problem.polish(_lowest_of(descents)[0][None, :])
+        used += descents.evaluations + ended.evaluations
+        state.lower("estimates of slow poles", ended.points[0], float(ended.values[0]), used)
 
 
 def _descend_coarsely(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
 from hashlib import sha256
 
@@ -12,11 +13,14 @@ from evopem.estimation.pem.kernels.polynomials import filter_rows
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.orders import Orders
-from evopem.models.polynomial_roots import reflect_into_disc
+from evopem.models.polynomial_roots import reflect_into_disc, roots
 
 STEIGLITZ_MCBRIDE_STEPS = 20
 # Rows of block Hankel matrices, in orders of the model, and the most of them.
 HANKEL_ROWS, MOST_HANKEL_ROWS = 3, 40
+# A record is finely sampled where half of the power of its output lies below this share of all
+# frequencies.  Samples of a block that means are taken of, and least blocks for each pole.
+FINE, BLOCK, BLOCKS = 1.0 / 16.0, 4, 20
 # Lists of what structures that share their orders need once, empty at first.
 _KNOWN = lru_cache(maxsize=256)(lambda *_: list[Array]())
 
@@ -46,6 +50,31 @@ def _of_dynamics(u: Array, y: Array, o: Orders, order: int, radius: float) -> It
             yield np.zeros(order) if responses is None else reduced_denominator(responses, order)
     yield from list(steiglitz_mcbride(u, y, order, o.nb, o.nk, radius))[-1:]
     yield subspace_denominator(u, y, order)
+
+
+def slow_denominators(errors: PolynomialErrors) -> Iterator[Array]:
+    """The same of a finely sampled record, from means of blocks of samples, and of blocks of these.
+    Of the samples themselves the noise at high frequencies hides poles near 1."""
+    u, y, o = errors.inputs, errors.output, errors.orders
+    order, factor = max(o.na, *o.nf, 0), 1
+    u, y = u - np.mean(u, axis=0), y - np.mean(y)
+    while o.inputs and order and len(y) >= BLOCKS * BLOCK * order and _is_fine(y):
+        whole, factor = len(y) // BLOCK, BLOCK * factor
+        u, y = (s[: BLOCK * whole].reshape(whole, BLOCK, -1).mean(axis=1) for s in (u, y))
+        y = y[:, 0]
+        nb, nk = tuple(n + 1 for n in o.nb), tuple(k // factor for k in o.nk)
+        slower = replace(o, nb=nb, nk=nk)
+        with suppress(np.linalg.LinAlgError, ValueError):
+            for denominator in _of_dynamics(u, y, slower, order, errors.plant_radius):
+                poles = roots(denominator)
+                # A negative pole has no real root.
+                slow = np.where(poles.imag == 0.0, np.abs(poles), poles) ** (1.0 / factor)
+                yield np.real(np.poly(slow))[1:]
+
+
+def _is_fine(y: Array) -> bool:
+    powers = np.cumsum(np.abs(np.fft.rfft(y)) ** 2)
+    return bool(np.searchsorted(powers, 0.5 * powers[-1]) < FINE * len(powers))
 
 
 def own_denominators(errors: PolynomialErrors) -> Iterator[list[Array]]:

@@ -3,7 +3,7 @@ of the record by linear algebra, models of other orders, random poles), and its 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property, reduce
 from itertools import product
 
@@ -16,6 +16,7 @@ from evopem.estimation.search.linear_estimates import (
     common_denominators,
     noise_model,
     own_denominators,
+    slow_denominators,
     steiglitz_mcbride,
 )
 from evopem.estimation.search.memetic import discrete_recombination
@@ -182,19 +183,27 @@ class PolynomialProblem(BasinHoppingProblem):
         points, values = points[finite], values[finite]
         return points[np.argsort(values, kind="stable")]
 
-    def lowest_estimates(self, count: int) -> tuple[Array, int]:
-        """Points of the lowest of the estimates by linear algebra, and their evaluations."""
-        points, used = self.estimates
+    def lowest_estimates(self, count: int, slow: bool = False) -> tuple[Array, int]:
+        """Points of the lowest of the estimates by linear algebra, and their evaluations; of those
+        for poles near 1 where ``slow``."""
+        points, used = self._of_slow_poles() if slow else self.estimates
         values = self.values(points)
         lowest = np.argsort(values, kind="stable")[:count]
         return points[lowest[np.isfinite(values[lowest])]], used + len(points)
 
+    def _of_slow_poles(self) -> tuple[Array, int]:
+        count = max(self.errors.orders.inputs, 1)
+        return self._of_plants([plant] * count for plant in slow_denominators(self.errors))
+
     @cached_property
     def estimates(self) -> tuple[Array, int]:
         """Points of all denominators by linear algebra, and the evaluations that they took."""
-        plants = [plant for plant in self._plants() if np.isfinite(np.concatenate(plant)).all()]
+        return self._of_plants(self._plants())
+
+    def _of_plants(self, plants: Iterable[list[Array]]) -> tuple[Array, int]:
+        finite = [plant for plant in plants if np.isfinite(np.concatenate(plant)).all()]
         none = np.empty((0, self.errors.dimension)), 0
-        return self._from_denominators(plants) if plants else none
+        return self._from_denominators(finite) if finite else none
 
     def _plants(self) -> Iterator[list[Array]]:
         """Denominators from each input, by linear algebra on the longest stretch.  One for all
