@@ -307,6 +307,7 @@ const panels = (() => {
     };
     const fixed = panel.limits?.length === 2;
     const [xAxis, yAxis] = [axis(30, panel.x_label), axis(58)];
+    yAxis.space = Math.max(16, panel.height / 8); // also a small panel has two labels
     if (panel.whole) xAxis.incrs = WHOLE;
     if (panel.counted) yAxis.incrs = WHOLE;
     if (panel.decades) xAxis.splits = multiples;
