@@ -45,6 +45,7 @@ FRAME = 1.3
 # Points of all curves of a figure, about; extremes are kept.
 POINTS = 6_000
 FEWEST_BINS, MOST_BINS = 30, 1000
+FEW_PANELS = 6  # more have no minor ticks
 NARROW = 2.4  # inches of a panel in a row of many
 PIXELS = 72.0  # of a page, on an inch of paper
 
@@ -95,6 +96,8 @@ def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         place.set_ylabel("" if beside else folded(panel.y_label))
         # A label of what lies below another panel of the same abscissa says nothing new.
         place.tick_params(labelbottom=last or panel.linked == "")
+        if len(chart.panels) > FEW_PANELS:
+            place.minorticks_off()
     for place in places[len(chart.panels) :]:
         place.set_axis_off()
     return places[0].figure  # type: ignore[return-value] # or a part of one, which is like it
@@ -145,7 +148,7 @@ def _draw_curve(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins
                 outline = ellipse_outline(complex(real, imag), covariance)
                 axes.fill(*outline, facecolor=colour, alpha=0.3, edgecolor=colour)
     if curve.kind == "stems":
-        _stems(axes, curve, rows, x, y)
+        _stems(axes, curve, rows, x, y, bins)
     elif curve.kind == "points" and panel.scale == "phase":
         axes.plot(*unwrapped_gaps(x, y), color=colour, linewidth=1.0, label=label)
     elif curve.kind == "points":
@@ -179,13 +182,17 @@ def _band(axes: Axes, panel: Panel, curve: Curve, rows: pd.DataFrame, bins: int)
     )
 
 
-def _stems(axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.ndarray) -> None:
+def _stems(
+    axes: Axes, curve: Curve, rows: pd.DataFrame, x: np.ndarray, y: np.ndarray, bins: int
+) -> None:
     """Lines from zero; those beyond their bounds in the colour of errors."""
     width = max(0.35, min(1.4, 300.0 / max(len(x), 1)))
     outside = np.zeros(len(x), dtype=bool)
     if curve.bounds:
         outside = np.abs(y) > rows[curve.bounds].to_numpy(dtype=float)
-    axes.plot(*stems(x[~outside], y[~outside]), color=INK, linewidth=width, label="inside")
+    inside = np.flatnonzero(~outside)
+    inside = inside[extremes(y[inside], 4 * bins)]
+    axes.plot(*stems(x[inside], y[inside]), color=INK, linewidth=width, label="inside")
     axes.plot(*stems(x[outside], y[outside]), color=ERROR, linewidth=width, label="outside")
     axes.plot(x[outside], y[outside], ".", color=ERROR, markersize=3)
 

@@ -95,7 +95,7 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 def svg_text(figure: Figure) -> str:
     """Render a figure as SVG text; equal data give equal bytes.
 
-    Path coordinates are cut to two decimals of a point, far below what is visible. The file is
+    Coordinates are cut to two decimals of a point, far below what is visible. The file is
     then small and does not depend on the last bits of the arithmetic. The layout is computed once
     and its places are rounded: matplotlib names clipping paths after all their digits, the last of
     which differ from run to run.
@@ -113,9 +113,8 @@ def svg_text(figure: Figure) -> str:
     FigureCanvasSVG(figure).print_svg(
         stream, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
     )
-    return re.sub(
-        r' d="[^"]*"', lambda path: re.sub(r"(\.\d\d)\d+", r"\1", path[0]), stream.getvalue()
-    )
+    text = re.sub(r' transform="rotate\(-0 [^"]*"', "", stream.getvalue())
+    return re.sub(r' [dxy]="[^"]*"', lambda at: re.sub(r"(\.\d\d)\d+", r"\1", at[0]), text)
 
 
 def extremes(y: ArrayLike, bins: int = 1000) -> Indices:

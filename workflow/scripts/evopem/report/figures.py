@@ -84,15 +84,17 @@ def inline_svg(text: str, name: str, label: str) -> Markup:
     """
     ElementTree.register_namespace("", SVG)
     ElementTree.register_namespace("xlink", XLINK)
-    root = ElementTree.fromstring(text)
+    root, used = ElementTree.fromstring(text), {*re.findall(r"#([\w-]+)", text)}
     for parent in list(root.iter()):
         for child in list(parent):
             if child.tag in {f"{{{SVG}}}{tag}" for tag in ("metadata", "style", "script")}:
                 parent.remove(child)
     for element in root.iter():
         for attribute, value in list(element.attrib.items()):
-            if attribute.lower().startswith("on"):
+            if attribute.lower().startswith("on") or (attribute == "id" and value not in used):
                 del element.attrib[attribute]
+            elif attribute == "d":
+                element.set(attribute, re.sub(r"\s*([A-Za-z])\s*", r"\1", value))
             elif attribute == "id":
                 element.set(attribute, f"{name}-{value}")
             elif attribute in {"href", f"{{{XLINK}}}href"} and value.startswith("#"):
@@ -106,7 +108,7 @@ def inline_svg(text: str, name: str, label: str) -> Markup:
         root.attrib.pop(attribute, None)
     root.set("role", "img")
     root.set("aria-label", label)
-    return Markup(ElementTree.tostring(root, encoding="unicode"))
+    return Markup(re.sub(r">\s+<(?!/?tspan)", "><", ElementTree.tostring(root, encoding="unicode")))
 
 
 def csv_download(
