@@ -26,6 +26,8 @@ CLEAR_GAIN = 0.02
 STRONG = 6.0
 # Orders of noise models without an input: AR, and ARMA of as many coefficients of each.
 ALONE = (1, 2, 3, 4, 8)
+# Coefficients of B of models with the same noise, of which the input may make one likelier.
+BESIDE = (1, 2, 4)
 
 
 def score_of(kind: Kind) -> Score:
@@ -104,7 +106,7 @@ def gain_of_nothing(
 
     It does not simulate held-out samples clearly better than a constant, and no candidate has
     strong evidence against all noise models without an input, beyond what the likeliest of as many
-    has by chance.
+    has by chance, nor has the likeliest of these with an input.
     """
     gain = next((c for c in simplest(candidates) if c.structure == "fir" and c.is_scored), None)
     model = gain.polynomials if gain is not None else None
@@ -121,10 +123,16 @@ def gain_of_nothing(
         return None
     outputs = [Segment(s.inputs[:, :0], s.outputs, s.recording) for s in scorer.stretches]
     alone = Scorer(outputs, scorer.plan, scorer.settings)
-    orders = [Orders(na=n, nc=nc) for n in ALONE for nc in (0, n)]
-    noise = [alone.candidate("arma", of_noise, scored=False) for of_noise in orders]
-    likeliest = min((model.bic for model in noise if model is not None), default=np.inf)
-    evidence = scorer.independent_samples * (likeliest - min(map(BIC, candidates)))
+    of_noise = [Orders(na=n, nc=nc) for n in ALONE for nc in (0, n)]
+    noise = [alone.candidate("arma", orders, scored=False) for orders in of_noise]
+    likeliest = min((model for model in noise if model is not None), key=BIC, default=None)
+    if likeliest is None:
+        return None
+    o, nk = likeliest.orders, gain.orders.nk
+    beside = [Orders(na=o.na, nb=(n,) * len(nk), nc=o.nc, nk=nk) for n in BESIDE]
+    driven = [scorer.candidate(orders.structure, orders, scored=False) for orders in beside]
+    rivals = [*candidates, *filter(None, driven)]
+    evidence = scorer.independent_samples * (likeliest.bic - min(map(BIC, rivals)))
     if evidence > STRONG + 2.0 * np.log(len(candidates)):
         return None
     return gain, (
