@@ -104,6 +104,7 @@ def whiteness_test(
     bounds: Sequence[int] = (),
     effects: Array | int = 0,
     objective: str = "quadratic",
+    uneven: bool = False,
 ) -> WhitenessTest:
     """Ljung-Box test with the null distribution of the residuals of this very fit.
 
@@ -112,8 +113,8 @@ def whiteness_test(
     covariance of ``sqrt(N) r_k`` is ``I - G S G'`` for an efficient estimate (Box & Pierce 1970;
     McLeod 1978), S its covariance and G the derivatives of ``sqrt(N) r_k``, and the statistic a
     weighted sum of chi-square variables.  Of least absolute errors, what the fit takes is weighed
-    by ``2 E|e| / k - 1``, with ``k = 1 / (2 f(0))`` and f the density of the residuals.  Noise
-    whose size comes and goes spreads the correlations: their squares are divided by
+    by ``2 E|e| / k - 1``, with ``k = 1 / (2 f(0))`` and f the density of the residuals.  ``uneven``
+    noise, whose size comes and goes, spreads the correlations: their squares are divided by
     ``E e(t)² e(t - k)² / (E e²)²`` where that is above 1 (Lobato, Nankervis & Savin 2001).
 
     ``residuals`` (N,): that the fit has scored.  ``bounds``: as of :func:`apart`.  ``effects``
@@ -127,7 +128,7 @@ def whiteness_test(
     correlations = autocorrelation_of(e, lags, bounds).values[1:]
     squares = (e - e.mean()) ** 2
     alike = autocorrelation_of(squares, lags, bounds).values[1:] * np.var(squares)
-    spread = 1.0 + np.maximum(np.nan_to_num(alike), 0.0) / np.mean(squares) ** 2
+    spread = 1.0 + uneven * np.maximum(np.nan_to_num(alike), 0.0) / np.mean(squares) ** 2
     terms = correlations**2 / spread / (e.size - np.arange(1, lags + 1))
     statistic = e.size * (e.size + 2) * np.sum(terms)
     if isinstance(effects, int):

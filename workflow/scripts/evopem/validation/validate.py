@@ -237,7 +237,7 @@ def _outputs(
     correlations = [autocorrelation_of(e, LAGS, tested.bounds) for e in tested.residuals.T]
     lags = ljung_box_lags(len(tested.residuals), 2 * model.order, len(correlations[0].lag) - 1)
     whiteness = [
-        whiteness_test(e, lags, tested.bounds, effect, objective)
+        whiteness_test(e, lags, tested.bounds, effect, objective, uneven=True)
         for e, effect in zip(tested.residuals.T, tested.fit_effects(lags), strict=True)
     ]
     return (
