@@ -245,7 +245,10 @@ def sequences(repeats: int) -> None:
             followed = follow_modes(modes, None, conditions)
             warned += any(movements(mode) for mode in followed)
         drawn_from = "season" if season else "at random"
-        rows.append((f"{count}", drawn_from, f"{scatter:.0f}", f"{100 * warned / repeats:.1f} %"))
+        share = warned / repeats
+        width = 196.0 * (share * (1.0 - share) / repeats) ** 0.5
+        cells = f"{scatter:.0f}", f"{100 * share:.1f} ± {width:.1f} %"
+        rows.append((f"{count}", drawn_from, *cells))
         print(rows[-1], flush=True)
     write_section(
         *("damage_index", "Warnings of followed modes"),
