@@ -63,7 +63,7 @@ def judged(scheduled: Scheduled, changes: bool) -> tuple[bool, str, list[tuple[f
         of_damping = (mode.damping_ratio - ZETA) / mode.damping_se
         deviations.append(((mode.frequency_hz - truth) / mode.frequency_se_hz, of_damping))
     # One function in each coefficient is above those that BIC takes.
-    return varying.moves.is_better, f"{basis.dimension - 1} {basis.kind}", deviations
+    return varying.moves.is_better, f"{basis.dimension - 1}", deviations
 
 
 def main() -> None:
@@ -89,13 +89,14 @@ def main() -> None:
     about = "Six recordings of 300 samples at temperatures drawn from 0 to 30; a mode falls from 12"
     write_section(
         *("coverage", "Models along a condition"),
-        f"{about} to 9.6 Hz, or stays. Structure, orders and basis by BIC; 95 % bands at eleven"
-        f" temperatures, and whether held-out recordings are clearly predicted better; {sets} sets"
-        " of each.\n",
+        f"{about} to 9.6 Hz along a parabola, or stays. Structure, orders and number of polynomials"
+        " by BIC; 95 % bands at eleven temperatures, and whether held-out recordings are clearly"
+        f" predicted better; {sets} sets of each. In view of them polynomials became the rule:"
+        " cosines, chosen in two of 28 sets, were ten standard errors off between recordings.\n",
         f"python benchmarks/pooled_conditions.py --sets {sets}",
         (
             *("truth", "frequency inside", "damping inside"),
-            *("called better, moving", "and constant", "functions by BIC, sets"),
+            *("called better, moving", "and constant", "polynomials by BIC: sets"),
         ),
         rows,
     )
