@@ -89,6 +89,16 @@ for function in (addend, total):
     assert run(package, code)[0] == (20, 0, 1, 0, 1)
 
 
+def test_a_change_of_how_functions_are_compiled_invalidates_those_of_other_folders(package):
+    assert run(package)[0] == (20, 0, 1)
+    changed = """
+from evopem.estimation.pem.kernels import cache
+digest = cache._digest_once
+cache._digest_once = lambda folder: digest(folder) + "x" * (folder.name == "kernels")
+"""
+    assert run(package, changed + RUN)[0] == (20, 0, 1)
+
+
 def test_what_is_loaded_does_not_import_what_numba_compiles_by(package):
     code = f"import sys{RUN}print(int('numba.np.linalg' in sys.modules))"
     assert run(package, code)[0] == (20, 0, 1, 1)

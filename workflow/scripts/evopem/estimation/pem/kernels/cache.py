@@ -1,6 +1,6 @@
 """Compilation by numba, with an on-disk cache that notices changes in a whole folder.  numba's own
 cache compares a digest of the one file that defines a function; here the digest covers every Python
-file of that folder, which what it calls is defined in."""
+file of that folder, which what it calls is defined in, and of this one, which compiles it."""
 
 import hashlib
 import logging
@@ -107,7 +107,8 @@ class _FolderStamp:
     _py_file: str
 
     def get_source_stamp(self) -> str:
-        return _digest_once(Path(self._py_file).parent)
+        kernels, compiler = Path(self._py_file).parent, Path(__file__).parent
+        return "".join(map(_digest_once, dict.fromkeys([kernels, compiler])))
 
 
 class _FolderCacheImplementation(caching.CompileResultCacheImpl):
