@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from records import error_percent, output_error_record
 from scipy.optimize import approx_fprime
+from scipy.signal import lfilter
 
 from evopem.automatic.cross_validation.simulation import (
     errors_simulated_on,
@@ -112,3 +113,14 @@ def test_errors_with_both_levels_are_those_of_two_simulations(orders, robust):
         alone = errors_simulated_on(*parts, bool(fitted), robust)
         np.testing.assert_allclose(errors, alone, atol=1e-9)
         assert abs(np.mean(errors)) < 0.5 if fitted else np.mean(errors) < -0.5
+
+
+def test_what_a_resting_input_cannot_tell_stays_small():
+    """Coefficients of B and the level are then one number."""
+    u = np.repeat([5.0, 9.0, 3.0], 100)
+    e = np.random.default_rng(0).standard_normal(300)
+    y = lfilter([0.0, 0.4, 0.3], [1.0, -0.9], u) + 0.1 * lfilter([1.0], [1.0, -0.9], e)
+    whole, orders = Segment(u, y), Orders(na=1, nb=2, nk=1)
+    model = fit([whole], orders).model
+    resting = fit([whole.between(110, 200)], orders, models=[model], own_starts=False).model
+    assert max(np.abs(resting.B[0]).max(), abs(resting.level)) < 10.0

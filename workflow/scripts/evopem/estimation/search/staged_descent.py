@@ -195,14 +195,17 @@ def _bfgs_in_frames(
 
 
 def _frame(root: Array) -> Array:
-    """T, (n, n), with ``T T'`` the inverse of ``R'R``, singular values raised to a least one."""
+    """T, (n, n), with ``T T'`` the pseudo-inverse of ``R'R``: what no data tell does not move."""
     size = np.linalg.norm(root, axis=0)
     if not np.isfinite(size).all():
         return np.eye(len(root))
     sensitive = size**2 > SENSITIVE * np.max(size**2)
     scale = np.where(sensitive, 1.0 / np.where(sensitive, size, 1.0), 0.0)
     _, singular, directions = np.linalg.svd(root * scale)
-    return scale[:, None] * directions.T / np.maximum(singular, LEAST_SINGULAR * singular[0])
+    known = singular > LEAST_SINGULAR * singular[0]
+    return (
+        scale[:, None] * directions.T * np.where(known, 1.0 / np.where(known, singular, 1.0), 0.0)
+    )
 
 
 def promised_values(
