@@ -220,11 +220,8 @@ def _following(stretches: Sequence[_Stretch], tests: ModelClass) -> Followed:
 
     both = (_changing, tests.constant), (_nonlinear, tests.linear)
     failed = [regressors for regressors, test in both if not test.passed]
-    if (
-        failed
-        and not tests.without_feedback.passed
-        and all(beside(r, _later).passed for r in failed)
-    ):
+    fed_back = tests.without_feedback.p_value < SIGNIFICANCE and not tests.without_feedback.passed
+    if failed and fed_back and all(beside(r, _later).passed for r in failed):
         return "feedback"
     if len(failed) < 2:
         return ""
