@@ -31,7 +31,7 @@ WAIT = 1.0
 DAMPING = 1e-12
 # Smallest eigenvalue of such a matrix that its products of columns still tell, and the smallest
 # singular value of its columns themselves, relative to the largest.
-DEPENDENT, LEAST_SINGULAR = 1e-13, 1e-13
+DEPENDENT, LEAST_SINGULAR = 1e-13, 1e-11
 # Variance inflation factor, a diagonal entry times that of the damped inverse, from which on the
 # eigenvalues are looked at.
 SUSPECTED = 1e8
