@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import yaml
 from pydantic import TypeAdapter, ValidationError
@@ -17,8 +17,8 @@ from pydantic import TypeAdapter, ValidationError
 from evopem.config.strict_yaml import MAX_DEPTH, Keys
 from evopem.errors import InputError
 
-if TYPE_CHECKING:
-    from pydantic_core import ErrorDetails
+ErrorDetails = Mapping[str, Any]
+"""What pydantic says of one error."""
 
 MAX_NUMBER = 2.0**64
 """Largest magnitude of any number in a configuration."""
