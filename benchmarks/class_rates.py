@@ -44,7 +44,7 @@ STRUCTURES = {
     "state space": ("ss", 4),
 }
 TESTS = ("constant", "linear", "without_feedback")
-OUTSIDE = (*list(NONLINEAR)[1:], "drifting", "switching", "feedback")
+OUTSIDE = (*list(NONLINEAR)[1:], "drifting", "switching", "feedback", "periodic")
 
 
 def input_of(generator, kind, samples):
@@ -119,6 +119,9 @@ def outside(generator, kind):
     share = np.clip((np.arange(len(u)) - WARM_UP) / samples, 0.0, 1.0)
     if kind == "switching":
         share = (share > generator.uniform(0.3, 0.7)).astype(float)
+    elif kind == "periodic":
+        turns = generator.uniform(1.0, 10.0) * share + generator.random()
+        share = 0.5 + 0.5 * np.sin(2.0 * np.pi * turns)
     changed = lfilter(B, np.poly(0.9 * np.exp([0.55j, -0.55j])).real, 0.8 * u)
     return with_noise(generator, u, (1.0 - share) * linear(u) + share * changed, slow, level)
 

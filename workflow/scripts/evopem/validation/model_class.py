@@ -6,6 +6,7 @@ What a wrong class leaves in the residuals is small at each lag but has a known 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, Self
 
 import numpy as np
@@ -19,8 +20,10 @@ from evopem.signals.spectra import cross_correlation, repetition_lag
 from evopem.validation.held_out_tests import MOST_WHITENING, SIGNIFICANCE, filtered, left_by
 from evopem.validation.responses import HeldOut, unscored_samples
 
-# Degree of the polynomial in time that a change of the system is sought as.
+# Degree of the polynomial in time that a change of the system is sought as, and how many times one
+# that comes back does so in the longest stretch.
 DEGREE = 3
+PERIODS = np.arange(1.0, 10.5, 0.5)
 # Lags of the response, and of its powers.
 LAGS = 4
 # Lags of all inputs, or without any of all outputs, together that a linear model may have lost, and
@@ -66,6 +69,8 @@ class ModelClass:
     # Samples until the moment that explains as much as a gradual change, 0 where none does; NaN
     # where it was not sought
     changed_at: float = math.nan
+    # Samples after which a change comes back, where that explains more than a trend; else NaN
+    period: float = math.nan
     # Shares of the residuals that squares and cubes of the response explain alone, and those of
     # the inputs before it, the most of all outputs; empty without an input or nonlinearity
     powers: tuple[float, ...] = ()
@@ -84,11 +89,20 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
         parts = [_Stretch.of(record) for record in records]
         if not parts or not all(np.isfinite(stretch.residuals).all() for stretch in parts):
             return ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED)
-        constant, linear = _of_outputs(parts, _changing), _of_outputs(parts, _nonlinear)
+        trend, period = _of_outputs(parts, _changing), _period(parts)
+        waves = partial(_waves, period=period)
+        recurring = _of_outputs(parts, waves)
+        recurring = replace(recurring, p_value=min(len(PERIODS) * recurring.p_value, 1.0))
+        # Of the two the more significant one, whose p-value counts twice.
+        comes_back = recurring.p_value < trend.p_value
+        constant, changing = (recurring, waves) if comes_back else (trend, _changing)
+        constant = replace(constant, p_value=min(2.0 * constant.p_value, 1.0))
+        linear = _of_outputs(parts, _nonlinear)
         changed_at = _moment(parts, constant.share) if constant.p_value < SIGNIFICANCE else math.nan
         powers = _powers(parts) if linear.p_value < SIGNIFICANCE else ()
-        tests = ModelClass(constant, linear, _feedback(parts), changed_at, powers)
-        return replace(tests, follows=_following(parts, tests))
+        tests = ModelClass(constant, linear, _feedback(parts), changed_at, powers=powers)
+        tests = replace(tests, period=period if comes_back and not changed_at > 0.0 else math.nan)
+        return replace(tests, follows=_following(parts, tests, changing))
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +165,22 @@ def _changing(stretch: _Stretch, output: int) -> tuple[Array, Array]:
     return np.hstack([lagged, time]), products.reshape(len(lagged), -1)
 
 
+def _waves(stretch: _Stretch, output: int, *, period: float | Array) -> tuple[Array, Array]:
+    """The response at some lags, and its products with waves of one period, or of each of some."""
+    lagged = _lagged(stretch.responses[:, output])
+    turns = np.arange(len(lagged))[:, None] / np.atleast_1d(period)
+    waves = np.stack([np.cos(2.0 * np.pi * turns), np.sin(2.0 * np.pi * turns)], axis=2)
+    products = waves[:, :, :, None] * lagged[:, None, None, :]
+    return np.hstack([lagged, waves.reshape(len(lagged), -1)]), products.reshape(len(lagged), -1)
+
+
+def _period(stretches: Sequence[_Stretch]) -> float:
+    """Samples after which the change comes back that explains the most."""
+    periods = max(len(stretch.inputs) for stretch in stretches) / PERIODS
+    shares = _alone(stretches, partial(_waves, period=periods), 2 * LAGS)
+    return float(periods[np.argmax(shares.max(axis=0))])
+
+
 def _nonlinear(stretch: _Stretch, output: int) -> tuple[Array, Array]:
     """The response at some lags, and squares and cubes of it and of the inputs."""
     y = stretch.responses[:, output]
@@ -210,7 +240,7 @@ def _later(stretch: _Stretch, _: int) -> tuple[Array, Array]:
     return stretch.inputs[:, :0], np.hstack(later)
 
 
-def _following(stretches: Sequence[_Stretch], tests: ModelClass) -> Followed:
+def _following(stretches: Sequence[_Stretch], tests: ModelClass, changing: Regressors) -> Followed:
     """What is not found beside another: of change and nonlinearity the less likely of both."""
 
     def beside(tested: Regressors, known: Regressors) -> ResidualTest:
@@ -218,20 +248,20 @@ def _following(stretches: Sequence[_Stretch], tests: ModelClass) -> Followed:
             stretches, lambda s, k: (np.hstack([tested(s, k)[0], *known(s, k)]), tested(s, k)[1])
         )
 
-    both = (_changing, tests.constant), (_nonlinear, tests.linear)
+    both = (changing, tests.constant), (_nonlinear, tests.linear)
     failed = [regressors for regressors, test in both if not test.passed]
     fed_back = tests.without_feedback.p_value < SIGNIFICANCE and not tests.without_feedback.passed
     if failed and fed_back and all(beside(r, _later).passed for r in failed):
         return "feedback"
     if len(failed) < 2:
         return ""
-    change, nonlinearity = beside(_changing, _nonlinear), beside(_nonlinear, _changing)
+    change, nonlinearity = beside(changing, _nonlinear), beside(_nonlinear, changing)
     if change.passed and not change.share > nonlinearity.share:
         return "constant"
     return "linear" if nonlinearity.passed else "constant" if change.passed else ""
 
 
-def _alone(stretches: Sequence[_Stretch], regressors: Regressors) -> Array:
+def _alone(stretches: Sequence[_Stretch], regressors: Regressors, size: int = LAGS) -> Array:
     """Shares of whitened residuals that each group of regressors explains alone, (l, groups)."""
     shares = []
     for output in range(stretches[0].residuals.shape[1]):
@@ -240,7 +270,7 @@ def _alone(stretches: Sequence[_Stretch], regressors: Regressors) -> Array:
             if (parts := _left(stretch, output, regressors)) is None:
                 continue
             e, tested, _ = parts
-            groups = np.split(tested, tested.shape[1] // LAGS, axis=1)
+            groups = np.split(tested, tested.shape[1] // size, axis=1)
             explained = explained + [e @ e - np.sum(left_by(group, e) ** 2) for group in groups]
             total += float(e @ e)
         shares.append(explained / max(total, 1e-300))

@@ -205,7 +205,10 @@ def constant_in_time(evidence: Evidence) -> Found:
     if not moment > 0.0:
         gradual = " No single moment explains it as well: a gradual change, or several."
         reason = gradual if moment == 0.0 else ""
-    return _of_class(tests.constant, "polynomials in time multiplied by the response", reason)
+    if (period := tests.period / evidence.model.sampling_rate) > 0.0:
+        reason = f" The change comes back about every {period:.3g} s."
+    tested = "polynomials and waves in time multiplied by the response"
+    return _of_class(tests.constant, tested, reason)
 
 
 @check(
