@@ -565,6 +565,8 @@ def test_a_failed_test_of_the_class_says_when_and_what_kind(good):
     sudden = said("Constant in time", constant=failed, changed_at=250.0)
     assert f"One sudden change explains it, about {250.0 / rate:.3g} s" in sudden
     assert "gradual" in said("Constant in time", constant=failed, changed_at=0.0)
+    waves = said("Constant in time", constant=failed, changed_at=0.0, period=250.0)
+    assert f"The change comes back about every {250.0 / rate:.3g} s" in waves
     unsought = said("Constant in time", constant=failed)
     assert "sudden" not in unsought
     assert "gradual" not in unsought

