@@ -255,7 +255,7 @@ class Case:
         noise = y - s.respond(np.vstack([self.earlier, u]))[-len(u) :]
         try:
             whitenings = self._whitenings(noise.std(axis=0))
-        except np.linalg.LinAlgError:
+        except (np.linalg.LinAlgError, ValueError):  # it is not finite where it overflows
             return np.full((count, 1), np.nan)
         matrix = np.column_stack(
             [
