@@ -222,8 +222,12 @@ def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> Residu
 
 def _change(stretches: Sequence[_Stretch]) -> tuple[ResidualTest, Regressors, float]:
     """Test for a trend or for a change that comes back, the more significant one, whose p-value
-    counts twice; what it tests; samples after which the change comes back, NaN of a trend."""
+    counts twice; what it tests; samples after which the change comes back, NaN of a trend.  What a
+    nonlinear system adds to its response to a periodic input comes back too: no such change is
+    sought."""
     trend = _of_outputs(stretches, _changing)
+    if any(repetition_lag(u) for stretch in stretches for u in stretch.inputs.T):
+        return trend, _changing, math.nan
     periods = max(len(stretch.inputs) for stretch in stretches) / PERIODS
     shares = _alone(stretches, partial(_waves, period=periods), 2 * LAGS)
     period = float(periods[np.argmax(shares.max(axis=0))])
