@@ -78,7 +78,8 @@ def test_the_jacobian_is_the_derivative_of_the_errors(structure):
         expected = np.zeros((150, errors.dimension))
         for j in range(errors.dimension):
             step = 1e-6 * np.eye(errors.dimension)[j]
-            above, below = (errors.errors(errors.moved(point, s))[:, k] for s in (step, -step))
+            moved = (errors.moved(point, each) for each in (step, -step))
+            above, below = (errors.projection(each).errors[:, k] for each in moved)
             expected[:, j] = (above - below) / 2e-6
         found = np.zeros_like(expected)
         found[:, places] = columns

@@ -79,8 +79,9 @@ class AbsoluteErrors(Descended, Protocol):
     def weighing(self) -> Weighing:
         """How the outputs are weighed; see :func:`absolute_criterion`."""
 
-    def errors(self, point: Array) -> Array:
-        """Errors of a point, (N, l), in the units of the outputs' mean absolute values."""
+    @property
+    def sizes(self) -> Array:
+        """Mean absolute values of the outputs, (l,), in the units of the errors."""
 
     def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
         """Of each output the derivatives of its errors, (N, m), and the m entries of a point."""
@@ -212,7 +213,7 @@ def polish_absolute(problem: AbsoluteErrors, start: Array) -> Optimum:
     """Minimise the criterion to the last digits, and never above the start. A pass from wide
     smoothing may end at another optimum; the last one begins at the lower point."""
     first = descend_absolute(problem, start, SEARCH_WIDTH)
-    before = absolute_criterion(problem.errors(start), problem.weighing)
+    before = absolute_criterion(_relative_errors(problem, start), problem.weighing)
     stays = before < first.value and problem.stable(problem.projection(start))
     point = start if stays else first.point
     last = descend_absolute(problem, point, POLISH_WIDTH, LAST_PASS)
@@ -255,13 +256,20 @@ def linear_coefficients(regressors: Array, outputs: Array) -> Array:
     return np.asarray(coefficients)
 
 
+def _relative_errors(problem: AbsoluteErrors, point: Array) -> Array:
+    """Errors of a point, (N, l), over the sizes of their outputs."""
+    if not np.isfinite(point).all():
+        return np.full((1, len(problem.sizes)), np.nan)
+    return np.asarray(problem.projection(point).errors / problem.sizes)
+
+
 class _Descent:
     """A point on its way, with its errors and duals."""
 
     def __init__(self, problem: AbsoluteErrors, start: Array) -> None:
         self.problem = problem
         self.point = problem.moved(start, np.zeros_like(start))
-        self.errors = problem.errors(self.point)
+        self.errors = _relative_errors(problem, self.point)
         self.stable = problem.stable(problem.projection(self.point))
         self.evaluations = 1
         self._damping = Damping()
@@ -283,7 +291,7 @@ class _Descent:
         def tried(step: Array) -> float:
             nonlocal value
             point = self.problem.moved(self.point, step)
-            errors = self.problem.errors(point)
+            errors = _relative_errors(self.problem, point)
             self.evaluations += 1
             new = self._smoothed(errors, widths)
             if not new < value:
@@ -313,7 +321,7 @@ class _Descent:
         count = len(self.point)
         gradient, hessian = np.zeros(count), np.zeros((count, count))
         for k, (columns, places) in enumerate(self.problem.jacobians(self.point)):
-            rows = np.arange(count)[places]
+            rows, columns = np.arange(count)[places], columns / self.problem.sizes[k]
             gradient[rows] += weights[k] * (slopes[:, k] @ columns)
             weighted = columns * (weights[k] * curvatures[:, k])[:, None]
             hessian[np.ix_(rows, rows)] += columns.T @ weighted

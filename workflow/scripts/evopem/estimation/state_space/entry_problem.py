@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from evopem.arrays import Array, Flags, Integers
 from evopem.config.constraints import Constraints
 from evopem.config.settings import Objective
-from evopem.estimation import damped_descent
-from evopem.estimation.damped_descent import Optimum, Places, descend
+from evopem.estimation.damped_descent import Places
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.point_model import (
     Matrices,
@@ -27,13 +26,7 @@ from evopem.estimation.state_space.point_model import (
     scores_of,
 )
 from evopem.estimation.state_space.pole_coordinates import blocks_of, gains_of, poles_of
-from evopem.estimation.state_space.problem import (
-    POLISH_STEPS,
-    POLISH_TOLERANCE,
-    STEPS,
-    TOLERANCE,
-    percent_of_absolute,
-)
+from evopem.estimation.state_space.problem import ErrorProblem
 from evopem.estimation.state_space.sections import (
     Layout,
     driven_states,
@@ -64,7 +57,7 @@ class EntryErrors:
             return np.asarray(self.errors.T @ self.errors / len(self.errors))
 
 
-class EntryProblem:
+class EntryProblem(ErrorProblem):
     """Errors of models of one order on a recording, so many samples ahead, under constraints."""
 
     def __init__(
@@ -74,7 +67,8 @@ class EntryProblem:
         constraints: Constraints | None = None,
         objective: Objective = "quadratic",
     ) -> None:
-        self.plain, self.objective, self.layout = plain, objective, plain.layout
+        super().__init__(plain, objective)
+        self.layout = plain.layout
         self.horizon = horizon if plain.innovations else 1
         data, layout = plain.data, plain.layout
         self.blocks = blocks_of(plain, constraints)
@@ -91,11 +85,10 @@ class EntryProblem:
         self.columns, self._free = slices[: len(self.blocks)], slices[len(self.blocks)]
         self.gain_at = dict(zip(self.gains, slices[len(self.blocks) + 1 :], strict=True))
         self.dimension = sum(sizes)
-        self.weighing, self.criterion = plain.weighing, plain.criterion
+        self.criterion = plain.criterion
         given = sum(len(block.known) for block in self.blocks)
         given += sum(not gain.codes for gain in self.gains.values())
         self.parameters = plain.parameters - given
-        self.sizes = data.absolute_sizes
         self._latest: EntryErrors | None = None
         self._derivatives: tuple[EntryErrors, Array] | None = None
 
@@ -214,22 +207,6 @@ class EntryProblem:
         projection = self.projection(point)
         return ScaledModel(self.plain, projection.matrices, projection.one_step)
 
-    def descend(self, point: Array, last: bool = False) -> Optimum:
-        """The optimum that a descent ends at, the last one to the last digits."""
-        if self.objective == "quadratic":
-            ends = (POLISH_STEPS, POLISH_TOLERANCE) if last else (STEPS, TOLERANCE)
-            return descend(self, point, *ends)
-        if last:
-            return damped_descent.polish_absolute(self, point)
-        return damped_descent.descend_absolute(self, point, damped_descent.SEARCH_WIDTH)
-
-    def percent(self, errors: Array) -> float:
-        """Objective of errors, (N, l), in percent."""
-        if self.objective == "quadratic":
-            return self.plain.percent(self.criterion(errors.T @ errors / len(errors)))
-        criterion = damped_descent.absolute_criterion(errors / self.sizes, self.weighing)
-        return percent_of_absolute(criterion)
-
     # What a descent of squares asks for.
 
     def begun(self, start: Array) -> Array:
@@ -290,20 +267,13 @@ class EntryProblem:
 
     # What a descent of absolute errors asks for.
 
-    def errors(self, point: Array) -> Array:
-        """Errors over the mean absolute values of their outputs, (N, l)."""
-        if not np.isfinite(point).all():
-            return np.full(self.plain.data.outputs.shape, np.nan)
-        return np.asarray(self.projection(point).errors / self.sizes)
-
     def jacobians(self, point: Array) -> Iterator[tuple[Array, Places]]:
         """Derivatives of the errors of each output."""
         projection = self.projection(point)
         derivatives, scores = self.derivatives(projection), np.sign(projection.errors) / self.sizes
         held = self._held(point, np.tensordot(scores, derivatives, 2))
-        for k, size in enumerate(self.sizes):
-            columns = derivatives[:, k] / size
-            columns[:, held] = 0.0
+        for k in range(len(self.sizes)):
+            columns = np.where(held, 0.0, derivatives[:, k])
             yield columns, slice(None)
 
     # To and from models.

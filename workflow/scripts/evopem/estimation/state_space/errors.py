@@ -27,7 +27,6 @@ from evopem.estimation.state_space.sections import (
     SectionSignals,
     input_matrix,
     inside,
-    largest_radius,
     moved,
     normalised,
     section_states,
@@ -340,13 +339,6 @@ class StateSpaceErrors:
         """
         mean = criterion / self.data.outputs.shape[1]
         return 100.0 * (mean if self.weighting == "power" else float(np.exp(mean)))
-
-    def value(self, point: Array) -> float:
-        """Criterion of a point; infinite where it is not feasible."""
-        if not np.isfinite(point).all() or largest_radius(self.layout, point) > self.section_radius:
-            return float("inf")
-        projection = self.projection(point)
-        return self.criterion(projection.covariance) if self.stable(projection) else float("inf")
 
     def stable(self, projection: Projection) -> bool:
         """Whether the eigenvalues of A lie within the radius; those of A - K C do."""

@@ -37,7 +37,7 @@ from evopem.estimation.state_space.local_estimates import (
 )
 from evopem.estimation.state_space.point_model import Matrices, PointModel
 from evopem.estimation.state_space.pole_coordinates import poles_of
-from evopem.estimation.state_space.problem import STEPS
+from evopem.estimation.state_space.problem import POLISH_STEPS, POLISH_TOLERANCE, STEPS
 from evopem.estimation.state_space.search import FINAL_WIDTH, NO_MODELS, problem_for, searched
 from evopem.estimation.state_space.starting_points import from_poles, point_of_model
 from evopem.models.constraint_checks import check_constraints, refuse
@@ -313,10 +313,11 @@ def meeting(
     begins = [point]
     if constraints is not None and errors.data.inputs.shape[1]:
         begins += [problem.begun(allowed) for allowed in _allowed(problem, point, settings)]
-    optima = [optimum for optimum in map(problem.descend, begins) if np.isfinite(optimum.value)]
+    optima = [optimum for optimum in map(problem.optimum, begins) if np.isfinite(optimum.value)]
     if not optima:
         raise ValueError("no model that meets the constraints has finite errors")
-    best = problem.descend(min(optima, key=lambda optimum: optimum.value).point, last=True)
+    lowest = min(optima, key=lambda optimum: optimum.value)
+    best = problem.optimum(lowest.point, POLISH_STEPS, POLISH_TOLERANCE)
     *values, value = (
         problem.percent(problem.projection(optimum.point).errors) for optimum in (*optima, best)
     )
