@@ -30,7 +30,8 @@ from evopem.estimation.model_record import load_model
 from evopem.pipeline.identification import jobs
 from evopem.terminal.command import main
 
-SAMPLES = 300
+# Of which 288 are for estimation: eight for each coefficient of two finite responses.
+SAMPLES = 360
 STRUCTURES = (*POLYNOMIALS, *STATE_SPACE)
 
 
