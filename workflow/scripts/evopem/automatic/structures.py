@@ -120,7 +120,8 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
         if all(search.too_short for search in searches):
             raise NoModelError(
                 f"the record is too short for a model of any structure: {scorer.samples} samples"
-                f" for estimation carry at most {scorer.most_parameters} coefficients of polynomials"
+                " for estimation carry at most"
+                f" {scorer.most_parameters} coefficients of polynomials"
             )
         raise NoModelError("no model of any structure was found, or rounding spoils each of them")
     scorer.remember(candidates)
