@@ -1,6 +1,7 @@
 """A long recording makes a page that can still be sent and opened."""
 
 import io
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from urllib.parse import unquote
@@ -9,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.report.figures import thin_table
+from evopem.report.figures import inline_svg, short_path, thin_table
 from evopem.results.layout import FIGURES
 from evopem.signals.preparation import prepare
 from evopem.synthesis import synthesize
@@ -98,3 +99,25 @@ def test_long_tables_keep_their_order_and_lie_below_the_limit():
     assert thin["x"].is_monotonic_increasing
     assert thin["y"].max() == table["y"].max()
     assert thin["y"].min() == table["y"].min()
+
+
+def points_of(path):
+    """The points of a path of moves, and of lines that are relative to the point before."""
+    points = []
+    for command, numbers in re.findall(r"([Ml])([^Mlz]*)", path):
+        pairs = np.array(re.findall(r"-?[\d.]+", numbers), dtype=float).reshape(-1, 2)
+        for pair in pairs:
+            points.append(pair if command == "M" else points[-1] + pair)
+    return np.array(points)
+
+
+def test_a_drawing_in_the_page_is_half_as_long_and_keeps_its_points(figures):
+    paths = re.findall(r' d="([^"]*L[^"]*)"', figures["spectrum"])
+    for path in paths:
+        if not set(re.findall("[A-Za-z]", path)) - set("MLz"):
+            whole = np.array(re.findall(r"-?[\d.]+", path), dtype=float).reshape(-1, 2)
+            np.testing.assert_allclose(points_of(short_path(path)), whole, atol=0.0501)
+    assert short_path("M1.26 2.5L3 -4L3.04 -4zM5 6L7 8z") == "M1.3 2.5l1.7-6.5 0 0zM5 6l2 2z"
+    drawn = inline_svg(figures["spectrum"], "spectrum", "Spectrum")
+    assert len(drawn) < 0.5 * len(figures["spectrum"])
+    assert drawn.count("<path") == figures["spectrum"].count("<path")

@@ -78,37 +78,65 @@ def drawn_figures(
 
 
 def inline_svg(text: str, name: str, label: str) -> Markup:
-    """A figure as an ``svg`` element without fixed size, style sheet, metadata and scripts.
+    """A figure as an ``svg`` element without fixed size, metadata, scripts and repeated words.
 
     `name` makes its ids unique in the page; `label` describes it for screen readers.
     """
     ElementTree.register_namespace("", SVG)
-    ElementTree.register_namespace("xlink", XLINK)
-    root, used = ElementTree.fromstring(text), {*re.findall(r"#([\w-]+)", text)}
+    root = ElementTree.fromstring(text)
+    names = dict.fromkeys(re.findall(r"#([\w-]+)", text))
+    ids = {target: f"{name}-{place}" for place, target in enumerate(names)}
     for parent in list(root.iter()):
-        for child in list(parent):
-            if child.tag in {f"{{{SVG}}}{tag}" for tag in ("metadata", "style", "script")}:
-                parent.remove(child)
+        parent[:] = [kept for child in parent for kept in _bare(child)]
+    styles: dict[str, str] = {}
     for element in root.iter():
-        for attribute, value in list(element.attrib.items()):
-            if attribute.lower().startswith("on") or (attribute == "id" and value not in used):
-                del element.attrib[attribute]
+        for full_name, value in list(element.attrib.items()):
+            attribute = full_name.removeprefix(f"{{{XLINK}}}")
+            del element.attrib[full_name]
+            if attribute == "style":
+                element.set("class", styles.setdefault(value, f"s{len(styles)}"))
             elif attribute == "d":
-                element.set(attribute, re.sub(r"\s*([A-Za-z])\s*", r"\1", value))
+                element.set("d", short_path(value))
             elif attribute == "id":
-                element.set(attribute, f"{name}-{value}")
-            elif attribute in {"href", f"{{{XLINK}}}href"} and value.startswith("#"):
-                element.set(attribute, f"#{name}-{value[1:]}")
-            elif attribute in {"style", "clip-path", "fill", "stroke"}:
-                value = re.sub(r"url\(#", f"url(#{name}-", value)
-                for colour, variable in VARIABLES.items():
-                    value = value.replace(colour, f"var({variable})")
-                element.set(attribute, value)
+                element.attrib |= {"id": ids[value]} if value in ids else {}
+            elif attribute == "href" and value.startswith("#"):
+                element.set("href", f"#{ids[value[1:]]}")
+            elif not attribute.lower().startswith("on"):
+                element.set(attribute, re.sub(r"(?<=url\(#)[\w-]+", lambda at: ids[at[0]], value))
     for attribute in ("width", "height", "version"):
         root.attrib.pop(attribute, None)
-    root.set("role", "img")
-    root.set("aria-label", label)
+    rules = "".join(f"#{name}-svg .{key}{{{value}}}" for value, key in styles.items())
+    for colour, variable in VARIABLES.items():
+        rules = rules.replace(colour, f"var({variable})")
+    style = ElementTree.Element(f"{{{SVG}}}style")
+    style.text = re.sub(r"([:;,]) ", r"\1", rules)
+    root.insert(0, style)
+    root.attrib |= {"id": f"{name}-svg", "role": "img", "aria-label": label}
     return Markup(re.sub(r">\s+<(?!/?tspan)", "><", ElementTree.tostring(root, encoding="unicode")))
+
+
+def _bare(element: ElementTree.Element) -> list[ElementTree.Element]:
+    """An element; what a group without attributes holds; nothing of metadata and scripts."""
+    if element.tag in {f"{{{SVG}}}{tag}" for tag in ("metadata", "style", "script")}:
+        return []
+    is_group = element.tag == f"{{{SVG}}}g" and not set(element.attrib) - {"id"}
+    return [kept for child in element for kept in _bare(child)] if is_group else [element]
+
+
+def short_path(path: str) -> str:
+    """A path in tenths of its unit, its lines relative to the point before."""
+    if set(re.findall("[A-Za-z]", path)) - set("MLz"):
+        return re.sub(r"\s*([A-Za-z])\s*", r"\1", path)
+    words, last, (left, top) = "", "", (0, 0)
+    for command, *place in re.findall(r"([MLz])\s*(?:([^\sMLz]+)\s+([^\sMLz]+))?", path):
+        words += command.replace("L", "l") if command != last else " "
+        if command != "z":
+            x, y = (round(10.0 * float(number)) for number in place)
+            step = (x, y) if command == "M" else (x - left, y - top)
+            words += f"{step[0] / 10:g} {step[1] / 10:g}"
+            left, top = x, y
+        last = command
+    return words.replace(" -", "-")
 
 
 def csv_download(
