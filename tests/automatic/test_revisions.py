@@ -12,6 +12,8 @@ from evopem.automatic.revisions import act_on_checks
 from evopem.automatic.structures import Choice
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
+from evopem.validation.checks.inputs import EXCITATION_ADEQUATE
+from evopem.validation.checks.residuals import WHITE
 from evopem.validation.checks.roots import DISTINCT
 
 A = np.poly([0.92 * np.exp(0.6j), 0.92 * np.exp(-0.6j)]).real
@@ -65,3 +67,14 @@ def test_a_plant_keeps_its_simulations_beside_a_noise_model_of_its_own():
     assert order == 1
     assert np.roots(described.model.D)[0].real == pytest.approx(0.9, abs=0.05)
     np.testing.assert_array_equal(described.model.F[0], plant.model.F[0])
+
+
+def test_little_excitation_is_acted_on_after_residuals():
+    """The input alone tells that it fails: it leaves the trials to what may be mended."""
+    t, e = np.arange(600), np.random.default_rng(5).standard_normal(600)
+    u = np.sin(0.3 * t) + np.sin(0.7 * t)
+    y = lfilter([0.0, 1.0, 0.6], A, u) + 0.1 * lfilter([1.0], D, e)
+    scorer, before, found = revised(y, u, "arx", na=3, nb=3, nk=1)
+    assert {WHITE, EXCITATION_ADEQUATE} <= set(scorer.checks(before).failed)
+    acted_on = [trial.check for trial in found.trials]
+    assert acted_on.index(WHITE) < acted_on.index(EXCITATION_ADEQUATE)

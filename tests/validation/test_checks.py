@@ -621,6 +621,20 @@ def test_residuals_follow_from_a_wrong_class_where_no_revision_mended_them(
     assert len(failed_checks(judged)) == 2 - follows
 
 
+@pytest.mark.parametrize("coloured", [True, False])
+def test_a_peak_follows_where_coloured_residuals_do(good, coloured):
+    tests = replace(good.validation.model_class, linear=ResidualTest(1e-6, 0.05))
+    given = with_peaks(good, [0.4]).with_("validation", model_class=tests)
+    if coloured:
+        given = given.with_("outputs", autocorrelation_share_inside95=0.5)
+    revised = ("White residuals",) * 3
+    judged = checks(Evidence(given.model, given.validation, given.recording, (), revised))
+    (peaks,) = [check for check in judged if check.name == "Every spectral peak modelled"]
+    assert peaks.follows_from == ("Linear" if coloured else "")
+    assert ("a part of the coloured residuals" in peaks.statement) == coloured
+    assert [check.name for check in failed_checks(judged)] == ["Linear", peaks.name][: 2 - coloured]
+
+
 def test_a_model_at_the_floor_names_what_no_linear_model_removes(good):
     floor = Floor("y", 10.0, Part(9.8, 9.5, 10.0), Part(2.0, 0.0, 3.0))
     tests = replace(good.validation.model_class, linear=ResidualTest(1e-6, 0.05))

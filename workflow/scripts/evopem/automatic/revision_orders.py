@@ -102,10 +102,8 @@ def _further_noise(scorer: Scorer, current: Candidate, _: Searched) -> Iterator[
     o = current.orders
     for n in NOISE_ORDERS:
         if not o.na and n > min(o.nc, o.nd):
-            yield (
-                f"noise model of order {n}",
-                _with(scorer, current, "bj", nc=n - o.nc, nd=n - o.nd),
-            )
+            name = f"noise model of order {n}"
+            yield name, _with(scorer, current, "bj", nc=n - o.nc, nd=n - o.nd)
         elif o.na and n > o.nc:
             structure = "ararmax" if o.nd else "armax" if o.inputs else "arma"
             yield f"C of order {n}", _with(scorer, current, structure, nc=n - o.nc)
@@ -156,12 +154,13 @@ def _of_search(scorer: Scorer, name: str, candidates: Iterable[Candidate]) -> It
 # Checks, and what is tried while some of them fail, in this order: of polynomials, whose orders are
 # changed one by one, and in state space, which has one order and the candidates of the search.
 REVISIONS = (
-    ((DISTINCT, INSIDE_BOUND, EXCITATION_ADEQUATE), _fewer_roots, _smaller_order),
+    ((DISTINCT, INSIDE_BOUND), _fewer_roots, _smaller_order),
     ((DELAY,), _later, _earlier),
     ((LENGTH,), _shorter, None),
     ((WHITE,), _further_noise, None),
     ((INDEPENDENT_OF_INPUT,), _longer_b, None),
     ((WHITE, INDEPENDENT_OF_INPUT), None, _other_models),
+    ((EXCITATION_ADEQUATE,), _fewer_roots, None),
 )
 
 
@@ -201,5 +200,4 @@ def with_noise_models(scorer: Scorer, candidate: Candidate) -> Iterator[tuple[in
         loss = log_loss(fitted.residuals_from(), objective)
         bic = float(loss + parameters * np.log(count) / count)
         if scorer.limits.allow("bj", model.orders):
-            given = replace(candidate, structure="bj", model=model)
-            yield n, replace(given, parameters=parameters, bic=bic)
+            yield n, replace(candidate, structure="bj", model=model, parameters=parameters, bic=bic)

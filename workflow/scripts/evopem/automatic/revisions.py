@@ -38,8 +38,8 @@ class Revised:
 def act_on_checks(scorer: Scorer, choice: Choice, searched: Sequence[Candidate] = ()) -> Revised:
     """Apply revisions until the checks hold, nothing helps, or the budget ends.
 
-    Cancelling roots, roots at the bound, and more coefficients than the input excites: fewer poles
-    and zeros.  First coefficients of B that are not significant: a longer delay; last ones: a
+    Cancelling roots, roots at the bound and, last, more coefficients than the input excites: fewer
+    poles and zeros.  First coefficients of B that are not significant: a longer delay; last ones: a
     shorter B.  Coloured residuals: a noise model of larger order.  Residuals that depend on past
     inputs: more coefficients of B.  In state space: earlier delays, larger orders, and other
     structures with a noise model, of those that were ``searched``.
@@ -107,9 +107,8 @@ def _is_allowed(scorer: Scorer, candidate: Candidate, first: Candidate, choice: 
         return as_before
     gains = len(scorer.checks(candidate).failed) < len(scorer.checks(first).failed)
     gains |= candidate.bic < first.bic
-    if candidate.simulation_bic > first.simulation_bic + TOLERATED:
-        return False
-    return as_before or (gains and as_good(candidate, first, choice.kind, 1.0))
+    likely = candidate.simulation_bic <= first.simulation_bic + TOLERATED
+    return likely and (as_before or (gains and as_good(candidate, first, choice.kind, 1.0)))
 
 
 def _statement(
@@ -136,8 +135,9 @@ def _trial(
     scorer: Scorer, check: str, revision: str, candidate: Candidate, choice: Choice, taken: bool
 ) -> Trial:
     checks, score = scorer.checks(candidate), score_of(choice.kind)(candidate)
-    p_values = checks.whiteness, checks.correlation
-    return Trial(check, revision, candidate.name, score, *p_values, taken)
+    return Trial(
+        check, revision, candidate.name, score, checks.whiteness, checks.correlation, taken
+    )
 
 
 def _has_coloured_plant(scorer: Scorer, candidate: Candidate) -> bool:

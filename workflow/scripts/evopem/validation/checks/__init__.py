@@ -60,18 +60,22 @@ def checks(evidence: Evidence) -> list[Check]:
     judged = [check for judge in CHECKS if (check := judge(evidence)) is not None]
     judged = [_with_reason(check, evidence) for check in judged]
     causes = [check.name for check in failed_checks(judged) if check.name in (LINEAR, CONSTANT)]
-    judged = [_following(check, causes, evidence) for check in judged]
+    coloured = any(check.name == WHITE and check.passed is False for check in judged)
+    judged = [_following(check, causes, coloured, evidence) for check in judged]
     places = {check.name: place for place, check in enumerate(judged)}
     return sorted(judged, key=lambda c: (places[c.follows_from or c.name], bool(c.follows_from)))
 
 
-def _following(check: Check, causes: Sequence[str], evidence: Evidence) -> Check:
+def _following(check: Check, causes: Sequence[str], coloured: bool, evidence: Evidence) -> Check:
     """A failed test of residuals as what a wrong class leaves, where no revision was of use."""
-    revisions = sum(check.name in of_revision for of_revision in evidence.revised or ())
-    of_residuals = check.name in (WHITE, INDEPENDENT_OF_INPUT) and failed_checks([check])
+    of_peaks = coloured and check.name == residuals.spectral_peaks.name
+    tested = WHITE if of_peaks else check.name  # white residuals leave no peak
+    revisions = sum(tested in of_revision for of_revision in evidence.revised or ())
+    of_residuals = tested in (WHITE, INDEPENDENT_OF_INPUT) and failed_checks([check])
     if not (causes and revisions and of_residuals):
         return check
-    shown = f"no other model of {revisions} that were tried did as well without it"
+    part = "a part of the coloured residuals, " * of_peaks
+    shown = f"{part}no other model of {revisions} that were tried did as well without it"
     statement = f"Follows from “{causes[0]}”: {shown}. {check.statement}"
     return replace(check, statement=statement, grade="caution", follows_from=causes[0])
 
@@ -89,11 +93,10 @@ def _with_reason(check: Check, evidence: Evidence) -> Check:
     if check.name in followers:
         statement = f"Follows from “{cause}”: {shown}. {check.statement}"
         return replace(check, statement=statement, grade="caution", follows_from=cause)
-    if check.name not in BY_DISTORTION:
+    of_floor = validation.at_floor and check.name != WHITE
+    if check.name not in BY_DISTORTION or not (distortion.shown or of_floor):
         return check
     if not distortion.shown:
-        if not validation.at_floor or check.name == WHITE:
-            return check
         return replace(check, statement=f"{check.statement} {AT_FLOOR}", grade="caution")
     worst = max(output.distortion.percent for output in distortion.outputs)
     least = "" if distortion.separated else "at least "
@@ -102,6 +105,5 @@ def _with_reason(check: Check, evidence: Evidence) -> Check:
         f" ({p_text(distortion.p_value)}), repeats with the input and is in the residuals of every"
         " linear model."
     )
-    advice = NOT_THE_MODEL if distortion.prevails else check.advice
-    grade = "caution" if distortion.prevails else check.grade
-    return replace(check, statement=statement, advice=advice, grade=grade)
+    check = replace(check, statement=statement)
+    return replace(check, advice=NOT_THE_MODEL, grade="caution") if distortion.prevails else check
