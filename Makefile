@@ -37,8 +37,10 @@ matrix: $(VENV)/installed-dev  ## estimate every structure with every focus, obj
 quick: $(VENV)/installed-dev  ## what an edit needs in half a minute: style, types, a plan, and TESTS
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/mypy
-	$(BIN)/pytest --quiet --exitfirst --numprocesses auto tests/test_smoke.py $(TESTS)
+	# Types beside the tests: without stored results they take as long.
+	$(BIN)/mypy & types=$$!; \
+		$(BIN)/pytest --quiet --exitfirst --numprocesses auto tests/test_smoke.py $(TESTS); tests=$$?; \
+		wait $$types && exit $$tests
 
 test-slurm: $(VENV)/installed-dev  ## run the tests on SLURM, started for them where that can be done
 	EVOPEM_TEST_SLURM=1 PATH="$(CURDIR)/$(BIN):$$PATH" tests/workflow/with_slurm.sh $(BIN)/pytest tests/workflow/test_slurm.py
