@@ -20,7 +20,7 @@ from evopem.estimation.search.certificate import (
 from evopem.estimation.search.global_search import BATCH, BATCHES, basin_hopping, global_search
 from evopem.estimation.search.memetic import memetic_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import descended, pooled
+from evopem.estimation.search.problem import descended, pooled, same_optimum
 from evopem.models.orders import armax_orders, orders_of
 from evopem.signals.recording import Recording
 from evopem.synthesis.armax import armax
@@ -225,3 +225,9 @@ def test_descents_from_means_of_blocks_find_the_slow_poles_of_a_finely_sampled_r
     frequencies = np.sort(np.abs(np.log(poles.astype(complex))))[::2]
     np.testing.assert_allclose(frequencies, np.sort(np.abs(modes[:, 0])), rtol=0.05)
     assert not len(problem((2, 2, 2, 1)).lowest_estimates(4, slow=True)[0])
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_is_not_feasible_is_no_optimum_and_needs_no_warning():
+    assert not same_optimum(np.float64(np.inf), np.float64(np.inf))
+    assert same_optimum(np.float64(1.0 + 1e-7), np.float64(1.0))

@@ -195,7 +195,7 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
 
 def same_optimum(value: float, best: float, tolerance: float = SAME_OPTIMUM) -> bool:
     """Whether a value is not above the best by more than a relative tolerance."""
-    return bool(value - best <= tolerance * abs(best))
+    return bool(np.isfinite(best) and value - best <= tolerance * abs(best))
 
 
 def count_confirming(minima: tuple[float, ...], best: float) -> int:

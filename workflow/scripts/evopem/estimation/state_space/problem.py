@@ -66,23 +66,29 @@ class StateSpaceProblem(ErrorProblem):
     """Search problem of one recording, order and form; see :class:`.Problem`."""
 
     descended = 1  # quadratic optima of an order that the search over orders goes on from
+    completing = 0  # evaluations that the point of some coordinates takes
     grams = 1  # Gram matrices of one set of normal equations
 
     def __init__(self, plain: StateSpaceErrors, objective: Objective = "quadratic") -> None:
         super().__init__(plain, objective)
-        self.parameters = plain.parameters
+        self.parameters, self.dimension = plain.parameters, plain.layout.dimension
         self.starts: Array | None = None  # that the first population holds
         if objective == "quadratic":
             self.descended_in = plain
 
     def nearest(
-        self,
-        coordinates: list[Array],
-        width: float = damped_descent.SEARCH_WIDTH,  # noqa: ARG002
+        self, coordinates: list[Array], width: float = damped_descent.SEARCH_WIDTH
     ) -> Descent:
-        """Optima next to those of the quadratic objective; of absolute errors, of a last width."""
-        points = np.array(coordinates).reshape(-1, self.plain.layout.dimension)
-        return Descent(points, self.values(points), np.ones(len(points), dtype=bool), 0)
+        """Optima next to those of the quadratic objective, and the evaluations.
+
+        Of absolute errors descents from them, with a last width.
+        """
+        completed = [self.completed(quadratic) for quadratic in coordinates]
+        points = np.array(completed).reshape(-1, self.dimension)
+        if self.objective == "quadratic":
+            return Descent(points, self.values(points), np.ones(len(points), dtype=bool), 0)
+        reached = self.descents(points, STEPS, TOLERANCE, width)
+        return replace(reached, evaluations=reached.evaluations + len(points))
 
     def completed(self, coordinates: Array) -> Array:
         """The point of some coordinates."""
@@ -151,14 +157,15 @@ class StateSpaceProblem(ErrorProblem):
     def recombine(
         self, parents: Array, count: int, generator: np.random.Generator
     ) -> tuple[Array, int]:
-        """Offspring with each section, ordered by angle, from one of two parents."""
+        """Offspring with each section, ordered by angle, from one of two parents, completed."""
         layout = self.plain.layout
         pairs = generator.integers(len(parents), size=(2, count))
         from_first = generator.random((count, layout.sections)) < 0.5
         offspring = parents[pairs[1], : layout.dimension]
         for child, first, chosen in zip(offspring, parents[pairs[0]], from_first, strict=True):
             layout.rows(child)[chosen] = layout.rows(first)[chosen]
-        return np.array([self.completed(normalised(layout, child)) for child in offspring]), 0
+        completed = [self.completed(normalised(layout, child)) for child in offspring]
+        return np.array(completed), count * self.completing
 
     def descents(
         self,
@@ -183,7 +190,7 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
     Absolute errors of several outputs have no common linear solution, so nothing is eliminated.
     """
 
-    descended = 3
+    descended, completing = 3, 1
 
     def __init__(self, plain: StateSpaceErrors) -> None:
         super().__init__(plain, "absolute")
@@ -217,15 +224,6 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         of_outputs[:, 1 : layout.order : 2] *= rescaled(layout, point, after)[: layout.pairs]
         return after
 
-    def nearest(
-        self, coordinates: list[Array], width: float = damped_descent.SEARCH_WIDTH
-    ) -> Descent:
-        """Optima next to those of the quadratic objective, and the evaluations."""
-        completed = [self.completed(quadratic) for quadratic in coordinates]
-        starts = np.array(completed).reshape(-1, self.dimension)
-        descended = self.descents(starts, STEPS, TOLERANCE, width)
-        return replace(descended, evaluations=descended.evaluations + len(starts))
-
     def completed(self, coordinates: Array) -> Array:
         """The point of some coordinates, C, D and constants of nearly the least absolute errors."""
         if not np.isfinite(coordinates).all():
@@ -235,10 +233,3 @@ class AbsoluteStateSpaceProblem(StateSpaceProblem):
         triangle = projection.basis.T @ projection.regressors
         linear = np.linalg.lstsq(triangle, along, rcond=None)[0]
         return np.concatenate([coordinates, linear.T.ravel()])
-
-    def recombine(
-        self, parents: Array, count: int, generator: np.random.Generator
-    ) -> tuple[Array, int]:
-        """Offspring with each section from one of two parents, and C, D and levels anew."""
-        offspring, _ = super().recombine(parents, count, generator)
-        return offspring, count
