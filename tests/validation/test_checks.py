@@ -570,6 +570,8 @@ def test_a_failed_test_of_the_class_says_when_and_what_kind(good):
     unsought = said("Constant in time", constant=failed)
     assert "sudden" not in unsought
     assert "gradual" not in unsought
+    assert "polynomials or waves in time" in unsought
+    assert "on polynomials in time" in said("Constant in time", constant=failed, period=0.0)
     powers = (0.01, 0.02, 0.01, 0.3)
     assert "Cubes of the inputs" in said("Linear", linear=failed, powers=powers)
 

@@ -69,7 +69,8 @@ class ModelClass:
     # Samples until the moment that explains as much as a gradual change, 0 where none does; NaN
     # where it was not sought
     changed_at: float = math.nan
-    # Samples after which a change comes back, where that explains more than a trend; else NaN
+    # Samples after which a change comes back, where that explains more than a trend; else NaN, and
+    # 0 where none was sought that comes back
     period: float = math.nan
     # Shares of the residuals that squares and cubes of the response explain alone, and those of
     # the inputs before it, the most of all outputs; empty without an input or nonlinearity
@@ -92,7 +93,7 @@ def model_class(records: Sequence[HeldOut]) -> ModelClass:
         constant, changing, period = _change(parts)
         linear = _of_outputs(parts, _nonlinear)
         changed_at = _moment(parts, constant.share) if constant.p_value < SIGNIFICANCE else math.nan
-        period = math.nan if changed_at > 0.0 else period
+        period = math.nan if changed_at > 0.0 and period > 0.0 else period
         powers = _powers(parts) if linear.p_value < SIGNIFICANCE else ()
         tests = ModelClass(constant, linear, _feedback(parts), changed_at, period, powers)
         return replace(tests, follows=_following(parts, tests, changing))
@@ -224,10 +225,10 @@ def _change(stretches: Sequence[_Stretch]) -> tuple[ResidualTest, Regressors, fl
     """Test for a trend or for a change that comes back, the more significant one, whose p-value
     counts twice; what it tests; samples after which the change comes back, NaN of a trend.  What a
     nonlinear system adds to its response to a periodic input comes back too: no such change is
-    sought."""
+    sought, and 0 stands for the samples."""
     trend = _of_outputs(stretches, _changing)
     if any(repetition_lag(u) for stretch in stretches for u in stretch.inputs.T):
-        return trend, _changing, math.nan
+        return trend, _changing, 0.0
     periods = max(len(stretch.inputs) for stretch in stretches) / PERIODS
     shares = _alone(stretches, partial(_waves, period=periods), 2 * LAGS)
     period = float(periods[np.argmax(shares.max(axis=0))])

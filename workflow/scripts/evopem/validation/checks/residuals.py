@@ -207,8 +207,8 @@ def constant_in_time(evidence: Evidence) -> Found:
         reason = gradual if moment == 0.0 else ""
     if (period := tests.period / evidence.model.sampling_rate) > 0.0:
         reason = f" The change comes back about every {period:.3g} s."
-    tested = "polynomials or waves in time multiplied by the response"
-    return _of_class(tests.constant, tested, reason)
+    forms = "polynomials" if period == 0.0 else "polynomials or waves"
+    return _of_class(tests.constant, f"{forms} in time multiplied by the response", reason)
 
 
 @check(
