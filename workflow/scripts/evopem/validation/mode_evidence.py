@@ -44,8 +44,10 @@ LEAST_POWER = EXCITED
 WIDEST_INTERVAL = 0.1
 # Decay in a sample, relative to the amplitude, that no record of usual length shows.
 NO_DECAY = 1e-6
-# Standard errors of a damping ratio at which a mode that the inputs reach may outlast the record.
-KNOWN_DAMPING = 5.0
+# Standard errors of a damping ratio at which a mode that the inputs reach may outlast the record.  On
+# 175 random records, most of them with tones or drifts, 14 of 37 such modes with less than two were
+# false, 1 of 3 with two to three, none of 6 with more.
+KNOWN_DAMPING = 3.0
 # Radius below which a pole is a delay, as those of more coefficients of B than of A.
 DELAY_RADIUS = 1e-3
 # Share of the slowest mode's amplitude behind the 2 n samples of a response that determine n poles,
@@ -198,9 +200,10 @@ def table_of_models(
         order = chosen if chosen in group else min(group, key=lambda order: by_order[order].bic)
         nearby = by_order[order]
         if order not in tests:
-            records = held_out(nearby.model)
-            tests[order] = held_out_mode_tests(nearby.modes, records, estimation(nearby.model))
-            samples[order] = max((len(record.outputs) for record in records), default=math.inf)
+            records, known = held_out(nearby.model), estimation(nearby.model)
+            tests[order] = held_out_mode_tests(nearby.modes, records, known)
+            lengths = (len(record.outputs) for record in (*records, *known))
+            samples[order] = max(lengths, default=math.inf)
         of_mode = tests[order][group[order]]
         mode, without = nearby.modes[group[order]], None
         lacking = [model for model in models if model.order < order and _lacks(model, mode, group)]
