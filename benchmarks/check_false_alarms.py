@@ -27,7 +27,7 @@ from evopem.config.settings import (
 )
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_candidate import PhaseSelection
-from evopem.estimation.order_selection import complete_estimate, estimate_candidates
+from evopem.estimation.order_selection import OrderSearch, complete_estimate, estimate_candidates
 from evopem.models.orders import armax_orders
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
@@ -67,7 +67,7 @@ def judged(seed: int, noise: float, objective: str) -> list[Check]:
     prepared = prepare(recording, PREPARATION)
     data = prepared.estimation
     settings = SearchSettings(objective=objective, evaluations=10000)
-    (candidate,) = estimate_candidates(data, [ORDERS], "nb", settings, WINDOW)
+    (candidate,) = estimate_candidates(OrderSearch(data, settings, WINDOW), [ORDERS], "nb")
     found = complete_estimate(candidate, data, settings, WINDOW)
     record = ModelRecord.of(found, data, settings, prepared.transforms)
     validation, _ = validate(found.model, prepared, WINDOW.loss_start, objective)

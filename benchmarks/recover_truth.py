@@ -29,6 +29,7 @@ from evopem.config.settings import DatasetSettings  # noqa: E402
 from evopem.config.structures import phases_of  # noqa: E402
 from evopem.estimation.order_candidate import Candidate, PhaseSelection  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
+    OrderSearch,
     complete_estimate,
     estimate_candidates,
     select_candidate,
@@ -96,8 +97,8 @@ def order_search(data: Recording, settings: DatasetSettings) -> Candidate:
         previous = selection.orders.single._asdict() if selection else None
         listed = candidate_orders(phase, settings.order_grid, previous)
         orders = [armax_orders(**each) for each in listed]
-        candidates = estimate_candidates(data, orders, phase, search, window)
-        selection = select_candidate(candidates, phase, data, search, window)
+        candidates = estimate_candidates(OrderSearch(data, search, window), orders, phase)
+        selection = select_candidate(OrderSearch(data, search, window), candidates, phase)
     assert selection is not None
     return selection.selected
 
@@ -127,7 +128,7 @@ def recover_armax(seed: int, objective: str) -> RecoveredArmax:
     recording, truth = armax(seed, samples=4500)
     selected = order_search(recording, settings)
     (at_truth,) = estimate_candidates(
-        recording, [truth.orders], "truth", settings.search, scoring_window(settings)
+        OrderSearch(recording, settings.search, scoring_window(settings)), [truth.orders], "truth"
     )
     return RecoveredArmax(
         seed=seed,

@@ -42,6 +42,7 @@ from evopem.config.settings import ScoringWindow, SearchSettings  # noqa: E402
 from evopem.estimation.estimate import estimate  # noqa: E402
 from evopem.estimation.order_candidate import Candidate, first_pass  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
+    OrderSearch,
     estimate_candidates,
     select_candidate,
 )
@@ -302,11 +303,12 @@ def order_search(prune: bool) -> tuple[str, int, float]:
         orders = [orders_of("armax", each) for each in candidate_orders(phase, grid, selected)]
         new = [each for each in orders if each not in known]
         known |= {
-            each.orders: each for each in estimate_candidates(data, new, phase, first, window)
+            each.orders: each
+            for each in estimate_candidates(OrderSearch(data, first, window), new, phase)
         }
         own = [replace(known[each], phase=phase, pruned="") for each in orders]
         min_delay = grid.ranges.nk[0] if phase == DELAY_REFINED_IN else None
-        selection = select_candidate(own, phase, data, search, window, min_delay)
+        selection = select_candidate(OrderSearch(data, search, window), own, phase, min_delay)
         evaluations += sum(each.diagnostics.evaluations for each in selection.candidates)
         known = {each.orders: each for each in selection.candidates}
         selected = selection.orders.single._asdict()

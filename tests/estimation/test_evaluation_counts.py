@@ -15,7 +15,7 @@ from evopem.config.order_grid import candidate_orders, phases_of_dataset, scorin
 from evopem.config.settings import SearchSettings
 from evopem.estimation.estimate import estimate
 from evopem.estimation.order_candidate import first_pass
-from evopem.estimation.order_selection import estimate_candidates, select_candidate
+from evopem.estimation.order_selection import OrderSearch, estimate_candidates, select_candidate
 from evopem.models.orders import orders_of
 from evopem.synthesis.armax import armax
 
@@ -56,8 +56,10 @@ def order_search_count(objective):
     for phase in phases_of_dataset(settings):
         selected = selection.orders.single._asdict() if selection else None
         orders = [orders_of("armax", each) for each in candidate_orders(phase, grid, selected)]
-        candidates = estimate_candidates(data, orders, phase, first_pass(search), window)
-        selection = select_candidate(candidates, phase, data, search, window)
+        candidates = estimate_candidates(
+            OrderSearch(data, first_pass(search), window), orders, phase
+        )
+        selection = select_candidate(OrderSearch(data, search, window), candidates, phase)
         spent += sum(each.diagnostics.evaluations for each in selection.candidates)
     return spent
 

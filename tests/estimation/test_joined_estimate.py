@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation.estimate import estimate_polynomial
-from evopem.estimation.order_selection import estimate_candidates, reoptimize_from
+from evopem.estimation.order_selection import OrderSearch, estimate_candidates, reoptimize_from
 from evopem.estimation.polynomial_estimate import describe
 from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
@@ -98,10 +98,12 @@ def test_the_order_search_estimates_joined_recordings_from_a_nested_optimum():
     data = Recording(stretches[0].input, stretches[0].output, 10.0).with_segments(stretches)
     window = ScoringWindow(3, 13)
     small, large = estimate_candidates(
-        data, [armax_orders(2, 2, 2, 1), armax_orders(3, 3, 3, 1)], "plant", QUICK, window
+        OrderSearch(data, QUICK, window),
+        [armax_orders(2, 2, 2, 1), armax_orders(3, 3, 3, 1)],
+        "plant",
     )
     assert small.search.value == pytest.approx(small.minimum)
     assert len(small.noise_state) == 4
     worse = replace(large, minimum=2.0 * small.minimum)
-    again = reoptimize_from(small, worse, data, QUICK, window)
+    again = reoptimize_from(OrderSearch(data, QUICK, window), small, worse)
     assert again.minimum <= small.minimum * (1.0 + 1e-9)

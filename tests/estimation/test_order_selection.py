@@ -17,12 +17,12 @@ from evopem.estimation.order_candidate import (
     select_order,
 )
 from evopem.estimation.order_selection import (
+    OrderSearch,
     complete_estimate,
     continue_search,
     estimate_candidates,
     estimate_in_parallel,
     reoptimize_from,
-    repeated,
     select_candidate,
     settle,
 )
@@ -58,7 +58,7 @@ def short(record):
 
 def test_the_delay_is_found(record):
     orders = [armax_orders(k, k, k, nk) for k in (6, 7) for nk in range(5)]
-    candidates = estimate_candidates(record, orders, "delay", SEARCH, WINDOW)
+    candidates = estimate_candidates(OrderSearch(record, SEARCH, WINDOW), orders, "delay")
     selected, reason = select_delay(candidates)
     assert selected.single.nk == 3
     assert "delay of 3 samples" in reason
@@ -67,11 +67,13 @@ def test_the_delay_is_found(record):
 def test_the_true_orders_are_found(record):
     """Phases nc and nb from the true plant order, near the truth."""
     orders = [armax_orders(7, 7, k, 3) for k in range(5, 10)]
-    selected, reason = select_order(estimate_candidates(record, orders, "nc", SEARCH, WINDOW))
+    selected, reason = select_order(
+        estimate_candidates(OrderSearch(record, SEARCH, WINDOW), orders, "nc")
+    )
     assert selected == armax_orders(7, 7, 7, 3)
     assert "ARMAX(7,7,7,3) has the smallest BIC" in reason
     orders = [armax_orders(7, k, 7, 3) for k in range(4, 9)]
-    found = estimate_candidates(record, orders, "nb", SEARCH, WINDOW)
+    found = estimate_candidates(OrderSearch(record, SEARCH, WINDOW), orders, "nb")
     assert select_order(found)[0] == armax_orders(7, 6, 7, 3)
 
 
@@ -87,7 +89,7 @@ def test_the_chapters_case(seed):
     data = prepare(recording, preparation).estimation
     search = SearchSettings(objective="absolute", evaluations=20000)
     orders = [armax_orders(k, k, k, nk) for k in (7, 8) for nk in (1, 2, 3)]
-    candidates = estimate_candidates(data, orders, "delay", search, WINDOW)
+    candidates = estimate_candidates(OrderSearch(data, search, WINDOW), orders, "delay")
     selected, _ = select_delay(candidates)
     assert selected.single.nk == truth.delay_samples == 3
     chosen = next(each for each in candidates if each.orders == armax_orders(8, 8, 8, 3))
@@ -101,16 +103,20 @@ def test_the_chapters_case(seed):
 
 def test_jobs_and_processes_do_not_change_a_bit(short):
     orders = [armax_orders(2, 2, k, 3) for k in range(1, 5)]
-    whole = estimate_candidates(short, orders, "nc", SEARCH, LATE)
-    parts = [estimate_candidates(short, orders[i::2], "nc", SEARCH, LATE) for i in (1, 0)]
+    whole = estimate_candidates(OrderSearch(short, SEARCH, LATE), orders, "nc")
+    parts = [
+        estimate_candidates(OrderSearch(short, SEARCH, LATE), orders[i::2], "nc") for i in (1, 0)
+    ]
     by_parts = [parts[1][0], parts[0][0], parts[1][1], parts[0][1]]
-    by_processes = estimate_in_parallel(short, orders, "nc", SEARCH, LATE, cores=2)
+    by_processes = estimate_in_parallel(OrderSearch(short, SEARCH, LATE), orders, "nc", cores=2)
     assert to_json(whole) == to_json(by_parts) == to_json(by_processes)
     assert [each.orders for each in whole] == orders
 
 
 def test_a_completed_candidate_is_the_estimate(short):
-    (candidate,) = estimate_candidates(short, [armax_orders(2, 2, 2, 3)], "nb", SEARCH, LATE)
+    (candidate,) = estimate_candidates(
+        OrderSearch(short, SEARCH, LATE), [armax_orders(2, 2, 2, 3)], "nb"
+    )
     complete = complete_estimate(candidate, short, SEARCH, LATE)
     assert complete.criteria == candidate.criteria
     np.testing.assert_array_equal(complete.model.parameters, candidate.model.parameters)
@@ -122,7 +128,9 @@ def test_a_completed_candidate_is_the_estimate(short):
 
 
 def test_radii_of_a_candidate_are_those_of_its_model(short):
-    (candidate,) = estimate_candidates(short, [armax_orders(2, 2, 2, 3)], "nb", SEARCH, LATE)
+    (candidate,) = estimate_candidates(
+        OrderSearch(short, SEARCH, LATE), [armax_orders(2, 2, 2, 3)], "nb"
+    )
     assert candidate.max_pole_radius == np.abs(np.roots(candidate.model.A)).max()
     assert candidate.max_noise_zero_radius == np.abs(np.roots(candidate.model.C)).max()
 
@@ -130,7 +138,7 @@ def test_radii_of_a_candidate_are_those_of_its_model(short):
 def test_a_record_too_short_for_an_order_is_refused_in_a_sentence(record):
     too_short = Recording(record.input[:120], record.output[:120], 100.0)
     with pytest.raises(InputError, match=r"ARMAX\(7,7,7,3\) has 21 parameters"):
-        estimate_candidates(too_short, [armax_orders(7, 7, 7, 3)], "nb", SEARCH, LATE)
+        estimate_candidates(OrderSearch(too_short, SEARCH, LATE), [armax_orders(7, 7, 7, 3)], "nb")
 
 
 def candidate(orders, bic, minimum=1.0, n_confirming=1):
@@ -247,17 +255,20 @@ def test_all_orders_of_the_selected_delay_are_confirmed():
 def test_a_selection_does_not_depend_on_the_order_of_the_candidates(short):
     search = replace(SEARCH, evaluations=500)
     orders = [armax_orders(2, 2, k, 3) for k in (1, 2, 3)]
-    candidates = estimate_candidates(short, orders, "nc", search, LATE)
+    candidates = estimate_candidates(OrderSearch(short, search, LATE), orders, "nc")
     one, other = (
-        select_candidate(each, "nc", short, search, LATE) for each in (candidates, candidates[::-1])
+        select_candidate(OrderSearch(short, search, LATE), each, "nc")
+        for each in (candidates, candidates[::-1])
     )
     assert to_json(one) == to_json(other)
 
 
 def test_a_repeated_search_is_independent_and_pooled_with_the_first(short):
     search = replace(SEARCH, evaluations=1000)
-    (first,) = estimate_candidates(short, [armax_orders(7, 6, 7, 3)], "nb", search, LATE)
-    more = continue_search(first, short, repeated(search), LATE)
+    (first,) = estimate_candidates(
+        OrderSearch(short, search, LATE), [armax_orders(7, 6, 7, 3)], "nb"
+    )
+    more = continue_search(OrderSearch(short, search, LATE).repeated(), first)
     before, after = first.diagnostics, more.diagnostics
     assert more.minimum <= first.minimum
     assert after.evaluations > before.evaluations
@@ -273,7 +284,7 @@ def test_a_repeated_search_is_independent_and_pooled_with_the_first(short):
 
 def test_a_reoptimized_candidate_is_no_worse_than_the_nested_one(short):
     orders = [armax_orders(4, 3, 4, 3), armax_orders(7, 6, 6, 2)]
-    nested, larger = estimate_candidates(short, orders, "nb", SEARCH, LATE)
+    nested, larger = estimate_candidates(OrderSearch(short, SEARCH, LATE), orders, "nb")
     failed = replace(
         larger,
         minimum=99.0,
@@ -287,7 +298,7 @@ def test_a_reoptimized_candidate_is_no_worse_than_the_nested_one(short):
             convergence=((10, 99.0),),
         ),
     )
-    found = reoptimize_from(nested, failed, short, SEARCH, LATE)
+    found = reoptimize_from(OrderSearch(short, SEARCH, LATE), nested, failed)
     objective = found.criteria.objective
     assert larger.criteria.objective * (1 - 1e-4) <= objective < nested.criteria.objective
     first, descended = found.diagnostics.restart_minima
@@ -381,10 +392,10 @@ def test_a_search_is_told_where_the_lowest_bic_lies_and_may_end_before():
 def test_a_search_that_is_unlikely_to_reach_its_aim_ends(short):
     search = replace(SEARCH, evaluations=20000)
     orders = armax_orders(9, 9, 9, 3)
-    (first,) = estimate_candidates(short, [orders], "plant", first_pass(search), LATE)
-    whole = continue_search(first, short, search, LATE)
+    (first,) = estimate_candidates(OrderSearch(short, first_pass(search), LATE), [orders], "plant")
+    whole = continue_search(OrderSearch(short, search, LATE), first)
     out_of_reach = Target(0.5 * whole.minimum, orders.parameters / len(short.output))
-    ended = continue_search(first, short, search, LATE, target=out_of_reach)
+    ended = continue_search(OrderSearch(short, search, LATE), first, out_of_reach)
     assert ended.diagnostics.evaluations < whole.diagnostics.evaluations
     assert ended.minimum <= first.minimum
 

@@ -29,5 +29,8 @@ def test_a_killed_process_is_named_in_one_sentence(monkeypatch):
     orders = [armax_orders(order, order, order, 1) for order in (1, 2, 3, 4)]
     with pytest.raises(InputError, match=r"^the candidates of phase plant: .+ was killed"):
         order_selection.estimate_in_parallel(
-            recording, orders, "plant", SearchSettings(), ScoringWindow(5, 25), cores=2
+            order_selection.OrderSearch(recording, SearchSettings(), ScoringWindow(5, 25)),
+            orders,
+            "plant",
+            cores=2,
         )

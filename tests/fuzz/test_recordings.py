@@ -11,7 +11,7 @@ from evopem.config.defaults import complete
 from evopem.config.order_grid import check_samples, sample_requirements, scoring_window
 from evopem.errors import InputError
 from evopem.estimation.model_record import ModelRecord
-from evopem.estimation.order_selection import complete_estimate, estimate_candidates
+from evopem.estimation.order_selection import OrderSearch, complete_estimate, estimate_candidates
 from evopem.files.json_form import to_json
 from evopem.models.orders import armax_orders
 from evopem.models.response_tables import frequency_response_table
@@ -114,7 +114,7 @@ def identified(recording, settings):
         warnings.simplefilter("error")
         spectrum = summarize_spectrum(multitaper_spectrum(prepared.estimation.output, 1.0, 2.0, 64))
         data = prepared.estimation
-        (candidate,) = estimate_candidates(data, [ORDERS], "nb", search, window)
+        (candidate,) = estimate_candidates(OrderSearch(data, search, window), [ORDERS], "nb")
         found = complete_estimate(candidate, data, search, window)
         validation, _ = validate(found.model, prepared)
         record = ModelRecord.of(found, data, search, prepared.transforms)

@@ -13,7 +13,7 @@ from evopem.config.settings import (
 )
 from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.order_candidate import PhaseSelection
-from evopem.estimation.order_selection import complete_estimate, estimate_candidates
+from evopem.estimation.order_selection import OrderSearch, complete_estimate, estimate_candidates
 from evopem.models.orders import armax_orders
 from evopem.signals.peaks import SpectrumSummary
 from evopem.signals.preparation import prepare
@@ -49,7 +49,7 @@ def judged(u, y, orders=(2, 2, 1, 1), objective="absolute"):
     prepared = prepare(record, PREPARATION)
     settings = SearchSettings(objective=objective, mu=5, lambda_=20, nu=5, evaluations=3000)
     data = prepared.estimation
-    (candidate,) = estimate_candidates(data, [orders], "nb", settings, WINDOW)
+    (candidate,) = estimate_candidates(OrderSearch(data, settings, WINDOW), [orders], "nb")
     found = complete_estimate(candidate, data, settings, WINDOW)
     model = ModelRecord.of(found, data, settings, prepared.transforms)
     validation, _ = validate(found.model, prepared, objective)

@@ -6,8 +6,9 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any, Self
 
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import FitSettings, ScoringWindow, SearchSettings
@@ -34,14 +35,41 @@ from evopem.signals.recording import Recording
 REPEAT_FACTOR = 5
 
 
+@dataclass(frozen=True)
+class OrderSearch:
+    """The samples of all candidates, and how each of them is estimated."""
+
+    data: Recording
+    settings: SearchSettings
+    window: ScoringWindow
+    level: bool = False  # whether a constant is estimated along
+    log: Callable[[str], None] | None = None
+
+    @property
+    def samples(self) -> int:
+        """Residuals that count, over all stretches."""
+        return sum(max(part.samples - self.window.loss_start, 0) for part in self.data.segments)
+
+    def repeated(self) -> Self:
+        """The same for repeated searches, which are longer."""
+        evaluations = REPEAT_FACTOR * self.settings.evaluations
+        return replace(self, settings=replace(self.settings, evaluations=evaluations))
+
+    def estimate(self, orders: Orders, **given: Any) -> PolynomialEstimate:
+        """The estimate of orders; ``given`` as of :func:`.estimate_polynomial`."""
+        return estimate_polynomial(
+            self.data,
+            orders,
+            settings=self.settings,
+            window=self.window,
+            level=self.level,
+            log=self.log,
+            **given,
+        )
+
+
 def estimate_candidates(
-    data: Recording,
-    orders: Sequence[Orders],
-    phase: str,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    log: Callable[[str], None] | None = None,
-    level: bool = False,
+    search: OrderSearch, orders: Sequence[Orders], phase: str
 ) -> list[Candidate]:
     """Estimate every order of a phase, or of a part of it, on the same samples.
 
@@ -49,73 +77,41 @@ def estimate_candidates(
     """
     candidates = []
     for position, order in enumerate(orders):
-        scored = scored_samples(data, window)
-        estimated = order.parameters + order.single.nf + int(level)
-        if scored <= estimated:
+        estimated = order.parameters + order.single.nf + int(search.level)
+        if search.samples <= estimated:
             raise InputError(
                 "orders",
-                f"{order} has {estimated} parameters, but the {len(data.output)} "
-                f"estimation samples leave {scored} residuals after the first "
-                f"{window.loss_start}",
+                f"{order} has {estimated} parameters, but the {len(search.data.output)} "
+                f"estimation samples leave {search.samples} residuals after the first "
+                f"{search.window.loss_start}",
                 "lower the ranges of the orders, shorten search.n_initial_discard or "
                 "split.discard, or record longer",
             )
-        if log is not None:
-            log(f"{phase}: {order}, candidate {position + 1} of {len(orders)}")
-        estimate = estimate_polynomial(
-            data, order, settings=settings, window=window, level=level, log=log
-        )
+        if search.log is not None:
+            search.log(f"{phase}: {order}, candidate {position + 1} of {len(orders)}")
+        estimate = search.estimate(order)
         candidates.append(Candidate.of(estimate, phase))
-        if log is not None:
-            criteria = estimate.criteria
-            log(f"{phase}: {order} objective {criteria.objective:.9g}, BIC {criteria.bic:.6f}")
+        if search.log is not None:
+            reached = f"{estimate.criteria.objective:.9g}, BIC {estimate.criteria.bic:.6f}"
+            search.log(f"{phase}: {order} objective {reached}")
     return candidates
 
 
-def scored_samples(data: Recording, window: ScoringWindow) -> int:
-    """Residuals that count, over all stretches."""
-    return sum(max(segment.samples - window.loss_start, 0) for segment in data.segments)
-
-
-def repeated(settings: SearchSettings) -> SearchSettings:
-    """Settings of a repeated search."""
-    return replace(settings, evaluations=REPEAT_FACTOR * settings.evaluations)
-
-
 def continue_search(
-    candidate: Candidate,
-    data: Recording,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    log: Callable[[str], None] | None = None,
-    target: Target | None = None,
+    search: OrderSearch, candidate: Candidate, target: Target | None = None
 ) -> Candidate:
     """Search on, independently of what was found so far, and keep the better."""
-    estimate = estimate_polynomial(
-        data,
-        candidate.orders,
-        settings=settings,
-        window=window,
-        level=candidate.with_level,
-        earlier=candidate.search,
-        log=log,
-        target=target,
-    )
+    estimate = search.estimate(candidate.orders, earlier=candidate.search, target=target)
     return Candidate.of(estimate, candidate.phase)
 
 
-def reoptimize_from(
-    nested: Candidate,
-    candidate: Candidate,
-    data: Recording,
-    settings: SearchSettings,
-    window: ScoringWindow,
-) -> Candidate:
+def reoptimize_from(search: OrderSearch, nested: Candidate, candidate: Candidate) -> Candidate:
     """Re-optimise a candidate from the parameters of a nested smaller one."""
-    earlier = candidate.search
+    data, earlier = search.data, candidate.search
     with one_blas_thread():
-        level = candidate.with_level
-        errors = prediction_errors(data, candidate.orders, settings, window, level)
+        errors = prediction_errors(
+            data, candidate.orders, search.settings, search.window, search.level
+        )
         ended = optimum_next_to(nested.model, errors)
         earlier = earlier if ended is None else pooled(earlier, ended)
         estimate = describe(errors, earlier, data.sampling_rate, shortest=True)
@@ -136,15 +132,8 @@ def complete_estimate(
     """
     orders, level = candidate.orders, candidate.with_level
     if fit is not None and fit.changes_model:
-        return estimate_polynomial(
-            data,
-            orders,
-            settings=settings,
-            window=window,
-            level=level,
-            focus=fit.focus,
-            constraints=fit.constraints,
-            optimum=candidate.search,
+        return OrderSearch(data, settings, window, level).estimate(
+            orders, focus=fit.focus, constraints=fit.constraints, optimum=candidate.search
         )
     with one_blas_thread():
         errors = prediction_errors(data, orders, settings, window, level)
@@ -152,69 +141,44 @@ def complete_estimate(
 
 
 def select_candidate(
-    candidates: Sequence[Candidate],
-    phase: str,
-    data: Recording,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    min_delay: int | None = None,
-    log: Callable[[str], None] | None = None,
+    search: OrderSearch, candidates: Sequence[Candidate], phase: str, min_delay: int | None = None
 ) -> PhaseSelection:
     """Select a phase's delay or order, after repeating the searches that leave it in doubt.
 
     ``candidates``: all of the phase.  ``min_delay``: given in the last phase, whose selection is
     compared with models of other lags of B, down to this delay.
     """
-
-    repeat = partial(
-        continue_search, data=data, settings=repeated(settings), window=window, log=log
-    )
-    reoptimize = partial(reoptimize_from, data=data, settings=settings, window=window)
-
+    repeat = partial(continue_search, search.repeated())
+    reoptimize = partial(reoptimize_from, search)
     ordered = sorted(candidates, key=lambda candidate: candidate.orders)
-    if settings.prune:
-        samples = scored_samples(data, window)
+    if search.settings.prune:
         ordered = race(
-            ordered,
-            phase,
-            samples,
-            settings,
-            lambda c, target: continue_search(c, data, settings, window, log, target),
+            *(ordered, phase, search.samples, search.settings),
+            partial(continue_search, search),
             lambda candidate: _no_worse_than_nested(candidate, reoptimize),
         )
     selection = settle(ordered, phase, repeat, reoptimize, last=min_delay is not None)
-    if min_delay is None:
-        return selection
-    return _with_refined_delay(selection, min_delay, data, settings, window, log)
+    return selection if min_delay is None else _with_refined_delay(search, selection, min_delay)
 
 
 def _with_refined_delay(
-    selection: PhaseSelection,
-    min_delay: int,
-    data: Recording,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    log: Callable[[str], None] | None,
+    search: OrderSearch, selection: PhaseSelection, min_delay: int
 ) -> PhaseSelection:
     """Compare the selected model with others of neighbouring lags of B."""
     candidates: dict[Orders, Candidate] = {}
 
     def fit(orders: Orders) -> Fit:
-        level = selection.selected.with_level
-        (candidate,) = estimate_candidates(
-            data, [orders], selection.phase, settings, window, log, level
-        )
+        (candidate,) = estimate_candidates(search, [orders], selection.phase)
         if _is_doubtful(candidate, last=True):
-            candidate = continue_search(candidate, data, repeated(settings), window, log)
+            candidate = continue_search(search.repeated(), candidate)
         candidates[orders] = candidate
         return with_covariance(candidate)
 
     def with_covariance(candidate: Candidate) -> Fit:
-        model = complete_estimate(candidate, data, settings, window).model
-        return Fit(model, candidate.criteria.bic)
+        complete = complete_estimate(candidate, search.data, search.settings, search.window)
+        return Fit(complete.model, candidate.criteria.bic)
 
-    samples = scored_samples(data, window)
-    refined = refine_delay(with_covariance(selection.selected), samples, min_delay, fit)
+    refined = refine_delay(with_covariance(selection.selected), search.samples, min_delay, fit)
     known = {candidate.orders for candidate in selection.candidates}
     added = [candidate for orders, candidate in candidates.items() if orders not in known]
     orders = refined.model.orders
@@ -287,14 +251,7 @@ def _is_doubtful(candidate: Candidate, last: bool) -> bool:
 
 
 def estimate_in_parallel(
-    data: Recording,
-    orders: Sequence[Orders],
-    phase: str,
-    settings: SearchSettings,
-    window: ScoringWindow,
-    log: Callable[[str], None] | None = None,
-    cores: int = 1,
-    level: bool = False,
+    search: OrderSearch, orders: Sequence[Orders], phase: str, cores: int = 1
 ) -> list[Candidate]:
     """As :func:`estimate_candidates`, on several cores, whose log is the package's logger.
 
@@ -302,19 +259,18 @@ def estimate_in_parallel(
     InputError also when a process was killed.
     """
     if cores <= 1 or len(orders) <= 2:
-        return estimate_candidates(data, orders, phase, settings, window, log, level)
+        return estimate_candidates(search, orders, phase)
     # The largest go first, so that no core is left with one of them at the end. The smallest is
     # estimated here: it loads the compiled kernels, which forked processes then share.
     smallest, *others = sorted(range(len(orders)), key=lambda index: orders[index].parameters)
-    first = estimate_candidates(data, [orders[smallest]], phase, settings, window, log, level)
-    estimates = {smallest: first}
+    estimates = {smallest: estimate_candidates(search, [orders[smallest]], phase)}
     # Elsewhere than on Linux forking is unsafe.
     start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-    given = phase, settings, window, logging.getLogger("evopem").info, level
+    logged = replace(search, log=logging.getLogger("evopem").info)
     try:
         with ProcessPoolExecutor(min(cores, len(others)), start, end_with_parent) as pool:
             running = {
-                index: pool.submit(estimate_candidates, data, [orders[index]], *given)
+                index: pool.submit(estimate_candidates, logged, [orders[index]], phase)
                 for index in reversed(others)
             }
             estimates |= {index: estimate.result() for index, estimate in running.items()}

@@ -12,7 +12,7 @@ from evopem.config.order_grid import (
 )
 from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
 from evopem.estimation.order_candidate import Candidate, PhaseSelection, first_pass
-from evopem.estimation.order_selection import estimate_in_parallel
+from evopem.estimation.order_selection import OrderSearch, estimate_in_parallel
 from evopem.estimation.order_selection import select_candidate as select
 from evopem.files.json_form import load, save
 from evopem.models.orders import orders_of
@@ -54,7 +54,8 @@ def estimate_candidates(
     search = first_pass(search) if search.prune else search
     known = {} if before is None else {c.orders: c for c in before.candidates}
     new = [orders for orders in of_part if orders not in known]
-    estimated = estimate_in_parallel(data, new, phase, search, window, log, cores, grid.level)
+    given = OrderSearch(data, search, window, grid.level, log)
+    estimated = estimate_in_parallel(given, new, phase, cores)
     known |= {candidate.orders: candidate for candidate in estimated}
     candidates = [replace(known[orders], phase=phase, pruned="") for orders in of_part]
     save(candidates, files.part(phase, part))
@@ -80,7 +81,8 @@ def select_candidate(
     ]
     data = load_prepared(files.prepared, files.transforms).estimation
     min_delay = range_of(grid, "nk")[0] if phase == DELAY_REFINED_IN else None
-    selection = select(candidates, phase, data, search, window, min_delay, log)
+    given = OrderSearch(data, search, window, grid.level, log)
+    selection = select(given, candidates, phase, min_delay)
     if log is not None:
         log(selection.reason)
     save(selection, files.phase(phase))

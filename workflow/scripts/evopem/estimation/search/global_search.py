@@ -4,7 +4,7 @@ enough have ended at the lowest value.  Replacements in it, and descents from ro
 edge, have to find nothing lower.  Models of several inputs have basin hopping before (Leary 2000),
 and so have polynomials that share no sections, where memetic restarts are the independent ones."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -58,13 +58,24 @@ FIRST_PASS, FIRST_BATCH = 0, 8
 FIRST_ESTIMATES = 4
 
 
-class _Record(SearchProgress):
-    """What a search has found so far."""
+class _Search(SearchProgress):
+    """A search on its way: its problem and draws, and what it has found so far."""
 
-    def __init__(self, log: Callable[[str], None] | None) -> None:
+    def __init__(
+        self,
+        problem: BasinHoppingProblem,
+        generator: np.random.Generator,
+        log: Callable[[str], None] | None,
+        known_minimum: float,
+    ) -> None:
         super().__init__()
+        self.problem, self.generator, self.known_minimum = problem, generator, known_minimum
         self.one_optimum = False
         self._log = log
+        self.replacement: SectionReplacement | None = None
+        if isinstance(problem, PolynomialProblem):
+            replacement = SectionReplacement(problem)
+            self.replacement = replacement if replacement.possible else None
 
     @property
     def restarts(self) -> int:
@@ -78,22 +89,126 @@ class _Record(SearchProgress):
         enough = enough_agree(agreeing, len(minima), self.undiscovered, spent)
         return enough or (self.one_optimum and same_optimum(self.value, best))
 
-    def is_unlikely(self, target: Target | None, known_minimum: float) -> bool:
+    def is_unlikely(self, target: Target | None) -> bool:
         """Whether further restarts hardly lead to what the search is made for."""
         likely = AFTER_RESTART if self.restarts else AFTER_BATCHES
-        return target is not None and target.is_unlikely(min(self.value, known_minimum), likely)
+        lowest = min(self.value, self.known_minimum)
+        return target is not None and target.is_unlikely(lowest, likely)
 
-    def add(self, kind: str, point: Array, value: float, evaluations: int) -> None:
+    def add(
+        self, kind: str, point: Array, value: float, evaluations: int, optima: Sequence[float] = ()
+    ) -> None:
         """Count an independent restart."""
         self.minima.append(value)
-        self.lower(kind, point, value, evaluations)
+        self.lower(kind, point, value, evaluations, optima)
 
-    def lower(self, kind: str, point: Array, value: float, evaluations: int) -> None:
-        """Count evaluations, and keep a point that is the lowest."""
+    def lower(
+        self, kind: str, point: Array, value: float, evaluations: int, optima: Sequence[float] = ()
+    ) -> None:
+        """Count evaluations and optima of descents, and keep a point that is the lowest."""
+        self.optima.extend(optima)
         self.spent += evaluations
         self.reach(point, value)
         if self._log is not None:
             self._log(f"{kind}: {value:.9g}, lowest {self.value:.9g}, {self.spent} evaluations")
+
+    def refute(self, max_evaluations: float) -> None:
+        """Look for a lower optimum than that of agreeing restarts: a neighbour, or at the edge."""
+        if not self.one_optimum:
+            many = self.undiscovered > MANY_OPTIMA and max_evaluations == np.inf
+            for _ in range(REFUTATIONS if many else 1):
+                self.search_neighbours(self.replacement, max_evaluations)
+        if isinstance(self.problem, PolynomialProblem) and self.point is not None:
+            before = self.value
+            if self.problem.errors.orders.nc:
+                hopping = self.problem.from_edge(self.point, before, self.generator)
+                self.lower("roots of C at the edge", *hopping)
+            self.one_optimum &= same_optimum(before, self.value)
+
+    def search_neighbours(
+        self, replacement: SectionReplacement | None, max_evaluations: float
+    ) -> None:
+        """Look for a lower optimum next to the lowest one; this is no independent restart."""
+        if self.point is None:
+            return
+        plain = partial(basin_hopping, self.problem)
+        hop = plain if replacement is None else replacement.search_from
+        hopping = hop(self.point, self.value, max_evaluations, self.generator)
+        self.lower("neighbours of the lowest", *hopping)
+
+    def descend_from_random_points(self, evaluations: int) -> None:
+        """Descend from batches of random points, and polish the lowest of each.  No further batch
+        follows one that leaves a hopeless undiscovered probability.  They are polished together,
+        because a pass over the record costs the same for several points as for one."""
+        lowest: list[Array] = []
+        used = 0
+        while not lowest or (
+            self.random_points < BATCHES * BATCH
+            and used < evaluations
+            and self.undiscovered < HOPELESS
+        ):
+            descents = self.problem.descend(self.problem.random(BATCH, self.generator))
+            self.optima.extend(converged_values(descents))
+            lowest.append(descents.points[int(np.argmin(descents.values))])
+            self.random_points += BATCH
+            self.undiscovered = undiscovered(self.optima)
+            used += descents.evaluations
+        polished = self.problem.polish(np.array(lowest))
+        used += polished.evaluations
+        for point, value in zip(polished.points, polished.values, strict=True):
+            self.add("random points", point, float(value), used // len(lowest))
+        self.one_optimum = self.undiscovered <= ONE_OPTIMUM and count_distinct(self.optima) == 1
+
+    def descend_from_slow_estimates(self, problem: PolynomialProblem) -> None:
+        """Descend from estimates of a finely sampled record, which are no independent restart."""
+        starts, used = problem.lowest_estimates(FIRST_ESTIMATES, slow=True)
+        if len(starts):
+            descents = problem.descend(starts)
+            ended = problem.polish(_lowest_of(descents)[0][None, :])
+            used += descents.evaluations + ended.evaluations
+            self.lower("estimates of slow poles", ended.points[0], float(ended.values[0]), used)
+
+    def descend_coarsely(self) -> None:
+        """The first pass of a race: coarse descents from a few random points, and from the same
+        estimates of the record every time, which are no independent restart: random points alone
+        may all lead to an optimum that has swapped the poles of A and D."""
+        problem = self.problem
+        descend = (
+            problem.descend_coarsely if isinstance(problem, PolynomialProblem) else problem.descend
+        )
+        descents = descend(problem.random(FIRST_BATCH, self.generator))
+        self.optima, self.random_points = converged_values(descents), FIRST_BATCH
+        self.add("first pass", *_lowest_of(descents), descents.evaluations)
+        self.undiscovered = undiscovered(self.optima, SAME_COARSE_DESCENT)
+        if isinstance(problem, PolynomialProblem):
+            estimates, used = problem.lowest_estimates(FIRST_ESTIMATES)
+            if len(estimates):
+                descents = descend(estimates)
+                self.lower("estimates", *_lowest_of(descents), used + descents.evaluations)
+
+    def restart(self, settings: SearchSettings) -> None:
+        """One independent restart, with basin hopping from its end where restarts do not agree."""
+        problem, memetic = self.problem, self.restarts < MEMETIC_RESTARTS
+        if memetic:
+            short = replace(settings, evaluations=min(settings.evaluations, RESTART_EVALUATIONS))
+            ended = memetic_search(problem, short, self.generator, agreeing_restarts=NEVER)
+            point, value = ended.point, ended.value
+            evaluations = ended.diagnostics.evaluations
+            self.generations += ended.diagnostics.generations
+        else:
+            starts, used = problem.draw(BATCH, self.generator)
+            descents = problem.descend(starts)
+            self.optima.extend(converged_values(descents))
+            point, value = _lowest_of(descents)
+            evaluations = used + descents.evaluations
+        best = min(self.value, self.known_minimum, value)
+        left = settings.evaluations - self.spent - evaluations
+        if memetic and (left <= 0 or self.agree(best, value)):
+            self.add("memetic restart", point, value, evaluations)
+            return
+        hopping = basin_hopping(problem, point, value, left, self.generator)
+        hopping = hopping._replace(evaluations=evaluations + hopping.evaluations)
+        self.add("restart and basin hopping", *hopping)
 
 
 def global_search(
@@ -107,131 +222,36 @@ def global_search(
     """Minimise the objective of an identification globally.  ``known_minimum``: A value that an
     earlier search reached.  Restarts that agree on a higher one do not end the search.  ``target``:
     the search ends once it is unlikely to get so low.  InputError when no value was finite."""
-    replacement = SectionReplacement(problem) if isinstance(problem, PolynomialProblem) else None
-    state, replacement = _Record(log), replacement if replacement and replacement.possible else None
+    search = _Search(problem, generator, log, known_minimum)
+    replacement = search.replacement
     if settings.evaluations == FIRST_PASS:
-        _descend_coarsely(problem, generator, state)
+        search.descend_coarsely()
     else:
-        _descend_from_random_points(problem, settings.evaluations, generator, state)
-        if isinstance(problem, PolynomialProblem) and not state.one_optimum:
-            _descend_from_slow_estimates(problem, state)
+        search.descend_from_random_points(settings.evaluations)
+        if isinstance(problem, PolynomialProblem) and not search.one_optimum:
+            search.descend_from_slow_estimates(problem)
         alone = replacement is not None and replacement.problem.errors.orders.inputs <= 1
-        if state.undiscovered >= HOPELESS and not alone:
-            left = settings.evaluations - state.spent
-            _search_neighbours(problem, None, left, generator, state)
+        if search.undiscovered >= HOPELESS and not alone:
+            search.search_neighbours(None, settings.evaluations - search.spent)
     refuted_from = np.inf
     while True:
-        best = min(state.value, known_minimum)
-        ended = state.spent >= settings.evaluations or state.is_unlikely(target, known_minimum)
-        enough = state.agree(best)
-        if enough or (ended and state.agree(best, spent=True)):
-            if same_optimum(refuted_from, state.value):
-                state.withstood = True
+        best = min(search.value, known_minimum)
+        ended = search.spent >= settings.evaluations or search.is_unlikely(target)
+        enough = search.agree(best)
+        if enough or (ended and search.agree(best, spent=True)):
+            if same_optimum(refuted_from, search.value):
+                search.withstood = True
                 break
-            refuted_from = state.value
-            limit = np.inf if enough else REFUTING * settings.evaluations
-            _refute(problem, replacement, limit, generator, state)
+            refuted_from = search.value
+            search.refute(np.inf if enough else REFUTING * settings.evaluations)
         elif ended:
             break
         elif replacement is not None:
-            hopping = replacement.search(settings.evaluations - state.spent, generator)
-            state.optima.extend(hopping.optima)
-            state.add("section replacement", hopping.point, hopping.value, hopping.evaluations)
+            hopping = replacement.search(settings.evaluations - search.spent, generator)
+            search.add("section replacement", *hopping)
         else:
-            _restart(problem, settings, generator, state, known_minimum)
-    return state.result()
-
-
-def _refute(
-    problem: BasinHoppingProblem,
-    replacement: SectionReplacement | None,
-    max_evaluations: float,
-    generator: np.random.Generator,
-    state: _Record,
-) -> None:
-    """Look for a lower optimum than that of agreeing restarts: a neighbour, or one at the edge."""
-    if not state.one_optimum:
-        many = state.undiscovered > MANY_OPTIMA and max_evaluations == np.inf
-        for _ in range(REFUTATIONS if many else 1):
-            _search_neighbours(problem, replacement, max_evaluations, generator, state)
-    if isinstance(problem, PolynomialProblem) and state.point is not None:
-        before = state.value
-        if problem.errors.orders.nc:
-            hopping = problem.from_edge(state.point, before, generator)
-            state.lower("roots of C at the edge", hopping.point, hopping.value, hopping.evaluations)
-        state.one_optimum &= same_optimum(before, state.value)
-
-
-def _search_neighbours(
-    problem: BasinHoppingProblem,
-    replacement: SectionReplacement | None,
-    max_evaluations: float,
-    generator: np.random.Generator,
-    state: _Record,
-) -> None:
-    """Look for a lower optimum next to the lowest one; this is no independent restart."""
-    if state.point is None:
-        return
-    search = partial(basin_hopping, problem) if replacement is None else replacement.search_from
-    hopping = search(state.point, state.value, max_evaluations, generator)
-    state.optima.extend(hopping.optima)
-    state.lower("neighbours of the lowest", hopping.point, hopping.value, hopping.evaluations)
-
-
-def _descend_from_random_points(
-    problem: BasinHoppingProblem, evaluations: int, generator: np.random.Generator, state: _Record
-) -> None:
-    """Descend from batches of random points, and polish the lowest of each.  No further batch
-    follows one that leaves a hopeless undiscovered probability.  They are polished together,
-    because a pass over the record costs the same for several points as for one."""
-    lowest: list[Array] = []
-    used = 0
-    while not lowest or (
-        state.random_points < BATCHES * BATCH
-        and used < evaluations
-        and state.undiscovered < HOPELESS
-    ):
-        descents = problem.descend(problem.random(BATCH, generator))
-        state.optima.extend(converged_values(descents))
-        lowest.append(descents.points[int(np.argmin(descents.values))])
-        state.random_points += BATCH
-        state.undiscovered = undiscovered(state.optima)
-        used += descents.evaluations
-    polished = problem.polish(np.array(lowest))
-    used += polished.evaluations
-    for point, value in zip(polished.points, polished.values, strict=True):
-        state.add("random points", point, float(value), used // len(lowest))
-    state.one_optimum = state.undiscovered <= ONE_OPTIMUM and count_distinct(state.optima) == 1
-
-
-def _descend_from_slow_estimates(problem: PolynomialProblem, state: _Record) -> None:
-    """Descend from estimates of a finely sampled record, which are no independent restart."""
-    starts, used = problem.lowest_estimates(FIRST_ESTIMATES, slow=True)
-    if len(starts):
-        descents = problem.descend(starts)
-        ended = problem.polish(_lowest_of(descents)[0][None, :])
-        used += descents.evaluations + ended.evaluations
-        state.lower("estimates of slow poles", ended.points[0], float(ended.values[0]), used)
-
-
-def _descend_coarsely(
-    problem: BasinHoppingProblem, generator: np.random.Generator, state: _Record
-) -> None:
-    """The first pass of a race: coarse descents from a few random points, and from the same
-    estimates of the record every time, which are no independent restart: random points alone may
-    all lead to an optimum that has swapped the poles of A and D."""
-    descend = (
-        problem.descend_coarsely if isinstance(problem, PolynomialProblem) else problem.descend
-    )
-    descents = descend(problem.random(FIRST_BATCH, generator))
-    state.optima, state.random_points = converged_values(descents), FIRST_BATCH
-    state.add("first pass", *_lowest_of(descents), descents.evaluations)
-    state.undiscovered = undiscovered(state.optima, SAME_COARSE_DESCENT)
-    if isinstance(problem, PolynomialProblem):
-        estimates, used = problem.lowest_estimates(FIRST_ESTIMATES)
-        if len(estimates):
-            descents = descend(estimates)
-            state.lower("estimates", *_lowest_of(descents), used + descents.evaluations)
+            search.restart(settings)
+    return search.result()
 
 
 def _lowest_of(descents: Descent) -> tuple[Array, float]:
@@ -268,36 +288,3 @@ def basin_hopping(
     polished = problem.polish(point[None, :])
     evaluations += polished.evaluations
     return BasinHopping(polished.points[0], float(polished.values[0]), evaluations, optima)
-
-
-def _restart(
-    problem: BasinHoppingProblem,
-    settings: SearchSettings,
-    generator: np.random.Generator,
-    state: _Record,
-    known_minimum: float,
-) -> None:
-    """One independent restart, with basin hopping from its end where restarts do not agree."""
-    memetic = state.restarts < MEMETIC_RESTARTS
-    if memetic:
-        short = replace(settings, evaluations=min(settings.evaluations, RESTART_EVALUATIONS))
-        ended = memetic_search(problem, short, generator, agreeing_restarts=NEVER)
-        point, value = ended.point, ended.value
-        evaluations = ended.diagnostics.evaluations
-        state.generations += ended.diagnostics.generations
-    else:
-        starts, used = problem.draw(BATCH, generator)
-        descents = problem.descend(starts)
-        state.optima.extend(converged_values(descents))
-        point, value = _lowest_of(descents)
-        evaluations = used + descents.evaluations
-    best = min(state.value, known_minimum, value)
-    left = settings.evaluations - state.spent - evaluations
-    if memetic and (left <= 0 or state.agree(best, value)):
-        state.add("memetic restart", point, value, evaluations)
-        return
-    hopping = basin_hopping(problem, point, value, left, generator)
-    state.optima.extend(hopping.optima)
-    state.add(
-        "restart and basin hopping", hopping.point, hopping.value, evaluations + hopping.evaluations
-    )

@@ -3,7 +3,6 @@ Offspring are recombined, some (the worst by default) refined, and the best kept
 population restarts.  When enough restarts agree, a multistart check follows."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -46,48 +45,53 @@ def memetic_search(
     """Minimise an objective globally; InputError when no value was finite.  Restarts that agree on
     a value above ``known_minimum`` do not end the search.  ``until_certified``: restarts go on
     after the check until a certificate, where all agree with up to twice the evaluations."""
-    state = _Found()
+    search = _Search(problem, settings, generator, log)
 
     def agreeing() -> int:
-        best = min(state.value, known_minimum)
-        return sum(same_optimum(minimum, best) for minimum in state.minima)
+        best = min(search.value, known_minimum)
+        return sum(same_optimum(minimum, best) for minimum in search.minima)
 
     def agreed() -> bool:
-        if until_certified and state.random_points:
-            return enough_agree(agreeing(), len(state.minima), state.undiscovered)
-        return agreeing() >= agreeing_restarts and 2 * agreeing() >= len(state.minima)
+        if until_certified and search.random_points:
+            return enough_agree(agreeing(), len(search.minima), search.undiscovered)
+        return agreeing() >= agreeing_restarts and 2 * agreeing() >= len(search.minima)
 
     limit = settings.evaluations
-    while state.spent < limit:
-        _restart(problem, replace(settings, evaluations=limit), generator, state, log)
-        if not state.random_points and agreed():
-            state.check(problem, settings.evaluations, generator)
-            if log is not None:
-                log(
-                    f"multistart check: lowest {state.minima[-1]:.9g} of {state.random_points} "
-                    f"points, undiscovered probability {state.undiscovered:.2g}, "
-                    f"{state.spent} evaluations"
-                )
+    while search.spent < limit:
+        search.restart(limit)
+        if not search.random_points and agreed():
+            search.check()
         if agreed():
             break
-        confirming = until_certified and state.random_points and agreeing() == len(state.minima)
+        confirming = until_certified and search.random_points and agreeing() == len(search.minima)
         limit = (CONFIRMING if confirming else 1) * settings.evaluations
-    return state.result()
+    return search.result()
 
 
-class _Found(SearchProgress):
+class _Search(SearchProgress):
     """What a search has found, and the random points of its multistart check."""
 
-    def check(self, problem: Problem, max_evaluations: int, generator: np.random.Generator) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        settings: SearchSettings,
+        generator: np.random.Generator,
+        log: Callable[[str], None] | None,
+    ) -> None:
+        super().__init__()
+        self.problem, self.settings, self.generator = problem, settings, generator
+        self._log = log
+
+    def check(self) -> None:
         """Descend from random points until a further local optimum is improbable: one restart.
-        ``max_evaluations``: evaluations after which no further batch starts."""
+        Once the evaluations are spent no further batch starts."""
         optima: list[float] = []
         best_point, best_value, evaluations = np.empty(0), np.inf, 0
         while not self.random_points or (
-            self.undiscovered > SUFFICIENT_PROBABILITY and evaluations < max_evaluations
+            self.undiscovered > SUFFICIENT_PROBABILITY and evaluations < self.settings.evaluations
         ):
             batch = max(self.random_points, FIRST_BATCH)
-            descents = problem.descend(problem.random(batch, generator))
+            descents = self.problem.descend(self.problem.random(batch, self.generator))
             self.random_points += batch
             evaluations += descents.evaluations
             optima.extend(converged_values(descents))
@@ -97,62 +101,54 @@ class _Found(SearchProgress):
             self.undiscovered = undiscovered(optima)
             if self.undiscovered > HOPELESS_PROBABILITY:
                 break
-        polished = problem.polish(best_point[None, :])
+        polished = self.problem.polish(best_point[None, :])
         self.spent += evaluations + polished.evaluations
         self.optima.extend(optima)
         self.reach(polished.points[0], float(polished.values[0]))
         self.minima.append(float(polished.values[0]))
-
-
-def _restart(
-    problem: Problem,
-    settings: SearchSettings,
-    generator: np.random.Generator,
-    state: _Found,
-    log: Callable[[str], None] | None,
-) -> None:
-    """Generations of an independent population until it has converged, and a polish."""
-    parents, used = problem.draw(settings.mu, generator)
-    values = problem.values(parents)
-    state.spent += used + len(parents)
-    while True:
-        parents, values, used, descents = _generation(problem, settings, parents, values, generator)
-        state.spent += used
-        state.generations += 1
-        state.optima.extend(descents)
-        state.reach(parents[0], float(values[0]))
-        if log is not None:
-            log(
-                f"restart {len(state.minima) + 1} generation {state.generations}: lowest "
-                f"{values[0]:.9g}, highest parent {values[-1]:.9g}, {state.spent} evaluations"
+        if self._log is not None:
+            self._log(
+                f"multistart check: lowest {self.minima[-1]:.9g} of {self.random_points} points, "
+                f"undiscovered probability {self.undiscovered:.2g}, {self.spent} evaluations"
             )
-        if state.spent >= settings.evaluations or same_optimum(values[-1], values[0], SAME_DESCENT):
-            break
-    polished = problem.polish(parents[:1])
-    state.spent += polished.evaluations
-    state.reach(polished.points[0], float(polished.values[0]))
-    state.minima.append(min(float(polished.values[0]), float(values[0])))
 
+    def restart(self, limit: int) -> None:
+        """Generations of an independent population until it has converged, and a polish.
+        ``limit``: evaluations after which no further generation begins."""
+        parents, used = self.problem.draw(self.settings.mu, self.generator)
+        values = self.problem.values(parents)
+        self.spent += used + len(parents)
+        while True:
+            parents, values = self._generation(parents, values)
+            if self._log is not None:
+                self._log(
+                    f"restart {len(self.minima) + 1} generation {self.generations}: lowest "
+                    f"{values[0]:.9g}, highest parent {values[-1]:.9g}, {self.spent} evaluations"
+                )
+            if self.spent >= limit or same_optimum(values[-1], values[0], SAME_DESCENT):
+                break
+        polished = self.problem.polish(parents[:1])
+        self.spent += polished.evaluations
+        self.reach(polished.points[0], float(polished.values[0]))
+        self.minima.append(min(float(polished.values[0]), float(values[0])))
 
-def _generation(
-    problem: Problem,
-    settings: SearchSettings,
-    parents: Array,
-    values: Array,
-    generator: np.random.Generator,
-) -> tuple[Array, Array, int, list[float]]:
-    """Recombine, evaluate, refine by BFGS, and select."""
-    recombined, used = problem.recombine(parents, settings.lambda_, generator)
-    offspring = problem.repair(recombined)
-    offspring_values = problem.values(offspring)
-    chosen = _chosen(offspring_values, settings, generator)
-    refined = problem.descend(offspring[chosen])
-    offspring[chosen], offspring_values[chosen] = refined.points, refined.values
-    pool = np.concatenate([parents, offspring])
-    pool_values = np.concatenate([values, offspring_values])
-    selected = np.argsort(pool_values, kind="stable")[: settings.mu]
-    used += len(offspring) + refined.evaluations
-    return pool[selected], pool_values[selected], used, converged_values(refined)
+    def _generation(self, parents: Array, values: Array) -> tuple[Array, Array]:
+        """Recombine, evaluate, refine by BFGS, and select."""
+        problem, settings = self.problem, self.settings
+        recombined, used = problem.recombine(parents, settings.lambda_, self.generator)
+        offspring = problem.repair(recombined)
+        offspring_values = problem.values(offspring)
+        chosen = _chosen(offspring_values, settings, self.generator)
+        refined = problem.descend(offspring[chosen])
+        offspring[chosen], offspring_values[chosen] = refined.points, refined.values
+        pool = np.concatenate([parents, offspring])
+        pool_values = np.concatenate([values, offspring_values])
+        selected = np.argsort(pool_values, kind="stable")[: settings.mu]
+        self.spent += used + len(offspring) + refined.evaluations
+        self.generations += 1
+        self.optima.extend(converged_values(refined))
+        self.reach(pool[selected[0]], float(pool_values[selected[0]]))
+        return pool[selected], pool_values[selected]
 
 
 def discrete_recombination(
