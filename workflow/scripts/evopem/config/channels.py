@@ -140,7 +140,7 @@ class SyntheticSource:
     noise: Annotated[Annotated[float, Field(ge=0, le=1e6)] | None, built_in("0.1")] = None
     """the ratio of noise to output. Of `armax` alone"""
     softening: Annotated[Annotated[float, Field(ge=0, lt=1)] | None, built_in("0")] = None
-    """the share by which the arm's frequencies fall along the record. Of `flexible_arm` alone"""
+    """the share by which the arm's frequencies fall along the recording. Of `flexible_arm` alone"""
 
     validation_files = all_files = ()  # nothing is recorded
 

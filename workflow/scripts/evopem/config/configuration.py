@@ -190,7 +190,7 @@ def estimation_memory(settings: DatasetSettings, threads: int, attempt: int) -> 
         return int(attempt * (1200 + 200e-6 * recording_bytes(settings)))
     processes = threads + 1 if threads > 1 else 1
     samples = max_samples(settings)
-    # The least squares of many parameters work in stretches: long records need no more for them.
+    # The least squares of many parameters work in stretches: long recordings need no more for them.
     per_process = min(250 + 80e-6 * _largest_fit(settings), 400 + 400e-6 * samples)
     return int(attempt * (400 + processes * per_process))
 

@@ -222,7 +222,7 @@ class _Orders:
     nf: Annotated[_input_ranges(0, 60), built_in("follow the order k")]
     """the orders of F. With `recipe: auto`"""
     nx: Annotated[
-        _range(1, 60), built_in("as far as the record goes, at most 20; up to 40 while BIC falls")
+        _range(1, 60), built_in("as far as the recording goes, at most 20; to 40 while BIC falls")
     ]
     """the numbers of states. Of `ss_oe` and `ss_bj` those of the plant"""
 

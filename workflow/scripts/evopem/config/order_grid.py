@@ -183,7 +183,7 @@ def _largest_candidates(grid: OrderGrid) -> list[CandidateOrders]:
 
 
 def sample_requirements(settings: DatasetSettings) -> SampleRequirements:
-    """Find what a record must have for the largest candidate of any phase."""
+    """Find what a recording must have for the largest candidate of any phase."""
     grid, window = settings.order_grid, scoring_window(settings)
     candidates = _largest_candidates(grid)
     last = candidates[-1]
@@ -202,7 +202,7 @@ def sample_requirements(settings: DatasetSettings) -> SampleRequirements:
 def check_samples(
     requirements: SampleRequirements, estimation: int, validation: int, place: str
 ) -> None:
-    """Refuse a record that is too short for some candidate, before any of them is estimated.
+    """Refuse a recording that is too short for some candidate, before any of them is estimated.
 
     Validation samples have to outnumber twice those in which the longest model settles: the initial
     state of a simulation is estimated from them, and would explain fewer by itself.

@@ -171,7 +171,7 @@ class ScoringWindow:
 
 @dataclass(frozen=True)
 class SampleRequirements:
-    """What a record must have for the largest candidate of an order grid."""
+    """What a recording must have for the largest candidate of an order grid."""
 
     loss_start: int
     parameters: int  # of any candidate, at most, with level and plant state

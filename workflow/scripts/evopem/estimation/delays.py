@@ -21,8 +21,8 @@ from evopem.signals.recording import Recording, Segment, total_samples
 # of them, later lags of the input seem to explain what is missing.
 ORDERS = (1, 2, 3, 4, 6, 8, 12, 16)
 LONGEST_DELAY, SHORT_DELAY = 200, 10
-# A delay takes up to this share of the samples away from the comparison: of 120 records of 160 to
-# 1,200 samples with delays to 60, 3 were wrong by more than 2 with a fifth, none with a third.
+# A delay takes up to this share of the samples away from the comparison: of 120 recordings of 160
+# to 1,200 samples with delays to 60, 3 were wrong by more than 2 with a fifth, none with a third.
 LONGEST_SHARE = 3
 # Samples for each coefficient of an output.
 SAMPLES_PER_COEFFICIENT = 5

@@ -107,7 +107,7 @@ def estimate(
     InputError
         When constraints contradict each other, the structure or the focus.
     ValueError
-        When the record is too short for the orders, or a setting is outside its range.
+        When the recording is too short for the orders, or a setting is outside its range.
 
     Warns
     -----

@@ -79,7 +79,7 @@ def _check_signals(data: Recording) -> None:
 
 
 def _check_length(data: Recording, orders: Orders, window: ScoringWindow, states: int) -> None:
-    """Refuse a record that no model of the orders can be estimated from."""
+    """Refuse a recording that no model of the orders can be estimated from."""
     first = window.loss_start
     kept = [s for s in data.segments if s.samples > first + states or not data.is_joined]
     counted = sum(segment.samples - first for segment in kept)

@@ -20,7 +20,7 @@ def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:
     """Peaks of a density that are larger than noise alone makes them, rising in frequency.
 
     A peak is a local maximum whose prominence exceeds the spread between the largest and the
-    smallest of M independent estimates, reached in 5 % of records: ``10 log10(q(1 - a) / q(a))``
+    smallest of M independent estimates, reached in 5 % of recordings: ``10 log10(q(1 - a) / q(a))``
     with q the chi-square quantile over its expectation, ``a = 0.05 / (2M)``, and M the number of
     resolution cells (width 2W). So are those of averages over 4 and over 16 cells, which reveal
     broad peaks; a broad one counts only where no narrower one lies on its upper half.

@@ -13,7 +13,7 @@ from evopem.signals.time_units import TIME_UNITS, stated_unit
 STEP_TOLERANCE = 0.1
 """A step may differ from the median step by this share of it."""
 GRID_TOLERANCE = 1e-3
-"""A stamp may differ from the uniform grid by half a step or this share of the record."""
+"""A stamp may differ from the uniform grid by half a step or this share of the recording."""
 RATE_TOLERANCE = 1e-3
 """A stated rate may differ from that of the stamps by this share."""
 _SECONDS_1990, _SECONDS_2050 = 6.3e8, 2.5e9

@@ -178,9 +178,9 @@ RANK_TOLERANCE = 1e-10
 def output_levels(recording: Recording) -> tuple[float, ...]:
     """Level of each output at which inputs at their means would hold it, in its unit.
 
-    What the inputs before a short record add to its beginning shifts the mean. A regression on past
-    inputs, past outputs and a constant is free of it (Ljung 1999, section 14.1). Its level takes
-    the place of the mean where it differs at 1 % and the output does not drift.
+    What the inputs before a short recording add to its beginning shifts the mean. A regression on
+    past inputs, past outputs and a constant is free of it (Ljung 1999, section 14.1). Its level
+    takes the place of the mean where it differs at 1 % and the output does not drift.
     """
     u = recording.inputs - recording.inputs.mean(axis=0)
     deviations = u.std(axis=0)

@@ -81,7 +81,7 @@ def armax(
 
     ``noise`` is the standard deviation of the innovations over that of the noise-free output.  The
     output is summed ``difference`` times and put through the inverse Box-Cox transform, so that a
-    preparation with the same values gives the ARMAX record back.
+    preparation with the same values gives the ARMAX recording back.
     """
     from scipy.signal import lfilter
 

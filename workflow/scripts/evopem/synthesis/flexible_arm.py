@@ -2,8 +2,9 @@
 
 A continuous-time model, so that no discrete model class is handed the answer: a resonant servo loop
 carries a flexible arm in modal coordinates, driven through the hub's angular acceleration.  The
-record of the tip's acceleration arrives through a zero-order hold, a transport delay, and a sensor
-whose drift and slightly compressive characteristic make it non-stationary in mean and variance.
+recording of the tip's acceleration arrives through a zero-order hold, a transport delay, and a
+sensor whose drift and slightly compressive characteristic make it non-stationary in mean and
+variance.
 """
 
 import numpy as np
@@ -42,7 +43,7 @@ def flexible_arm(
     """White velocity commands in, tip acceleration out; modes must lie below half the rate (Hz).
 
     ``softening``: share by which the frequencies of the arm, not of the servo loop, fall along the
-    record as its payload grows; the modes of the truth are those at its start.
+    recording as its payload grows; the modes of the truth are those at its start.
 
     >>> recording, truth = flexible_arm(seed=1, samples=500)
     >>> [mode.frequency_hz for mode in truth.modes]

@@ -1,4 +1,4 @@
-"""Least squares over records of any length in blocks of rows, and autoregressions."""
+"""Least squares over recordings of any length in blocks of rows, and autoregressions."""
 
 import math
 from collections.abc import Iterable, Iterator

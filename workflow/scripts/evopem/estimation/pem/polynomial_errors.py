@@ -292,7 +292,7 @@ class PolynomialErrors:
         return np.concatenate(list(self.jacobian_blocks(point)))
 
     def jacobian_blocks(self, point: Array) -> Iterator[Array]:
-        """Consecutive rows of :meth:`jacobian`, which long records need."""
+        """Consecutive rows of :meth:`jacobian`, which long recordings need."""
         for errors, at in self.places:
             before = self.window.loss_start - self.window.residual_start
             for stretch_block in errors.jacobian_blocks(point[at]):

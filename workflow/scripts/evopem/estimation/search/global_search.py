@@ -50,7 +50,7 @@ RESTART_EVALUATIONS = 4000
 MEMETIC_RESTARTS = 2
 NEVER = 2**31
 # Neighbours that a step of basin hopping descends from, and steps without a gain after which none
-# is expected to be lower: a pass over the record takes eight at the price of one.
+# is expected to be lower: a pass over the recording takes eight at the price of one.
 DESCENDED, PATIENCE = 8, 6
 # Evaluations of a search that is the first pass of a race, and its random points.
 FIRST_PASS, FIRST_BATCH = 0, 8
@@ -139,7 +139,7 @@ class _Search(SearchProgress):
     def descend_from_random_points(self, evaluations: int) -> None:
         """Descend from batches of random points, and polish the lowest of each.  No further batch
         follows one that leaves a hopeless undiscovered probability.  They are polished together,
-        because a pass over the record costs the same for several points as for one."""
+        because a pass over the recording costs the same for several points as for one."""
         lowest: list[Array] = []
         used = 0
         while not lowest or (
@@ -170,7 +170,7 @@ class _Search(SearchProgress):
 
     def descend_coarsely(self) -> None:
         """The first pass of a race: coarse descents from a few random points, and from the same
-        estimates of the record every time, which are no independent restart: random points alone
+        estimates of the recording every time, which are no independent restart: random points alone
         may all lead to an optimum that has swapped the poles of A and D."""
         problem = self.problem
         descend = (

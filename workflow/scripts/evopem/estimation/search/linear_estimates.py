@@ -1,4 +1,4 @@
-"""Polynomials that descents start from, by linear algebra on one record of inputs u (N, m)."""
+"""Polynomials that descents start from, by linear algebra on one recording of inputs u (N, m)."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -18,7 +18,7 @@ from evopem.models.polynomial_roots import reflect_into_disc, roots
 STEIGLITZ_MCBRIDE_STEPS = 20
 # Rows of block Hankel matrices, in orders of the model, and the most of them.
 HANKEL_ROWS, MOST_HANKEL_ROWS = 3, 40
-# A record is finely sampled where half of the power of its output lies below this share of all
+# A recording is finely sampled where half of the power of its output lies below this share of all
 # frequencies.  Samples of a block that means are taken of, and least blocks for each pole.
 FINE, BLOCK, BLOCKS = 1.0 / 16.0, 4, 20
 # Lists of what structures that share their orders need once, empty at first.

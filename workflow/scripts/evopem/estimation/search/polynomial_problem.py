@@ -1,5 +1,5 @@
 """The search problem of a polynomial model: where searches and descents of it start from (estimates
-of the record by linear algebra, models of other orders, random poles), and its descents."""
+of the recording by linear algebra, models of other orders, random poles), and its descents."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ SWEEP_STAGES = (DescentStage(0.1, 1e-7, 1e-7),)
 
 
 class PolynomialProblem(BasinHoppingProblem):
-    """Search problem of one record and orders.  ``models``: models of other orders that
+    """Search problem of one recording and orders.  ``models``: models of other orders that
     :meth:`starts` begin from; ``own_starts``: whether from estimates by linear algebra too.  The
     first population holds those, descended from; the rest of it, and later ones, random poles."""
 

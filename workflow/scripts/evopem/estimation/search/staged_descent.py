@@ -23,8 +23,8 @@ from evopem.estimation.search.problem import (
 PredictionErrors = PolynomialErrors | KStepErrors | CoordinateErrors
 
 MAX_ITERATIONS = 200
-# A pass over the record costs the same for one model as for eight.  Once half of the descents have
-# ended, the others get as many trials again, and keep the point they have reached then.
+# A pass over the recording costs the same for one model as for eight.  Once half of the descents
+# have ended, the others get as many trials again, and keep the point they have reached then.
 WAIT = 1.0
 # Added to the unit diagonal of a scaled Gauss-Newton matrix, times its size: directions that the
 # data say less about are left to BFGS.
