@@ -20,7 +20,11 @@ from evopem.estimation.state_space.local_estimates import (
     StateSpaceTask,
     descend_from,
 )
-from evopem.estimation.state_space.point_model import PointModel, parameter_covariance
+from evopem.estimation.state_space.point_model import (
+    PointModel,
+    parameter_covariance,
+    weighed_jacobians,
+)
 from evopem.estimation.state_space.problem import StateSpaceProblem
 from evopem.estimation.state_space.search import Rung, converted, descended, reductions
 from evopem.estimation.state_space.sections import (
@@ -292,6 +296,22 @@ def test_the_covariance_is_that_of_a_numerical_jacobian(structure):
          for k in np.eye(len(q0))]
     ).T  # fmt: skip
     np.testing.assert_allclose(covariance.standard_errors(gradients), expected, rtol=1e-3)
+
+
+def test_jacobians_of_all_outputs_are_weighed_by_one_gram_matrix():
+    errors, point = problem("ss", 5)
+    solved = errors.projection(point)
+    signals = errors.signals.derivatives(solved.sections, solved.states)
+    ny, parts = errors.data.outputs.shape[1], []
+    for output in range(ny):
+        columns, places = errors.jacobian(solved, signals, output)
+        parts.append(np.zeros((len(columns), errors.layout.dimension + solved.linear.size)))
+        parts[-1][:, places] = columns
+    root = np.random.default_rng(2).standard_normal((ny, ny))
+    weights = root @ root.T
+    expected = sum(weights[i, j] * parts[i].T @ parts[j] for i in range(ny) for j in range(ny))
+    found = weighed_jacobians(errors, solved, signals, weights)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max())
 
 
 def test_many_lags_of_coloured_errors_are_summed_by_filters(monkeypatch):

@@ -177,7 +177,21 @@ def parameter_covariance(
         model.jacobian(),
         errors.order,
         at_bound=lies_at_bound(radius, errors.radius),
+        weighed=partial(weighed_jacobians, errors, projection, derivatives),
     )
+
+
+def weighed_jacobians(
+    errors: StateSpaceErrors, solved: Projection, signals: Array, weights: Array
+) -> Array:
+    """``sum_ij weights_ij J_i' J_j`` of the Jacobian of each output, in their places.
+
+    ``weights``, (l, l), are symmetric.  From one Gram matrix of all signals and regressors.
+    """
+    of_sections, c, x = errors.signals, solved.linear[: errors.order].T, solved.regressors
+    hessian = of_sections.contracted(solved.sections, signals.T @ signals, c.T @ weights @ c)
+    across = of_sections.across(solved.sections, signals.T @ x, c.T @ weights)
+    return np.block([[hessian, across], [across.T, np.kron(weights, x.T @ x)]])
 
 
 def scores_of(
@@ -207,6 +221,7 @@ def sandwich(
     redundant: int,
     coloured: bool = False,
     at_bound: bool = False,
+    weighed: Callable[[Array], Array] | None = None,
 ) -> ParameterCovariance:
     """``M H^-1 S H^-1 M'`` in factored form; ``redundant`` directions of H change no model.
 
@@ -215,27 +230,21 @@ def sandwich(
     H is the Gauss-Newton Hessian and S the covariance of the gradient, in output-error form or of
     ``coloured`` errors with their autocovariances (Ljung 1999, eq. 9.42).  ``jacobian``: of an
     output the derivatives of its errors, (N, k), and the columns of the mapping M that they are of.
+    ``weighed``: sums over pairs of outputs of their products, with weights (l, l), at once.
     """
     data, count = errors.data, mapping.shape[1]
     autocovariances = (scores.T @ scores / len(scores))[None]
     if coloured or not errors.innovations:
         autocovariances = coloured_autocovariances(scores, data.bounds)
     between = weights @ autocovariances @ weights
-    hessian, score = np.zeros((count, count)), np.zeros((count, count))
     gradient = np.zeros(count)
-    for row, column in combinations_with_replacement(range(len(weights)), 2):
-        (columns, weighted), (others, their) = jacobian(row), jacobian(column)
-        gram = columns.T @ others
-        of_lags = np.concatenate([between[:0:-1, column, row], between[:, row, column]])
-        summed = of_lags[0] * gram
-        if len(of_lags) > 1:
-            summed = columns.T @ _filtered(others, of_lags, data.bounds)
-        for total, of_pair in ((hessian, weights[row, column] * gram), (score, summed)):
-            total[np.ix_(weighted, their)] += of_pair
-            if row != column:
-                total[np.ix_(their, weighted)] += of_pair.T
-        if row == column:
-            gradient[weighted] += columns.T @ (scores @ weights[row])
+    for row in range(len(weights) if at_bound else 0):
+        columns, places = jacobian(row)
+        gradient[places] += columns.T @ (scores @ weights[row])
+    if weighed is not None and len(between) == 1:
+        hessian, score = weighed(weights), weighed(between[0])
+    else:
+        hessian, score = _sums_over_pairs(jacobian, weights, between, data.bounds, count)
     score *= data.samples / degrees_of_freedom(errors)
     seen = np.diag(hessian) > 0.0
     unseen, mapping = mapping[:, ~seen], mapping[:, seen]
@@ -256,6 +265,29 @@ def sandwich(
     beyond = [step[:, None]] if at_bound else []
     factor = mapping @ np.hstack([vectors[:, determined] @ root, farthest, *beyond])
     return ParameterCovariance(factor, unseen[:, unseen.any(axis=0)])
+
+
+def _sums_over_pairs(
+    jacobian: Callable[[int], tuple[Array, Indices]],
+    weights: Array,
+    between: Array,
+    bounds: Integers,
+    count: int,
+) -> tuple[Array, Array]:
+    """H and S, (count, count), the latter with weights (lags, l, l) of each lag from 0 on."""
+    hessian, score = np.zeros((count, count)), np.zeros((count, count))
+    for row, column in combinations_with_replacement(range(len(weights)), 2):
+        (columns, weighted), (others, their) = jacobian(row), jacobian(column)
+        gram = columns.T @ others
+        of_lags = np.concatenate([between[:0:-1, column, row], between[:, row, column]])
+        summed = of_lags[0] * gram
+        if len(of_lags) > 1:
+            summed = columns.T @ _filtered(others, of_lags, bounds)
+        for total, of_pair in ((hessian, weights[row, column] * gram), (score, summed)):
+            total[np.ix_(weighted, their)] += of_pair
+            if row != column:
+                total[np.ix_(their, weighted)] += of_pair.T
+    return hessian, score
 
 
 def _filtered(signals: Array, of_lags: Array, bounds: Integers) -> Array:

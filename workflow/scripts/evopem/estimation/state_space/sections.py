@@ -380,3 +380,13 @@ class SectionSignals:
         """Matrix over coordinates, (n, n), of the Gram matrix of signals and one of states."""
         signals, states, factors = self._terms(sections)
         return np.asarray(contracted(factors, signals, states, gram, by_state))
+
+    def across(self, sections: SectionArrays, products: Array, by_state: Array) -> Array:
+        """Products with regressors of each output, (n, l q), from those of signals, (signals, q).
+
+        ``by_state``: weights of the states in each output, (order, l).
+        """
+        signals, states, factors = self._terms(sections)
+        n, weights = self.layout.dimension, factors[:, None] * by_state[states]
+        terms = weights[:, :, None] * products[signals][:, None, :]
+        return np.asarray((terms[:n] + terms[n:]).reshape(n, -1))
