@@ -181,6 +181,16 @@ def test_an_integrating_plant_is_not_differenced():
     assert decide_differences([Segment(u, y - y.mean())])[0] == 0
 
 
+@pytest.mark.parametrize("seed", [1, 4, 7])
+def test_a_response_behind_a_long_delay_is_not_taken_for_a_random_walk(seed):
+    """An ARX model of 24 lags does not reach 50 samples back, and sees a slow drift instead."""
+    g = np.random.default_rng(seed)
+    u = lfilter([1.0], [1.0, -0.5], g.standard_normal(600))
+    y = lfilter([1.0], [1.0, -0.985], np.r_[np.zeros(50), u[:-50]])
+    y = y + 0.1 * y.std() * g.standard_normal(600)
+    assert decide_differences([Segment(u - u.mean(), y - y.mean())])[0] == 0
+
+
 def response_to_two_inputs(outputs, samples=800):
     """Two white inputs, and as many outputs that respond to both with white noise."""
     generator = np.random.default_rng(7)

@@ -44,8 +44,8 @@ LEAST_POWER = EXCITED
 WIDEST_INTERVAL = 0.1
 # Decay in a sample, relative to the amplitude, that no record of usual length shows.
 NO_DECAY = 1e-6
-# Standard errors of a damping ratio at which a mode that the inputs reach may outlast the record.
-# On 175 random records, most of them with tones or drifts, 14 of 37 such modes with less than two
+# Standard errors of a damping ratio at which a mode that inputs reach may outlast the record.  Of
+# such modes on 175 random records, most of them with tones or drifts, 14 of 37 with less than two
 # were false, 1 of 3 with two to three, none of 6 with more.
 KNOWN_DAMPING = 3.0
 # Radius below which a pole is a delay, as those of more coefficients of B than of A.

@@ -10,6 +10,7 @@ from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import ArxFit, fit, likeliest_arx, log_loss
 from evopem.errors import NoModelError
+from evopem.estimation.delays import likely_delays, longest_delay
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment, total_samples
 
@@ -35,8 +36,30 @@ def decide_differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
     the inputs is most of an output nevertheless, nothing is differenced: the model describes the
     drift, and differences would weight it by high frequencies.
 
+    Behind a delay longer than the largest ARX model the response to an input looks like a
+    disturbance: there the delays are taken out before.
+
     `stretches`: Centred, with an input.
     """
+    times, about = _differences(stretches)
+    if times:
+        limits = [(0, longest_delay(stretches))] * stretches[0].inputs.shape[1]
+        delays = [likely.delay for likely in likely_delays(stretches, limits)]
+        if (longest := max(delays)) > max(_orders(stretches, ORDERS)):
+            long = [stretch for stretch in stretches if stretch.samples > longest]
+            times, about = _differences([_behind(stretch, delays) for stretch in long])
+    return times, about
+
+
+def _behind(stretch: Segment, delays: Sequence[int]) -> Segment:
+    """A stretch whose inputs come later by their delays."""
+    longest, count = max(delays), stretch.samples
+    later = [stretch.inputs[longest - d : count - d, k] for k, d in enumerate(delays)]
+    return Segment(np.column_stack(later), stretch.outputs[longest:], stretch.recording)
+
+
+def _differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
+    """What the BIC of ARX models without delays says of differences."""
     likeliest = [_likeliest(stretches, d) for d in range(MOST_DIFFERENCES + 1)]
     times, left, level = 0, 0.0, likeliest[0]
     if level is None:
