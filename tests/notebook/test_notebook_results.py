@@ -421,6 +421,6 @@ except evopem.InputError as error:
         check=True,
     )
     assert run.stdout == (
-        "identify: the tables of the results need pandas, which is not installed; "
+        "identify: the tables of the results need pandas, jinja2, which are not installed; "
         'run pip install "evopem[report]".\n'
     )

@@ -73,9 +73,9 @@ def check_choice(source: str, value: object, choices: Sequence[str]) -> None:
         raise InputError(source, f"{value!r} is not known", f"give {' or '.join(choices)}")
 
 
-FOR_RESULTS = ("pandas",)
+FOR_RESULTS = ("pandas", "jinja2")
 FOR_FIGURES = (*FOR_RESULTS, "matplotlib")
-FOR_REPORT = (*FOR_FIGURES, "jinja2")
+FOR_REPORT = FOR_FIGURES
 """Packages of an extra, for :func:`check_packages`."""
 
 
