@@ -1,5 +1,6 @@
 """The on-disk cache of compiled functions: what it notices, and where it is stored."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from evopem.estimation.pem.kernels import cache
 from evopem.estimation.pem.kernels.cache import folder_digest
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"
@@ -152,3 +154,16 @@ def test_the_digest_covers_names_and_contents(package):
     (package / "note.txt").touch()
     assert folder_digest(package) in digests
     assert len(digests) == 3
+
+
+def test_nothing_is_collected_while_a_kernel_is_compiled_and_all_is_again_after_it():
+    def failing():
+        assert not gc.isenabled()
+        raise TypeError
+
+    assert gc.isenabled()
+    assert not cache._without_collections()(gc.isenabled)()
+    assert gc.isenabled()
+    with pytest.raises(TypeError):
+        cache._without_collections()(failing)()
+    assert gc.isenabled()

@@ -2,11 +2,13 @@
 cache compares a digest of the one file that defines a function; here the digest covers every Python
 file of that folder, which what it calls is defined in, and of this one, which compiles it."""
 
+import gc
 import hashlib
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -85,7 +87,20 @@ def cached_njit(function: Callable[..., Any]) -> Any:
     calls must be defined in the same folder, or be compiled by numba itself."""
     dispatcher: Any = numba.njit(**_OPTIONS)(function)
     dispatcher._cache = _FolderCache(function)
+    dispatcher._compiler.compile = _without_collections()(dispatcher._compiler.compile)
     return dispatcher
+
+
+@contextmanager
+def _without_collections() -> Iterator[None]:
+    """Do not search for garbage in all that a compiler keeps: a tenth of its time."""
+    before = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if before:
+            gc.enable()
 
 
 def folder_digest(folder: Path) -> str:
