@@ -406,14 +406,14 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
         ("likely delays are three at most", rate(len(delays) <= FEW_DELAYS for delays, _ in sets)),
         (
             "trusted mode is none",
-            of_counts(sum(m["false"] for m in trusted), sum(m["trusted"] for m in trusted)),
-        ),
-        (
-            "trusted mode is none, its damping within three standard errors",
             of_counts(
                 sum(m["far"] for m in trusted if "far" in m),
                 sum(m["trusted"] for m in trusted if "far" in m),
             ),
+        ),
+        (
+            "trusted mode is none, or its damping off by more than half",
+            of_counts(sum(m["false"] for m in trusted), sum(m["trusted"] for m in trusted)),
         ),
         (
             "interval of an entry of a trusted shape covers",
@@ -430,15 +430,15 @@ def table(lines: Sequence[Line]) -> list[tuple[str, str]]:
         (
             "visible mode that the record tells not trusted",
             of_counts(
-                sum(m.get("missed_told", 0) for m in trusted),
-                sum(m.get("told", 0) for m in trusted),
+                sum(m.get("missed_far", 0) for m in trusted),
+                sum(m["told"] for m in trusted if "missed_far" in m),
             ),
         ),
         (
-            "the same, found where its damping is within three standard errors",
+            "the same, or its damping off by more than half",
             of_counts(
-                sum(m.get("missed_far", 0) for m in trusted),
-                sum(m["told"] for m in trusted if "missed_far" in m),
+                sum(m.get("missed_told", 0) for m in trusted),
+                sum(m.get("told", 0) for m in trusted),
             ),
         ),
         *(

@@ -286,8 +286,14 @@ class Case:
 
 
 def _derivatives(s: System, late: Array) -> Iterator[Array]:
-    """Derivatives of the outputs, (l, N) each, by the coefficients of each section in turn."""
+    """Derivatives of the outputs, (l, N) each, by taps, or by the coefficients of each section."""
     outputs, inputs = s.gains.shape[:2]
+    if s.taps.size:
+        for j, i, lag in np.ndindex(s.taps.shape):
+            column = np.zeros((outputs, len(late)))
+            column[j] = late[:, i]
+            yield _later(column, lag)
+        return
     for k, (a, part) in enumerate(zip(s.sections, s.parts(late), strict=True)):
         driven = part.sum(axis=2)
         for lag in range(1, len(a)):

@@ -3,11 +3,13 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 import calibration
+from random_systems import draw_case
 
 # Recordings of a few seconds each: five structures, orders 0 to 6, a delay of 52 samples, feedback,
 # outliers, missing samples, offsets and units.
@@ -28,6 +30,15 @@ def test_every_recording_gives_a_model(lines):
 def test_every_delay_is_found(lines):
     for line in lines.values():
         assert all(abs(delay - line["delay"]) <= 2 for delay in line["delays"])
+
+
+def test_the_bound_of_a_delay_leaves_the_taps_of_a_response_open():
+    """White input and noise: only what a later response has before and after all taps tells it."""
+    case = draw_case(319)
+    taps, (u, y) = case.system.taps[0, 0], case.clean
+    noise = (y - case.system.respond(np.vstack([case.earlier, u]))[-len(y) :]).std()
+    told = 0.5 * u.std() * np.sqrt(len(u)) * np.hypot(taps[0], taps[-1])
+    assert case.delay_error() == pytest.approx(noise / told, rel=0.05)
 
 
 def test_trusted_modes_are_those_of_the_systems(lines):
