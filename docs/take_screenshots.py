@@ -19,7 +19,7 @@ PICTURE = DOCS / "report.png"
 WIDTH = 1280
 SHARPNESS = 1.5  # pixels of the picture for one of the page
 COLOURS = 128
-LAST = '[aria-label="Modes"]'  # what the picture ends with
+LAST = ".first-figures"  # what the picture ends with
 
 
 def main() -> None:

@@ -96,17 +96,20 @@ def test_rows_of_tables_are_lists_on_a_phone_and_none_is_blank(browser, request,
 
 
 def test_the_first_screen_holds_the_answer(browser, report, results):
-    """The verdict, both figures and the trusted modes, without scrolling and soon."""
+    """Verdict, frequency response, trusted modes and simulation, without scrolling and soon."""
     visit(browser, report)
     wait_for_figures(browser)
     bottoms = browser.execute_script(
         """const bottom = (e) => e.getBoundingClientRect().bottom;
         const rows = document.querySelectorAll('table[data-name="Modes"] tbody tr:not(.doubted)');
+        const parts = document.querySelectorAll('#gain canvas');
         return {
             verdict: bottom(document.querySelector('.answer')),
             uses: bottom(document.querySelector('.uses')),
             simulation: bottom(document.querySelector('#measured_and_simulated canvas')),
-            gain: bottom(document.querySelector('#gain canvas')),
+            gain: bottom(parts[0]),
+            phase: bottom(parts[1]),
+            coherence: bottom(parts[2]),
             modes: bottom(rows[rows.length - 1]),
             count: rows.length,
         }"""
@@ -120,8 +123,7 @@ def test_the_first_plot_is_on_the_first_screen_of_a_phone(browser, report):
     visit(browser, report, width=360)
     wait_for_figures(browser)
     bottom = browser.execute_script(
-        """return document.querySelector('#measured_and_simulated canvas')
-            .getBoundingClientRect().bottom;"""
+        "return document.querySelector('#gain canvas').getBoundingClientRect().bottom"
     )
     assert bottom < 780
 
@@ -175,7 +177,7 @@ def wait_for_figures(browser):
     from selenium.webdriver.support.ui import WebDriverWait
 
     WebDriverWait(browser, 10).until(
-        lambda _: len(browser.find_elements("css selector", ".first-figures canvas")) == 2
+        lambda _: len(browser.find_elements("css selector", ".first-figures .is-live")) == 2
     )
 
 

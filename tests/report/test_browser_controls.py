@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
-from browsing import needs_chromium, visit
+from browsing import TEMPLATES, needs_chromium, visit
 
 from evopem.config.structures import ORDER_NAMES
 from evopem.results.layout import FIGURES
@@ -449,5 +449,83 @@ def test_figures_follow_a_change_of_the_theme(browser, report):
     )
     bring(browser, "gain")
     after = picture(browser, "gain")
-    assert len(after) == len(before) == 1
+    assert len(after) == len(before) == 3  # gain, phase and coherence
     assert after != before
+
+
+def titles(browser):
+    """The panels of the first frequency response, by the beginning of their headings."""
+    return browser.execute_script(
+        """return [...document.querySelectorAll('#gain .panel-title')].map(
+            each => each.textContent.split(' ')[0]);"""
+    )
+
+
+def test_phase_and_coherence_are_shown_below_the_gain_and_one_pair_at_a_time(browser, report):
+    from selenium.webdriver.common.keys import Keys
+
+    visit(browser, report, width=360)
+    bring(browser, "gain")
+    assert titles(browser) == ["Gain"]
+    for part in ("phase", "coherence"):
+        label = f"{part}: Frequency response over the data"
+        browser.find_element("css selector", f'#gain [aria-label="{label}"]').send_keys(Keys.ENTER)
+    assert titles(browser) == ["Gain", "Phase", "Coherence"]
+    assert browser.execute_script("return document.activeElement.textContent") == "coherence"
+    visit(browser, report)
+    browser.execute_script(
+        """const figure = document.querySelector('#gain figure');
+        const panels = JSON.parse(figure.dataset.panels);
+        const named = (title, height) => panels.map(panel => ({...panel, title, height}));
+        figure.dataset.panels = JSON.stringify([...named('one', 220), ...named('other', 240)]);"""
+    )
+    visible = "[aria-label='rad/s: frequencies, Frequency response over the data']"
+    browser.find_element("css selector", visible).click()  # draws the figure again
+    choice = browser.find_element("css selector", "#gain select")
+    assert choice.text.split() == ["one", "other"]
+    assert len(titles(browser)) == 3
+    before = picture(browser, "gain")
+    choice.send_keys("other")
+    settle(browser)
+    assert browser.execute_script("return document.activeElement.value") == "other"
+    assert len(picture(browser, "gain")) == 3
+    assert picture(browser, "gain") != before
+
+
+def test_points_are_told_by_the_arrow_keys(browser, report, results):
+    from selenium.webdriver.common.keys import Keys
+
+    visit(browser, report)
+    bring(browser, "stabilization")
+    over = browser.find_element("css selector", "#stabilization .u-over")
+    found = []
+    for key in (Keys.ARROW_RIGHT, Keys.ARROW_RIGHT, Keys.ARROW_LEFT):
+        over.send_keys(key)
+        status = browser.find_element("css selector", '#stabilization .legend [role="status"]')
+        found.append(status.text)
+    lowest = min(results.validation.modes.poles, key=lambda pole: pole.frequency_hz)
+    assert f"frequency hz {lowest.frequency_hz:.6g}" in found[0]
+    assert found[2] == found[0] != found[1]
+
+
+@pytest.mark.parametrize(("wish", "word"), [("reduce", "Move"), ("no-preference", "Stop")])
+def test_shapes_move_unless_the_system_asks_for_less(browser, tmp_path, wish, word):
+    page = tmp_path / "page.html"
+    script = (TEMPLATES / "page.js").read_text(encoding="utf-8")
+    page.write_text(
+        f"""<p id="status"></p><details open><summary>Moving shapes</summary><svg><path d="M0 0">
+        <animate attributeName="d" dur="2s" values="M0 0;M1 1"/></path></svg></details>
+        <script>{script}</script>"""
+    )
+    visit(browser, page)
+    browser.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia",
+        {"features": [{"name": "prefers-reduced-motion", "value": wish}]},
+    )
+    browser.refresh()
+    button = browser.find_element("css selector", "details button")
+    stopped = "return document.querySelector('svg').animationsPaused()"
+    assert button.text == word
+    assert browser.execute_script(stopped) == (wish == "reduce")
+    button.click()
+    assert browser.execute_script(stopped) != (wish == "reduce")

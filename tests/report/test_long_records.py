@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from evopem.report.figures import inline_svg, short_path, thin_table
+from evopem.figures.style import thin_table
+from evopem.report.figures import inline_svg, short_path
 from evopem.results.layout import FIGURES
 from evopem.signals.preparation import prepare
 from evopem.synthesis import synthesize

@@ -111,7 +111,11 @@ def test_the_tables_say_what_belongs_to_plant_and_noise(run, name):
         ("bj", ["Measured and simulated", "Nyquist", "of the noise filter alone"], []),
         (
             "arma",
-            ["Measured and predicted", "Gain of the noise filter", "the spectrum of the output"],
+            [
+                "Measured and predicted",
+                "Response of the noise filter",
+                "the spectrum of the output",
+            ],
             ["Nyquist", "simulation from the input", "Response to the input", ">Delay<"],
         ),
     ],

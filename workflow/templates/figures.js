@@ -7,6 +7,9 @@
   const groups = new Map(); // plots with the same abscissa, by the name of their group
   const parts = new Map(); // what a group shows of its abscissa; null for the whole
   const drawn = new Map(); // plots and observers of each figure
+  // Parts of a figure that are shown: at first where there is room for them.
+  const shownParts = new Set(matchMedia("(min-width: 64rem)").matches ? ["phase", "coherence"] : []);
+  const LARGE = 210; // pixels of a panel at least that stands alone in the place of many
 
   // Plots of one group show the same part of their abscissa.
   let following = false;
@@ -61,6 +64,20 @@
     plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
   };
 
+  // Gains with the phases and coherences that their table has, of the same rows.
+  const withParts = (gains, { phase_deg: phases, coherence, input }) => {
+    const of = (part, height, y_label, panel, curves, limits) => curves.length
+      ? [{ ...panel, part, height, y_label, limits, marks: [], curves: curves.map((curve) => ({ ...curve, band: [] })) }] : [];
+    const data = (curve) => !["noise", "distortion"].includes(curve.where?.[0][1]);
+    const measured = (curve) => curve.where?.[0][1] === "measured";
+    const label = new Set(input).size > 1 ? "Coherence with all inputs" : "Coherence";
+    return gains.flatMap((panel) => [
+      panel,
+      ...(phases?.some(Boolean) ? of("phase", 110, "Phase (°)", { ...panel, scale: "phase" }, panel.curves.filter(data).map((curve) => ({ ...curve, column: "phase_deg", kind: "points" })), [-190, 190]) : []),
+      ...(coherence?.some(Boolean) ? of("coherence", 90, label, { ...panel, scale: "linear" }, panel.curves.filter(measured).map((curve) => ({ ...curve, column: "coherence", label: "coherence" })), [0, 1.05]) : []),
+    ]);
+  };
+
   const open = (figure) => {
     const link = figure.querySelector("a[download]");
     const name = figure.dataset.name;
@@ -68,19 +85,29 @@
     live.className = "live";
     live.setAttribute("role", "group");
     live.setAttribute("aria-label", `Figure: ${name}`);
-    if (Number(figure.dataset.columns) > 1) live.classList.add("grid");
+    // On the first screen one channel or pair of channels is shown at a time, large.
+    const table = read(link.href);
+    const every = withParts(JSON.parse(figure.dataset.panels), figure.closest("#gain") ? table : {});
+    const titles = figure.closest(".first-figures") ? [...new Set(every.map((panel) => panel.title ?? ""))] : [];
+    const chosen = figure.dataset.chosen ?? titles[0];
+    const wanted = every.filter((panel) => titles.length < 2 || (panel.title ?? "") === chosen)
+      .map((panel) => (titles.length < 2 ? panel : { ...panel, title: "", height: panel.part ? panel.height : Math.max(panel.height, LARGE) }))
+      .filter((panel) => !panel.part || shownParts.has(panel.part));
+    const columns = titles.length ? 1 : Number(figure.dataset.columns);
+    if (columns > 1) live.classList.add("grid");
     live.style.setProperty("--columns", figure.dataset.columns);
     figure.prepend(live);
     figure.classList.add("is-live");
-    const table = read(link.href);
     const linear = figure.dataset.linear === "true";
-    const shown = JSON.parse(figure.dataset.panels).map((panel) => {
+    const shown = wanted.map((panel, at) => {
+      const below = columns === 1 && panel.linked && wanted[at + 1]?.x_label === panel.x_label;
       const [ofFrequency, toFrequency] = [panel.x_label, panel.y_label].map((label) => label?.includes("(Hz)"));
       const [per, perY] = [ofFrequency, toFrequency].map((is) => (is && view.radians ? PER_HERTZ : 1));
       return {
         ...panel,
         ofFrequency,
         toFrequency,
+        below, // whether the next panel has the labels of the abscissa
         per,
         perY,
         levelled: panel.scale === "logarithmic",
@@ -128,6 +155,23 @@
       parts.clear();
       again([...drawn.keys()].filter((each) => each.dataset.panels.includes("(Hz)") || each.dataset.panels.includes('"plane": "z"')));
     };
+    if (titles.length > 1) {
+      const choice = document.createElement("select");
+      choice.setAttribute("aria-label", `Channel: ${name}`);
+      titles.forEach((title) => choice.append(new Option(title, title, false, title === chosen)));
+      choice.addEventListener("change", () => {
+        figure.dataset.chosen = choice.value;
+        again([figure]);
+        figure.querySelector("select").focus();
+      });
+      tools.append(choice);
+    }
+    for (const part of new Set(every.map((panel) => panel.part).filter(Boolean))) {
+      tools.append(toggle(part, name, shownParts.has(part), () => {
+        shownParts[shownParts.has(part) ? "delete" : "add"](part);
+        again([figure]);
+      }));
+    }
     const leaders = () => [...new Map(plots.map((plot, at) => [plot.group || at, plot])).values()];
     tools.append(
       button("←", `Move left: ${name}`, () => shift(leaders(), -0.25)),

@@ -354,6 +354,20 @@
 
   document.querySelectorAll("[data-filters]").forEach(filter);
 
+  // Shapes that move can be stopped, and stand still where the system asks for less motion.
+  for (const place of document.querySelectorAll("details:has(animate)")) {
+    let moves = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const act = (made) => {
+      place.querySelectorAll("svg").forEach((svg) => svg[moves ? "unpauseAnimations" : "pauseAnimations"]());
+      made.textContent = moves ? "Stop" : "Move";
+    };
+    const tools = document.createElement("p");
+    tools.className = "tools";
+    tools.append(button("", (made) => { moves = !moves; act(made); }));
+    act(tools.firstChild);
+    place.append(tools);
+  }
+
   // What is wider than its place says that it scrolls.
   const cue = (place) => {
     const told = place.previousElementSibling?.classList.contains("cue");

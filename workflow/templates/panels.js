@@ -308,6 +308,7 @@ const panels = (() => {
     const fixed = panel.limits?.length === 2;
     const [xAxis, yAxis] = [axis(30, panel.x_label), axis(58)];
     yAxis.space = Math.max(16, panel.height / 8); // also a small panel has two labels
+    if (panel.below) Object.assign(xAxis, { label: undefined, labelSize: 0, size: 8, values: (_, splits) => splits.map(() => "") });
     if (panel.whole) xAxis.incrs = WHOLE;
     if (panel.counted) yAxis.incrs = WHOLE;
     if (panel.decades) xAxis.splits = multiples;
@@ -371,24 +372,47 @@ const panels = (() => {
     const told = document.createElement("span");
     told.setAttribute("role", "status");
     legend.append(where, told);
-    // A click tells the row of the table that the nearest point stands for.
+    const say = (table, row) => {
+      const words = Object.entries(table ?? {}).map(([column, values_]) => [column.replaceAll("_", " "), values_[row]]);
+      told.textContent = words.filter(([, cell]) => cell !== "").map((pair) => pair.join(" ")).join(", ");
+    };
+    // The points that are shown, from left to right, with the row of the table that each stands for.
+    const points = () => panel.curves.flatMap((curve, number) => {
+      if (curve.kind !== "points" || hidden.has(number)) return [];
+      const { 0: xs, 1: ys, table: own, rows } = tables[number];
+      return ys.flatMap((y, at) => (y === null ? [] : [{ x: xs[at], y, table: own, row: rows[at] }]));
+    }).sort((one, other) => one.x - other.x || one.y - other.y);
+    // A click tells the row of the nearest point.
     const tell = ({ clientX, clientY }) => {
       const box = plot.over.getBoundingClientRect();
       let best = { away: REACH };
-      panel.curves.forEach((curve, number) => {
-        if (curve.kind !== "points" || hidden.has(number)) return;
-        const { 0: x, 1: y } = tables[number];
-        y.forEach((value, at) => {
-          if (value === null) return;
-          const across = plot.valToPos(x[at], "x") + box.left - clientX;
-          const away = Math.hypot(across, plot.valToPos(value, "y") + box.top - clientY);
-          if (away < best.away) best = { away, table: tables[number].table, row: tables[number].rows[at] };
-        });
-      });
-      const words = Object.entries(best.table ?? {}).map(([name, column]) => [name.replaceAll("_", " "), column[best.row]]);
-      told.textContent = words.filter(([, cell]) => cell !== "").map((pair) => pair.join(" ")).join(", ");
+      for (const point of points()) {
+        const across = plot.valToPos(point.x, "x") + box.left - clientX;
+        const away = Math.hypot(across, plot.valToPos(point.y, "y") + box.top - clientY);
+        if (away < best.away) best = { ...point, away };
+      }
+      say(best.table, best.row);
     };
     if (panel.curves.some((curve) => curve.kind === "points")) plot.over.addEventListener("click", tell);
+    // Arrow keys go from point to point, or along the curves.
+    plot.over.tabIndex = 0;
+    plot.over.setAttribute("role", "group");
+    plot.over.setAttribute("aria-label", `${[name, heading.textContent].filter(Boolean).join(", ")}: read with the arrow keys`);
+    let reached = -1;
+    plot.over.addEventListener("keydown", (event) => {
+      const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!by) return;
+      event.preventDefault();
+      const stops = points();
+      const { min, max } = plot.scales.x;
+      const places = stops.length || panel.plane ? stops : plot.data[0].map((x) => ({ x }));
+      const inside = places.filter(({ x }) => x >= min && x <= max);
+      if (!inside.length) return;
+      reached = Math.min(Math.max(reached + by * (event.shiftKey ? 10 : 1), 0), inside.length - 1);
+      const { x, y, table: own, row } = inside[reached];
+      plot.setCursor({ left: plot.valToPos(x, "x"), top: y === undefined ? 10 : plot.valToPos(y, "y") });
+      say(own, row);
+    });
     return plot;
   };
 

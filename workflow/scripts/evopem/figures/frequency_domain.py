@@ -24,7 +24,7 @@ from evopem.figures.chart import (
     rows_of,
     small,
 )
-from evopem.figures.style import extremes
+from evopem.figures.style import thin_table
 from evopem.models.modes import Mode
 from evopem.results.channel_labels import Pair, gain_unit, with_unit
 from evopem.results.dataset import DatasetResults
@@ -33,8 +33,8 @@ from evopem.signals.spectrum_summary import SpectralPeak
 
 # Colours of what moves the gain that the data give.
 LEVELS: dict[str, Role] = {"noise": "truth", "distortion": "error"}
-# Bins of the gain on the first screen; twice as many points show all its extremes.
-GAIN_BINS = 300
+# Points of a curve on the first screen, and of all curves together.
+CURVE_POINTS, MOST_POINTS = 1200, 4800
 # Length of the transforms of the residuals: coarse, since white noise has no lines.
 RESIDUAL_NFFT = 1024
 # Number of peaks that are labelled, the most prominent ones.
@@ -117,19 +117,23 @@ def phase_panels(results: DatasetResults, height: int) -> list[Panel]:
 
 
 def thinned(results: DatasetResults) -> pd.DataFrame:
-    """The responses of model and data above 0 Hz, in fewer rows with all extremes of the gain.
+    """The responses of model and data above 0 Hz in fewer rows, with extremes of the gain.
 
-    Without what is not above 0 in its 95 % band, as between the lines of an input.
+    Without a gain that is not above 0 in its 95 % band, as between the lines of an input.
     """
     table = results.responses
     table = table[table["source"].isin([results.model_source[0], "measured"])]
+    table = table[table["frequency_hz"] > 0]
     if not results.of_responses and "gain_lower" in table:
-        table = table[(table["source"] != "measured") | (table["gain_lower"] != 0.0)]
-    table = table[table["frequency_hz"] > 0].dropna(axis="columns", how="all")
+        unknown = (table["source"] == "measured") & (table["gain_lower"] == 0.0)
+        gains = ["gain", "gain_lower", "gain_upper", "phase_deg"]
+        table = table.assign(**{name: table[name].mask(unknown) for name in gains})
+    table = table.dropna(axis="columns", how="all")
     keys = [column for column in ("source", "output", "input") if column in table]
-    parts = [
-        rows.iloc[extremes(rows["gain"], GAIN_BINS)] for _, rows in table.groupby(keys, sort=False)
-    ]
+    curves = [rows for _, rows in table.groupby(keys, sort=False)]
+    points = min(CURVE_POINTS, MOST_POINTS // len(curves))
+    shown = [name for name in ("frequency_hz", "gain", "coherence") if name in table]
+    parts = [rows.loc[thin_table(rows[shown], points).index] for rows in curves]
     together = pd.concat(parts, ignore_index=True)
     return together.assign(
         **{name: together.get(name, np.nan) for name in ("gain_lower", "gain_upper")}
@@ -137,10 +141,10 @@ def thinned(results: DatasetResults) -> pd.DataFrame:
 
 
 def gain(results: DatasetResults) -> Chart:
-    """Gain with its 95 % band over the estimate from the data, trusted modes marked."""
+    """Gain with its 95 % band over the estimate from the data; in a page phase and coherence."""
     marks = _marks(results.validation.modes.trusted, "trusted modes", "model")
     panels = gain_panels(results, 210 if len(results.pairs) == 1 else 150, marks)
-    table = thinned(results).drop(columns=["phase_deg", "coherence"], errors="ignore")
+    table = thinned(results)
     if levels := _levels(results):
         table = pd.concat([table, *levels], ignore_index=True)
         panels = [_with_levels(panel, table) for panel in panels]

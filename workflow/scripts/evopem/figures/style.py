@@ -14,6 +14,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Indices
@@ -134,6 +135,17 @@ def extremes(y: ArrayLike, bins: int = 1000) -> Indices:
             kept.append(start + int(low[start:stop].argmin()))
             kept.append(start + int(high[start:stop].argmax()))
     return np.unique(np.asarray(kept, dtype=np.intp))
+
+
+def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
+    """About so many rows, with the extremes of every column along the first numeric one."""
+    if len(table) <= rows:
+        return table
+    numbers = table.select_dtypes("number").iloc[:, 1:].dropna(axis="columns", how="all")
+    # Extremes of at most 4 × bins points are all of them, which here they must not be.
+    bins = max(min(rows // (2 * max(numbers.shape[1], 1)), len(table) // 4 - 1), 1)
+    kept = [extremes(numbers[name], bins) for name in numbers]
+    return table.iloc[np.unique(np.concatenate(kept))] if kept else table.iloc[:rows]
 
 
 def stems(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:

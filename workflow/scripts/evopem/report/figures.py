@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 from xml.etree import ElementTree
 
-import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
 from evopem.figures import CHARTS, style
 from evopem.figures.chart import Chart
 from evopem.figures.draw import draw
-from evopem.figures.style import svg_text
+from evopem.figures.style import svg_text, thin_table
 from evopem.report.templates import Context
 from evopem.results.dataset import DatasetResults
 from evopem.results.layout import FIGURES
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 SVG = "http://www.w3.org/2000/svg"
 XLINK = "http://www.w3.org/1999/xlink"
+LEFT_OUT = {f"{{{SVG}}}{tag}" for tag in ("metadata", "style", "script")}
 # Each colour becomes a variable, so that the page can have a light and a dark theme.
 VARIABLES = {
     colour: f"--figure-{role}"
@@ -49,6 +50,8 @@ def drawn_figure(
     """
     name, title, caption = words
     panels = chart.page_form()
+    # For an attribute in single quotes, in which the double quotes of JSON stay short.
+    quoted = escape(json.dumps(panels, ensure_ascii=False), quote=False).replace("'", "&#39;")
     return {
         "id": name,
         "title": title,
@@ -57,7 +60,7 @@ def drawn_figure(
         "download": csv_download(chart.table, dataset, name, most_cells),
         "svg": inline_svg(svg or svg_text(draw(chart)), name, caption),
         # What the page draws for a reader to zoom; empty where it does not.
-        "panels": json.dumps(panels, ensure_ascii=False) if panels else "",
+        "panels": Markup(quoted) if panels else "",
         "columns": chart.columns,
     }
 
@@ -70,7 +73,9 @@ def drawn_figures(
     for name, figure in FIGURES.items():
         if figure.part == part and not (chart := CHARTS[name](results)).nothing:
             title, _, caption = str(getattr(captions, name)(results)).strip().partition("\n")
-            words, most = (name, title, caption), MOST_CELLS // (2 - results.is_single)
+            # The first screen shows one pair at a time, large.
+            share = 2.0 if part == "summary" else 1.0 if results.is_single else 0.5
+            words, most = (name, title, caption), int(share * MOST_CELLS)
             pictures[name] = drawn_figure(
                 *(chart, words, results.name, figure.data, drawings[name], most)
             )
@@ -87,7 +92,7 @@ def inline_svg(text: str, name: str, label: str) -> Markup:
     names = dict.fromkeys(re.findall(r"#([\w-]+)", text))
     ids = {target: f"{name}-{place}" for place, target in enumerate(names)}
     for parent in list(root.iter()):
-        parent[:] = [kept for child in parent for kept in _bare(child)]
+        parent[:] = [child for child in parent if child.tag not in LEFT_OUT]
     styles: dict[str, str] = {}
     for element in root.iter():
         for full_name, value in list(element.attrib.items()):
@@ -113,14 +118,6 @@ def inline_svg(text: str, name: str, label: str) -> Markup:
     root.insert(0, style)
     root.attrib |= {"id": f"{name}-svg", "role": "img", "aria-label": label}
     return Markup(re.sub(r">\s+<(?!/?tspan)", "><", ElementTree.tostring(root, encoding="unicode")))
-
-
-def _bare(element: ElementTree.Element) -> list[ElementTree.Element]:
-    """An element; what a group without attributes holds; nothing of metadata and scripts."""
-    if element.tag in {f"{{{SVG}}}{tag}" for tag in ("metadata", "style", "script")}:
-        return []
-    is_group = element.tag == f"{{{SVG}}}g" and not set(element.attrib) - {"id"}
-    return [kept for child in element for kept in _bare(child)] if is_group else [element]
 
 
 def short_path(path: str) -> str:
@@ -157,17 +154,3 @@ def csv_download(
         "rows": len(kept),
         "rows_of": len(table),
     }
-
-
-def thin_table(table: pd.DataFrame, rows: int) -> pd.DataFrame:
-    """Leave out rows beyond about so many, and keep the extremes of every column along the rows.
-
-    The first numeric column is the abscissa.
-    """
-    if len(table) <= rows:
-        return table
-    numbers = table.select_dtypes("number").iloc[:, 1:].dropna(axis="columns", how="all")
-    # Extremes of at most 4 × bins points are all of them, which here they must not be.
-    bins = max(min(rows // (2 * max(numbers.shape[1], 1)), len(table) // 4 - 1), 1)
-    kept = [style.extremes(numbers[name], bins) for name in numbers]
-    return table.iloc[np.unique(np.concatenate(kept))] if kept else table.iloc[:rows]
