@@ -93,7 +93,7 @@ def cached_njit(function: Callable[..., Any]) -> Any:
 
 @contextmanager
 def _without_collections() -> Iterator[None]:
-    """Do not search for garbage in all that a compiler keeps: a tenth of its time."""
+    """Do not search for garbage in all that a compiler keeps: a twentieth of its time."""
     before = gc.isenabled()
     gc.disable()
     try:
