@@ -471,6 +471,8 @@ def test_phase_and_coherence_are_shown_below_the_gain_and_one_pair_at_a_time(bro
         label = f"{part}: Frequency response over the data"
         browser.find_element("css selector", f'#gain [aria-label="{label}"]').send_keys(Keys.ENTER)
     assert titles(browser) == ["Gain", "Phase", "Coherence"]
+    legends = browser.find_elements("css selector", "#gain .legend")
+    assert ["band" in legend.text for legend in legends] == [True, False, False]
     assert browser.execute_script("return document.activeElement.textContent") == "coherence"
     visit(browser, report)
     browser.execute_script(

@@ -73,7 +73,7 @@
     const label = new Set(input).size > 1 ? "Coherence with all inputs" : "Coherence";
     return gains.flatMap((panel) => [
       panel,
-      ...(phases?.some(Boolean) ? of("phase", 110, "Phase (°)", { ...panel, scale: "phase" }, panel.curves.filter(data).map((curve) => ({ ...curve, column: "phase_deg", kind: "points" })), [-190, 190]) : []),
+      ...(phases?.some(Boolean) ? of("phase", 110, "Phase (°)", { ...panel, scale: "phase" }, panel.curves.filter(data).map((curve) => ({ ...curve, column: "phase_deg", kind: "points", label: curve.label.replace(" with 95 % band", "") })), [-190, 190]) : []),
       ...(coherence?.some(Boolean) ? of("coherence", 90, label, { ...panel, scale: "linear" }, panel.curves.filter(measured).map((curve) => ({ ...curve, column: "coherence", label: "coherence" })), [0, 1.05]) : []),
     ]);
   };
