@@ -30,6 +30,7 @@ SCRIPTS = ROOT / "workflow" / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 
 from filtered_residuals import FilteredResiduals  # noqa: E402
+from speed_of_channels import write_several_channels  # noqa: E402
 
 from evopem.config.defaults import complete  # noqa: E402
 from evopem.config.order_grid import (  # noqa: E402
@@ -448,6 +449,7 @@ def main() -> None:
         ("evopem", "compared with", "ratio"),
         [row.strip("| ").split(" | ") for row in compared],
     )
+    write_several_channels()
     columns = scaling()
     write_section(
         "speed",
