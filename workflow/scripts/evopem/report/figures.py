@@ -73,8 +73,8 @@ def drawn_figures(
     for name, figure in FIGURES.items():
         if figure.part == part and not (chart := CHARTS[name](results)).nothing:
             title, _, caption = str(getattr(captions, name)(results)).strip().partition("\n")
-            # The first screen shows one pair at a time, large.
-            share = 2.0 if part == "summary" else 1.0 if results.is_single else 0.5
+            # Responses of many pairs need many points.
+            share = 2.0 if part in {"summary", "response"} else 1.0 if results.is_single else 0.5
             words, most = (name, title, caption), int(share * MOST_CELLS)
             pictures[name] = drawn_figure(
                 *(chart, words, results.name, figure.data, drawings[name], most)
