@@ -137,6 +137,7 @@ def test_orders_come_as_matlabs_tuples_or_as_mappings(structure, tuple_of_orders
     [
         ("tf", (1, 1), "structure must be one of"),
         ("oe", (1, 1), r"takes the orders \(nb, nf, nk\)"),
+        ("fir", 8, r"takes the orders \(nb, nk\), not 8"),
         ("oe", {"nb": 1, "nc": 2}, "has the orders nb, nf, nk, not nc"),
         ("oe", {"nb": 0, "nf": 2}, "nb must be at least 1"),
         ("arx", {"na": -1, "nb": 1}, "negative order"),

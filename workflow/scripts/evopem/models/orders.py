@@ -234,7 +234,7 @@ def named_orders(structure: str, orders: Mapping[str, Any] | Sequence[Any]) -> d
     """
     names = STRUCTURES[structure]
     if not isinstance(orders, Mapping):
-        if len(orders) != len(names):
+        if not hasattr(orders, "__len__") or len(orders) != len(names):
             raise ValueError(
                 f"structure {structure!r} takes the orders ({', '.join(names)}), not {orders!r}"
             )
