@@ -11,6 +11,7 @@ from evopem.models.response_tables import (
     frequency_response_table,
     time_response_table,
 )
+from evopem.models.state_space import StateSpaceModel
 from evopem.synthesis.armax import true_model
 
 
@@ -60,3 +61,26 @@ def test_bands_hold_the_models_that_could_have_been_chosen():
     steps = time_response_table(model, ("u",), ("y",), model, rivals)
     half = NORMAL_95 * 0.2 / np.sqrt(2.0)
     np.testing.assert_allclose(np.subtract(steps["step_upper"], steps["step"])[1], half)
+
+
+def test_the_noise_of_several_outputs_has_the_bands_of_its_coefficients():
+    generator = np.random.default_rng(3)
+    A = np.array([[0.8, 0.4, 0.0], [-0.4, 0.8, 0.0], [0.0, 0.0, 0.5]])
+    B, C, K = (0.3 * generator.standard_normal(shape) for shape in ((3, 2), (2, 3), (3, 2)))
+    model = StateSpaceModel(A, B, C, np.zeros((2, 2)), K, 100.0, np.zeros(2), np.eye(2))
+    factor = 1e-3 * generator.standard_normal((len(model.parameters), 4))
+    model = replace(
+        model, covariance=ParameterCovariance(factor, np.zeros((len(model.parameters), 0)))
+    )
+    f = np.linspace(1.0, 49.0, 5)
+    table = frequency_response_table(model, ("a", "b"), ("x", "y"), frequencies=f)
+
+    def gains(model):
+        return np.abs(np.einsum("tii->it", model.noise_response(f)))
+
+    moved = [[model.with_parameters(model.parameters + s * d) for s in (1, -1)] for d in factor.T]
+    slopes = [0.5 * (gains(up) - gains(down)) for up, down in moved]
+    errors = np.linalg.norm(slopes, axis=0) / gains(model)
+    of_input = [pair == "a" for pair in table["input"]]
+    widths = np.log(table["noise_gain_upper"] / table["noise_gain_lower"])[of_input]
+    np.testing.assert_allclose(widths, 2.0 * NORMAL_95 * errors.ravel(), rtol=1e-3)

@@ -6,7 +6,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from evopem.arrays import Array, Complex
 from evopem.models.modes import Mode
@@ -74,11 +74,15 @@ def response_interval(
     imaginary part is the phase, to first order (Ljung 1999, section 9.4).  To it is added the mean
     square of the differences between the first of ``rivals`` and all of them, models that could
     have been chosen as well (Buckland, Burnham & Augustin 1997, with equal weights).  Of ``G`` at
-    (M,) frequencies in Hz, or with ``noise`` of ``H``, (M, l, l).  NaN where the gain is zero or
-    depends on what the data do not determine, as between the lines of a periodic input.
+    (M,) frequencies in Hz, or with ``noise`` of the diagonal of ``H``, (M, l, 1).  NaN where the
+    gain is zero or depends on what the data do not determine, as between the lines of a periodic
+    input.
     """
     frequencies = np.asarray(frequencies, dtype=float)
-    response = (model.noise_response if noise else model.frequency_response)(frequencies)
+    if noise:
+        response = _of_itself(model.noise_response(frequencies))
+    else:
+        response = model.frequency_response(frequencies)
     gain, errors = np.abs(response), np.full((2, *response.shape), np.nan)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         form = state_space_of(model)
@@ -104,29 +108,33 @@ def response_interval(
 
 
 def response_slopes(model: StateSpaceModel, frequencies: Array, noise: bool) -> Complex:
-    """Derivatives of ``G``, or of ``H``, by all entries but the level, (M, l, m, entries).
+    """Derivatives of ``G``, or of the diagonal of ``H``, by all entries but the level.
 
-    ``dG = C R dA R B + dC R B + C R dB + dD`` with ``R = (zI - A)^-1``, turned by the delays.
+    ``dG = C R dA R B + dC R B + C R dB + dD`` with ``R = (zI - A)^-1``, turned by the delays;
+    (M, l, m, entries), or (M, l, 1, entries).
     """
     n, ny, nu = model.order, model.outputs, model.inputs
     z = np.exp(2j * np.pi * frequencies / model.sampling_rate)
     left = model.resolvent(z, np.eye(n))
     right = model.state_response(z, model.K if noise else model.B)
-    columns = right.shape[2]
+    sources = right.shape[2]
+    columns = 1 if noise else sources
     slopes = np.zeros((len(z), ny, columns, n * n + n * nu + ny * n + ny * nu + n * ny), complex)
-    of_states = np.einsum("fia,fbj->fijab", left, right)
-    slopes[..., : n * n] = of_states.reshape(*slopes.shape[:3], n * n)
     of_input = n * n + n * (nu + ny) + ny * nu if noise else n * n
     of_output = n * n + n * nu
     of_direct = of_output + ny * n
-    turned = np.ones(columns) if noise else z[:, None] ** -np.array(model.delays)
-    for i in range(ny):
-        slopes[:, i, :, of_output + i * n : of_output + (i + 1) * n] = np.swapaxes(right, 1, 2)
-    for j in range(columns):
-        slopes[:, :, j, of_input + j : of_input + n * columns : columns] = left
-        for i in range(0 if noise else ny):
-            slopes[:, i, j, of_direct + i * nu + j] = 1.0
-    return slopes * np.broadcast_to(turned, (len(z), columns))[:, None, :, None]
+    for j in range(sources):
+        rows, column = (slice(j, j + 1), 0) if noise else (slice(ny), j)
+        of_pairs, of_states = slopes[:, rows, column], right[:, :, j]
+        products = left[:, rows, :, None] * of_states[:, None, None, :]
+        of_pairs[..., : n * n] = products.reshape(*of_pairs.shape[:2], n * n)
+        of_pairs[..., of_input + j : of_input + n * sources : sources] = left[:, rows]
+        for i in range(ny)[rows]:
+            slopes[:, i, column, of_output + i * n : of_output + (i + 1) * n] = of_states
+            if not noise:
+                slopes[:, i, column, of_direct + i * nu + j] = 1.0
+    delays = np.zeros(1) if noise else np.array(model.delays)
+    return slopes * (z[:, None] ** -delays)[:, None, :, None]
 
 
 def response_standard_errors(model: Model, response: Callable[[Any], Array]) -> Array:
@@ -203,8 +211,8 @@ def frequency_response_table(
     bands = response_interval(shown, frequencies, rivals=rivals)
     columns = response_columns(shown.frequency_response(frequencies), *bands)
     bands = response_interval(model, frequencies, noise=True)
-    of_noise = response_columns(model.noise_response(frequencies), *bands)
-    columns |= {f"noise_{name}": _of_itself(values) for name, values in of_noise.items()}
+    of_noise = response_columns(_of_itself(model.noise_response(frequencies)), *bands)
+    columns |= {f"noise_{name}": values for name, values in of_noise.items()}
     return by_pair(outputs, inputs, "frequency_hz", frequencies, columns)
 
 
@@ -246,7 +254,7 @@ def response_columns(
     }
 
 
-def _of_itself(values: Array) -> Array:
+def _of_itself(values: NDArray) -> NDArray:
     """Of each output from its own innovations, (N, l, 1)."""
     return np.einsum("tii->ti", values)[..., None]
 
