@@ -40,7 +40,6 @@ from evopem.config.order_grid import (  # noqa: E402
     scoring_window,
 )
 from evopem.config.settings import ScoringWindow, SearchSettings  # noqa: E402
-from evopem.estimation.estimate import estimate  # noqa: E402
 from evopem.estimation.order_candidate import Candidate, first_pass  # noqa: E402
 from evopem.estimation.order_selection import (  # noqa: E402
     OrderSearch,
@@ -52,6 +51,7 @@ from evopem.estimation.pem.polynomial_errors import PolynomialErrors  # noqa: E4
 from evopem.estimation.search.global_search import global_search  # noqa: E402
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.orders import Orders, armax_orders, orders_of  # noqa: E402
+from evopem.notebook.estimate import estimate  # noqa: E402
 from evopem.synthesis.armax import armax  # noqa: E402
 
 Array = NDArray[np.float64]

@@ -19,10 +19,10 @@ from evopem.automatic.orders import refine_orders, search_structure
 from evopem.automatic.structures import compare_structures
 from evopem.config.settings import OrderRanges
 from evopem.errors import NoModelError
-from evopem.estimation.estimate import estimate
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load
 from evopem.models.orders import Orders
+from evopem.notebook.estimate import estimate
 from evopem.pipeline import complete_model
 from evopem.signals.recording import Segment
 

@@ -13,10 +13,10 @@ import pytest
 from evopem.config.defaults import complete
 from evopem.config.order_grid import candidate_orders, phases_of_dataset, scoring_window
 from evopem.config.settings import SearchSettings
-from evopem.estimation.estimate import estimate
 from evopem.estimation.order_candidate import first_pass
 from evopem.estimation.order_selection import OrderSearch, estimate_candidates, select_candidate
 from evopem.models.orders import orders_of
+from evopem.notebook.estimate import estimate
 from evopem.synthesis.armax import armax
 
 BASELINE = Path(__file__).with_name("evaluation_counts.json")

@@ -8,9 +8,9 @@ import pytest
 import evopem
 from evopem.config.settings import PreparationSettings, SearchSettings, SplitSettings
 from evopem.errors import InputError
-from evopem.estimation.estimate import estimate
 from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load, save
+from evopem.notebook.estimate import estimate
 from evopem.signals.preparation import prepare
 from evopem.synthesis.armax import armax
 

@@ -28,6 +28,7 @@ CAPABILITIES: tuple[str, ...] = (
     "damage index",
     "pooled models",
     "dependence on amplitude",
+    "figures and reports of estimates",
 )
 
 BUDGET = {

@@ -48,7 +48,7 @@ def load_package() -> None:
     import numpy as np
 
     from evopem import pipeline
-    from evopem.estimation.estimate import estimate
+    from evopem.notebook.estimate import estimate
 
     for module in walk_packages(pipeline.__path__, f"{pipeline.__name__}."):
         import_module(module.name)

@@ -16,11 +16,9 @@ if TYPE_CHECKING:
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.delays import estimate_delays
-    from evopem.estimation.estimate import estimate
     from evopem.estimation.frequency_fit import fit_responses
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
-    from evopem.estimation.state_space.estimate import estimates_of_orders
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
     from evopem.exports.c_code import export_c
     from evopem.exports.fmu import export_fmu
@@ -29,8 +27,10 @@ if TYPE_CHECKING:
     from evopem.models.polynomial import PolynomialModel
     from evopem.models.state_space import StateSpaceModel
     from evopem.models.varying import VaryingModel
+    from evopem.notebook.estimate import estimate
     from evopem.notebook.identify import estimate_varying, identify, read_results
     from evopem.notebook.results import Results, VaryingResults
+    from evopem.notebook.state_space import estimates_of_orders
     from evopem.results.damage_index import damage_index
     from evopem.signals.readers.frequency_responses import FrequencyResponses
     from evopem.signals.recording import Recording
@@ -87,14 +87,14 @@ _HOMES = {
     "SearchSettings": "evopem.config.settings",
     "StateSpaceEstimate": "evopem.estimation.state_space.local_estimates",
     "StateSpaceModel": "evopem.models.state_space",
-    "estimate": "evopem.estimation.estimate",
+    "estimate": "evopem.notebook.estimate",
     "identify": "evopem.notebook.identify",
     "read_results": "evopem.notebook.identify",
     "damage_index": "evopem.results.damage_index",
     "estimate_delays": "evopem.estimation.delays",
     "mode_table": "evopem.validation.mode_evidence",
     "ModeTable": "evopem.validation.mode_evidence",
-    "estimates_of_orders": "evopem.estimation.state_space.estimate",
+    "estimates_of_orders": "evopem.notebook.state_space",
     "export_c": "evopem.exports.c_code",
     "export_fmu": "evopem.exports.fmu",
     "VaryingResults": "evopem.notebook.results",

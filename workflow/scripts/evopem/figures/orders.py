@@ -97,9 +97,9 @@ def phases(results: DatasetResults) -> Chart:
 
 def _held_out(results: DatasetResults) -> Chart:
     """Errors on held-out samples and BIC over the order; a line joins the best of a structure."""
-    table = results.scores.sort_values(["structure", "order"])
-    if table["order"].nunique() < 2:
+    if results.scores.empty or results.scores["order"].nunique() < 2:
         return nothing("No orders were compared.")
+    table = results.scores.sort_values(["structure", "order"])
     series: dict[str, Where] = {
         structure: (("structure", structure),) for structure in table["structure"].unique()
     }

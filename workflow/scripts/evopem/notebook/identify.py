@@ -7,23 +7,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from evopem.config.channels import NONE
 from evopem.config.configuration import check_environment
 from evopem.config.defaults import complete
 from evopem.config.keys import STATE_SPACE, one_or_list
+from evopem.config.settings import FitSettings, Focus, SearchSettings
 from evopem.config.source_checks import RESULTS_FOLDER
 from evopem.config.strict_yaml import Keys
 from evopem.config.structures import STATE_SPACE_FORMS, STRUCTURES, is_polynomial, plant_order
 from evopem.errors import FOR_RESULTS, InputError, check_packages, checked_path
+from evopem.files.json_form import save
 from evopem.models.orders import Orders, orders_in_state_space, orders_of
 from evopem.notebook.signals import DATA, GivenSignals, Wanted, alike, given_recordings
 from evopem.results.layout import DatasetFiles
 
 if TYPE_CHECKING:
+    from evopem.config.constraints import Constraints
     from evopem.config.settings import DatasetSettings
+    from evopem.estimation.model_record import Estimate
     from evopem.notebook.results import Results, VaryingResults
+    from evopem.signals.recording import Recording
 
 VALIDATION = "validation"
 """What the files of the validation recordings are called, as an error calls them."""
@@ -220,6 +225,49 @@ def read_results(folder: str | Path) -> Results:
 
     files = DatasetFiles(str(checked_path("read_results", folder)))
     return Results(files, read_whole_results(files))
+
+
+def results_of_estimate(
+    estimate: Estimate,
+    recording: Recording,
+    structure: str,
+    level: bool,
+    search: SearchSettings | None = None,
+    constraints: Constraints | None = None,
+    weighting: str = "",
+) -> Results:
+    """The results of an estimate from all samples of a recording, which judge it as well."""
+    from evopem.estimation.model_record import ModelRecord
+    from evopem.notebook.results import Results
+    from evopem.pipeline.complete_model import level_of, write_model
+    from evopem.pipeline.spectrum import estimate_spectrum
+    from evopem.pipeline.validation import complete_results
+    from evopem.results.dataset import read_results
+    from evopem.signals.prepared_data import PreparedData, Transforms, origins_of, save_prepared
+    from evopem.signals.recording import save_recording
+    from evopem.signals.recording_info import describe_recording
+
+    folder = TemporaryDirectory(prefix="evopem-", ignore_cleanup_errors=True)
+    channels = recording.sampling_rate, recording.input_names, recording.output_names
+    signals = GivenSignals(recording.inputs, recording.outputs, *channels)
+    settings = _settings("data", (signals,), (), {})
+    fit = FitSettings(cast("Focus", estimate.focus), constraints)
+    settings = replace(settings, search=search or settings.search, fit=fit, varying=None)
+    files = DatasetFiles(f"{folder.name}/{RESULTS_FOLDER}/data")
+    signals.save(Path(folder.name) / _files(DATA, (signals,))[0])
+    origins = origins_of(recording)
+    transforms = Transforms(recording.sampling_rate, None, origins, origins, "estimation")
+    save_recording(recording, files.recording)
+    save(describe_recording(recording), files.recording_info)
+    save_prepared(PreparedData(recording, recording, transforms), files.prepared, files.transforms)
+    estimate_spectrum(files, settings.spectrum)
+    given = settings.search, transforms, level_of("constant" if level else "none", recording)
+    record = ModelRecord.of(
+        *(estimate, recording, *given), structure=structure, weighting=weighting, **vars(fit)
+    )
+    write_model(files, record)
+    complete_results(files, settings, (), (), None, ())
+    return Results(files, read_results(files), folder)
 
 
 def _validation_signals(

@@ -233,10 +233,10 @@ class Results(_Reported):
         InputError
             For too many, or labels that do not tell the models apart.
         """
-        for compared in (self, *others):
-            if not isinstance(compared, Results):
+        for compared in others:
+            if not isinstance(getattr(compared, "results", None), DatasetResults):
                 problem = f"{compared!r:.40} is no result"
-                raise InputError("compare", problem, "give what identify returns")
+                raise InputError("compare", problem, "give what identify or estimate returns")
         return ModelComparison.of([model.results for model in (self, *others)], labels, setups)
 
     def _page(self) -> str:

@@ -1,6 +1,6 @@
 """The chosen model, searched globally: its covariance, modes and frequency response."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -64,7 +64,7 @@ def _record_of(
             *(fit if fit.changes_model else None, plant_kept, log),
         )
     return ModelRecord.of(
-        *(chosen.estimate, data, search, scored.prepared.transforms, _level_of(choice.level, data)),
+        *(chosen.estimate, data, search, scored.prepared.transforms, level_of(choice.level, data)),
         model=chosen.model,
         structure=candidate.structure,
         weighting=weighting_of(candidate.structure, scorer.settings)
@@ -94,7 +94,7 @@ def _revised(
     return record, replace(revised, search=about)
 
 
-def _level_of(level: LevelOfSimulation, data: Recording) -> LevelOfSimulation:
+def level_of(level: LevelOfSimulation, data: Recording) -> LevelOfSimulation:
     """The level of other samples: of several recordings each has its own, and so have others."""
     several = len(set(data.segment_recordings)) > 1
     return "state" if level == "constant" and several else level
@@ -145,14 +145,20 @@ def complete_model(
                     raise
                 for_purpose = _record_of(*given, FitSettings())[0] if key else record
             save(for_purpose, files.other_model(purpose))
-    model, names = record.model, (record.input_names, record.output_names)
-    plant = None if record.orders is not None else record.plant
     with one_blas_thread():
         if hold is not None:
             data = load_prepared(files.prepared, files.transforms).estimation
-            of_plant = plant or record.polynomials.plant()
+            of_plant = record.plant if record.orders is None else record.polynomials.plant()
             in_s = in_continuous_time(of_plant, data, hold, search)
             record = replace(record, continuous=in_s)
+        write_model(files, record, rivals)
+
+
+def write_model(files: DatasetFiles, record: ModelRecord, rivals: Sequence[Model] = ()) -> None:
+    """Write a model with its responses; ``rivals`` widen their intervals."""
+    model, names = record.model, (record.input_names, record.output_names)
+    plant = None if record.orders is not None else record.plant
+    with one_blas_thread():
         responses = frequency_response_table(model, *names, plant, rivals=rivals)
         write_table(files.frequency_response, responses)
         times = time_response_table(model, *names, record.plant, rivals)
@@ -171,7 +177,7 @@ def _selected(
     estimate = complete_estimate(selected, data, search, window, fit)
     return ModelRecord.of(
         *(estimate, data, search, prepared.transforms),
-        _level_of(cast("LevelOfSimulation", level), data),
+        level_of(cast("LevelOfSimulation", level), data),
         focus=fit.focus,
         constraints=fit.constraints,
     )

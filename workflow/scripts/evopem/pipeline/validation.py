@@ -23,7 +23,10 @@ from evopem.report.verdict_file import verdict_file
 from evopem.results.dataset import evidence_of, read_results
 from evopem.results.fleet import summarize
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import PreparedData, load_prepared
+from evopem.signals.prepared_data import (
+    PreparedData,
+    load_prepared,
+)
 from evopem.signals.recording_info import RecordingInfo
 from evopem.validation.mode_evidence import with_noise_modes
 from evopem.validation.responses import held_out_stretches
@@ -42,7 +45,8 @@ def complete_results(
 
     ``phases`` and ``structures`` that were searched; ``phase``: the one over whose models the modes
     are compared, None for the automatic recipe, where these are the models of all orders of the
-    chosen structure; ``others``: the purpose whose model is kept beside the chosen one, or none.
+    chosen structure, and without any structure for a model alone; ``others``: the purpose whose
+    model is kept beside the chosen one, or none.
     """
     record, info = load(ModelRecord, files.model), load(RecordingInfo, files.recording_info)
     prepared = load_prepared(files.prepared, files.transforms)
@@ -53,6 +57,8 @@ def complete_results(
     if phase is not None:
         order, models = _of_phase(record, selections[phase])
         rows = rows_of_phases(selections.values())
+    elif not structures:
+        order, models, rows = record.plant_states, {}, [{"model": record.text, "bic": record.bic}]
     else:
         comparison = load(Comparison, files.decision("comparison"))
         revised = load(Revised, files.decision("revisions"))

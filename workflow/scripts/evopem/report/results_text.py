@@ -27,6 +27,7 @@ from evopem.results.dataset import DatasetResults, read_results
 from evopem.results.fleet import DatasetSummary, Entry
 from evopem.results.identity import IncompleteDataset
 from evopem.results.layout import DatasetFiles
+from evopem.validation.checks.inputs import OTHER_SAMPLES
 from evopem.validation.distortion import Distortion, Floor
 from evopem.validation.error_parts import ErrorParts
 from evopem.validation.validation import Validation
@@ -104,8 +105,10 @@ def _errors(summary: DatasetSummary) -> str:
     if is_number(summary.simulation_error_percent):
         errors.append(f"simulation {percent(summary.simulation_error_percent)}")
     several = any(len(mode.shape) > 1 for mode in summary.modes)
+    same = any(check.name == OTHER_SAMPLES for check in summary.checks)
     return (
-        f"{', '.join(errors)} on {count(summary.validation_samples)} validation samples"
+        f"{', '.join(errors)} on {count(summary.validation_samples)}"
+        f" {'of these' if same else 'validation samples'}"
         f"{', mean over the outputs' if several else ''}"
     )
 

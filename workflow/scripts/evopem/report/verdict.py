@@ -42,9 +42,8 @@ Finding = tuple[Answer, str]  # with a clause that says why
 ANSWERS: tuple[Answer, ...] = ("good", "care", "no")
 _WORDS: dict[Answer, str] = {"good": "good for", "care": "with care for", "no": "not for"}
 
-# Simulation errors, in percent of the output's standard deviation, up to which a simulation is good
-# and up to which it is of use at all. The error has no natural limit, so the report shows it beside
-# the word. From the error of the mean on, a model is of no use for what it is judged by.
+# Simulation errors, percent of the output's standard deviation, up to which a simulation is good
+# and of use at all: the report shows them beside the word. From the last on, a model is of no use.
 GOOD_SIMULATION, USABLE_SIMULATION, ERROR_OF_MEAN = 30.0, 60.0, 100.0
 # Half width of a 95 % band of the gain, in percent of it, from which on the gain is a rough one.
 WIDE_BAND = 25.0
@@ -75,6 +74,7 @@ ESSENTIAL: dict[str, tuple[str, ...]] = {
 DESIRABLE: dict[str, tuple[str, ...]] = {
     "Excitation adequate": ("response",),
     "Every input significant": ("response",),
+    "Validated on other samples": ("simulation", "prediction"),
     "Validation input comparable": ("simulation",),
     "Simulation independent of its initial state": ("simulation",),
     "White residuals": ("prediction", "response", "spectrum", "intervals"),

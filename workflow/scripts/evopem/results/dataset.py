@@ -316,7 +316,6 @@ def read_results(files: DatasetFiles, **known: Any) -> DatasetResults:
     """
     settings = known.get("settings") or read_settings(files.config)
     in_time = settings.channels.frequency is None
-    is_automatic = in_time and settings.automatic is not None
     validation_info = files.validation_recording_info
     has_validation = getattr(settings.source, "validation_files", ())
 
@@ -332,7 +331,12 @@ def read_results(files: DatasetFiles, **known: Any) -> DatasetResults:
         names = "residual_autocorrelation", "cross_correlation", "simulation", "horizons"
         return ValidationTables(**tables(*names)) if in_time else NO_SERIES
 
-    summaries, forms = tuple[SpectrumSummary, ...], searched_forms(settings) if in_time else ()
+    prepared = of("prepared", load_prepared, files.prepared, files.transforms, where=in_time)
+    # An estimate that holds no samples out is one of given orders.
+    searched = prepared is None or prepared.transforms.holds_out
+    is_automatic = in_time and searched and settings.automatic is not None
+    phases = phases_of_dataset(settings) if searched else ()
+    summaries, forms = tuple[SpectrumSummary, ...], searched_forms(settings) if is_automatic else ()
     return DatasetResults(
         settings=settings,
         recording=of("recording", load_recording, files.recording, where=in_time),
@@ -340,7 +344,7 @@ def read_results(files: DatasetFiles, **known: Any) -> DatasetResults:
         validation_recording_info=of(
             "", load, RecordingInfo, validation_info, where=has_validation
         ),
-        prepared=of("prepared", load_prepared, files.prepared, files.transforms, where=in_time),
+        prepared=prepared,
         model=of("model", load_record, files.model),
         validation=of("validation", load, Validation, files.validation),
         validation_tables=of("validation_tables", series),
@@ -349,13 +353,13 @@ def read_results(files: DatasetFiles, **known: Any) -> DatasetResults:
         decisions=of("decisions", load, DecisionRecord, files.decisions, where=is_automatic),
         spectrum_summaries=of("", load, summaries, files.spectrum_summary, where=in_time) or (),
         phases=known.get("phases")
-        or {
-            phase: load(PhaseSelection, files.phase(phase)) for phase in phases_of_dataset(settings)
-        },
+        or {phase: load(PhaseSelection, files.phase(phase)) for phase in phases},
         searches=known.get("searches")
         or tuple(load(StructureSearch, files.search(name)) for name in forms),
         revised=of("revised", load, Revised, files.decision("revisions"), where=is_automatic),
-        varying=of("varying", load, Varying, files.varying, where=in_time and settings.varying),
+        varying=of(
+            "varying", load, Varying, files.varying, where=in_time and searched and settings.varying
+        ),
     )
 
 

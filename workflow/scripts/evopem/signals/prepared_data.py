@@ -13,7 +13,7 @@ from evopem.signals.transforms import invert_box_cox, invert_difference
 
 Rows = tuple[tuple[float, ...], ...]
 _PARTS = "estimation_", "validation_"
-Source = Literal["cut", "gap", "file", "recordings"]
+Source = Literal["cut", "gap", "file", "recordings", "estimation"]
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,8 @@ class Transforms:
     """Every parameter that takes prepared samples back to measured ones.
 
     The validation samples of each recording follow its estimation samples (``cut``) or come later
-    (``gap``); or they are of other files, or of the last recordings of the data set.
+    (``gap``); or they are of other files, of the last recordings of the data set, or those of the
+    ``estimation`` again.
     """
 
     sampling_rate: float  # of the prepared samples (Hz)
@@ -59,6 +60,11 @@ class Transforms:
     def validation_samples(self) -> int:
         """Number of prepared samples for validation."""
         return sum(origin.samples for origin in self.validation)
+
+    @property
+    def holds_out(self) -> bool:
+        """Whether the model has not seen the validation samples."""
+        return self.validation_source != "estimation"
 
     @property
     def discard(self) -> int:
@@ -98,6 +104,16 @@ class PreparedData:
         None where there is a gap, or the validation samples are of other recordings.
         """
         return self.estimation if self.transforms.validation_source == "cut" else None
+
+
+def origins_of(recording: Recording) -> tuple[StretchOrigin, ...]:
+    """Those of the segments of a recording that nothing was taken from."""
+    rate = recording.sampling_rate
+    means = (0.0,) * recording.inputs.shape[1], (0.0,) * recording.outputs.shape[1]
+    return tuple(
+        StretchOrigin(part.recording, part.first, part.first / rate, part.samples, *means)
+        for part in recording.segments
+    )
 
 
 def measured_outputs(transforms: Transforms, origin: StretchOrigin, outputs: Array) -> Array:

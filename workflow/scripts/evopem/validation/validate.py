@@ -126,9 +126,10 @@ def validate(
     )
     crossed = _crossed(tested, prepared.validation)
     models = models or [OrderModel.of(order, math.nan, model)]
-    tests = tests or model_class(_every_stretch(tested.stretches, held_out))
+    unseen = held_out if prepared.transforms.holds_out else ()
+    tests = tests or model_class(_every_stretch(tested.stretches, unseen))
     distortion = distortion_of(held_out, tested.stretches, fit_level)
-    input_test = input_significance(held_out)
+    input_test = input_significance(unseen)
     validation = Validation(
         samples=int(np.sum(responses.scored)),
         unscored_samples=int(np.sum(~responses.scored)),
@@ -136,7 +137,7 @@ def validate(
         simulation_error_percent=_mean([output.simulation_error_percent for output in outputs]),
         fitted_state_error_percent=_mean([output.fitted_state_error_percent for output in outputs]),
         outputs=outputs,
-        inputs=_inputs(model, prepared, held_out, input_test),
+        inputs=_inputs(model, prepared, unseen, input_test),
         pairs=tuple(
             PairCorrelation(*names, pair.share_inside, pair.largest_ratio)
             for names, pair in crossed
@@ -150,14 +151,18 @@ def validate(
         model_class=tests,
         resolution_hz=_resolution(prepared.estimation, spectrum),
         modes=table_of_models(
-            *(models, order, lambda m: held_out_stretches(m, prepared, fit_level)),
+            *(
+                models,
+                order,
+                lambda m: held_out_stretches(m, prepared, fit_level) if unseen else (),
+            ),
             lambda m: stretches_of(m, prepared.estimation),
         ),
         share_of_noise=_share_left(held_out) if form.inputs else math.nan,
         distortion=distortion,
         # Under feedback the inputs follow the noise, and explain a part of it.
         floors=()
-        if tests.without_feedback.p_value < SIGNIFICANCE
+        if tests.without_feedback.p_value < SIGNIFICANCE or not unseen
         else floors_of(distortion, held_out, fit_level),
     )
     names = ((name,) for name in prepared.validation.output_names)
@@ -189,7 +194,8 @@ def validation_errors(held_out: Sequence[HeldOut], fit_level: bool = False) -> t
 
 def _every_stretch(estimation: Sequence[HeldOut], held_out: Sequence[HeldOut]) -> Sequence[HeldOut]:
     """Of all samples: where validation samples continue the others, they are one stretch."""
-    return held_out if held_out[0].before else [*estimation, *held_out]
+    continued = held_out and held_out[0].before
+    return held_out if continued else [*estimation, *held_out]
 
 
 def _estimation_stretches(model: StateSpaceModel, estimation: Recording) -> Sequence[HeldOut]:
@@ -334,10 +340,11 @@ def input_significance(held_out: Sequence[HeldOut], tested: Sequence[int] = ()) 
     are taken for drift: two slow signals always have some alike.  The noise model is not used:
     where A and C have nearly common factors, the errors without the input have a narrow peak just
     where ``(B/C) u`` has one.  ``tested``: numbers of the inputs, all by default.
+    Without held-out samples there is no test: a model responds to the samples it was fitted to.
     """
-    model = held_out[0].plant
-    if not model.inputs:
+    if not held_out or not held_out[0].model.inputs:
         return NO_TEST
+    model = held_out[0].plant
     samples = sum(stretch.recording.samples for stretch in held_out)
     driven = np.isin(np.arange(model.inputs), tested or range(model.inputs))
     if not any(np.ptp(stretch.recording.inputs[:, driven], axis=0).any() for stretch in held_out):

@@ -20,6 +20,7 @@ from evopem.validation.validation import Validation
 
 EXCITATION_ADEQUATE = "Excitation adequate"
 RESPONSE_SIGNIFICANT = "Response to the input significant"
+OTHER_SAMPLES = "Validated on other samples"
 INPUT_COMPARABLE = "Validation input comparable"
 INDEPENDENT_OF_STATE = "Simulation independent of its initial state"
 # A fitted state may lower the simulation error to this part, beside a margin in percent.
@@ -63,6 +64,18 @@ def excitation(evidence: Evidence) -> Found | None:
 
 
 @check(
+    OTHER_SAMPLES,
+    "Take evopem.identify, which holds samples out, or compare the model with another recording.",
+    "caution",
+)
+def other_samples(evidence: Evidence) -> Found | None:
+    """Samples to judge a model by that it has not seen, as identifications have."""
+    if evidence.model.transforms.holds_out:
+        return None
+    return False, "The samples that judge the model are those that it was estimated from."
+
+
+@check(
     RESPONSE_SIGNIFICANT,
     "The model does not describe a response to this input. Check that the channels belong to the"
     " same system and have the same time axis, and search longer delays (“delay.nk”).",
@@ -70,7 +83,7 @@ def excitation(evidence: Evidence) -> Found | None:
 def response_to_input(evidence: Evidence) -> Found | None:
     """The response to the inputs significant on samples that were not used for estimation."""
     validation, test = evidence.validation, evidence.validation.input_test
-    if not validation.inputs:
+    if not validation.inputs or not evidence.model.transforms.holds_out:
         return None
     passed = responds(test)
     if passed is None and input_rests(validation):
@@ -171,7 +184,7 @@ def independent_of_state(evidence: Evidence) -> Found | None:
 def comparable_split(evidence: Evidence) -> Found | None:
     """The validation inputs have power only where the estimation inputs have power as well."""
     inputs = evidence.validation.inputs
-    if not inputs:
+    if not inputs or not evidence.model.transforms.holds_out:
         return None
     if input_rests(evidence.validation):
         rests = f"{RESTING[0].upper()}{RESTING[1:]}."

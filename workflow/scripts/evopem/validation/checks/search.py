@@ -41,10 +41,10 @@ def search_ranges(evidence: Evidence) -> Found | None:
 
     The automatic recipe's ranges begin at 1, of many states of outputs alone eight below those of
     their likeliest subspace estimate, and grow until nothing is gained.  The length of a
-    regularised response is no order.
+    regularised response is no order, and an estimate has the orders that were given.
     """
     model = evidence.model
-    if model.structure in REGULARISED:
+    if model.structure in REGULARISED or not model.transforms.holds_out:
         return None
     if not evidence.ranges:
         kind = model.structure.upper()
