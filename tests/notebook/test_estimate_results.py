@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 import evopem
+from evopem.figures.time_domain import record
 from evopem.notebook.estimate_results import OF_RESULTS, EstimateResults
 from evopem.validation.checks.inputs import OTHER_SAMPLES
 
@@ -100,6 +101,10 @@ def test_several_channels_are_reported_and_saved(several, tmp_path):
     assert several.shapes.shape[1] == 2
     page = several.report(tmp_path / "report.html").read_text(encoding="utf-8")
     assert "All 400 samples are used for estimation, and validate the model as well." in page
+    assert "estimation samples" in page
+    assert "validation sample" not in page
+    assert "stage=validation" not in page
+    assert set(record(several.results).table["stage"]) == {"recorded", "estimation"}
     folder = several.save(tmp_path / "kept")
     again = evopem.read_results(folder)
     assert again.modes.equals(several.modes)

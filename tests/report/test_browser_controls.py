@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -10,6 +11,7 @@ import pytest
 from browsing import TEMPLATES, needs_chromium, visit
 
 from evopem.config.structures import ORDER_NAMES
+from evopem.report.index_page import build_index
 from evopem.results.layout import FIGURES
 
 pytest.importorskip("selenium", reason="selenium is not installed")
@@ -203,6 +205,23 @@ def test_data_sets_are_filtered_by_check_group_and_frequency(browser, several):
     assert choose(browser, group="", **{"from": "100", "to": "101"}) == ["bench-1"]
     assert choose(browser, **{"from": "", "to": ""}, text="line 7") == ["bench-2"]
     assert len(choose(browser, text="")) == 4
+
+
+def test_what_differs_everywhere_forms_no_groups(browser, several, summary, tmp_path):
+    visit(browser, several)
+    groups = "return [...document.querySelectorAll('.columns option')].map(o => o.textContent)"
+    assert browser.execute_script(groups)[:2] == ["Group", "Modes (Hz)"]
+    entries = {
+        f"day-{day}": replace(
+            summary, modes=tuple(replace(mode, frequency_hz=10.0 + day) for mode in summary.modes)
+        )
+        for day in (1, 2)
+    }
+    file = tmp_path / "index.html"
+    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    visit(browser, file)
+    assert "Model" in browser.execute_script(groups)
+    assert "Modes (Hz)" not in browser.execute_script(groups)
 
 
 def test_what_is_seen_of_a_list_is_chosen_marked_and_saved(browser, several):

@@ -12,7 +12,7 @@ from browsing import TEMPLATES, renamed_channels, told
 from evopem.models.modes import Mode
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
-from evopem.report.numbers import THIN, count, percent
+from evopem.report.numbers import THIN, count, number, percent
 from evopem.report.page_sections import (
     CHAPTER_MODES,
     compare_with_chapter,
@@ -276,6 +276,8 @@ def test_residual_tests(results):
     assert f"N = {validation.residual_samples} residuals" in text
     assert "is expected of white innovations after this fit: p" in text
     assert f"at lags −{validation.correlation_lags} to" in text
+    (pair,) = validation.pairs
+    assert f"the largest is {number(pair.max_in_bounds, 3)} times its bound" in text
 
 
 def test_residual_tests_that_were_not_possible(results):

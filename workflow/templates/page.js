@@ -272,7 +272,12 @@
     const place = region("scroll map", "Map of checks");
     const groups = folded("Groups");
     const choice = document.createElement("select");
-    head.slice(1).forEach((cell, at) => { if (cell.tagName === "TH" && !cell.dataset.head) choice.append(new Option(plain(cell), at + 1)); });
+    const complete = [...table.tBodies[0].rows].map(columns).filter((own) => own.at(-1).colSpan === 1);
+    head.forEach((cell, at) => {
+      // The names, errors, and what differs from each recording to the next, form no groups.
+      const values = new Set(complete.map((own) => plain(own[at])));
+      if (at && cell.tagName === "TH" && !cell.dataset.head && values.size < complete.length) choice.append(new Option(plain(cell), at));
+    });
     const by = document.createElement("label");
     by.append("Group by ", choice);
     const saving = document.createElement("p");
@@ -300,7 +305,7 @@
     document.addEventListener("input", () => setTimeout(draw));
     table.closest(".scroll").parentElement.addEventListener("click", (event) => { if (event.target.matches("button.sort")) draw(); });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-    tools.after(shown, groups, map);
+    tools.after(shown, ...(choice.length ? [groups] : []), map);
   };
 
   // The name of its column on every cell, for narrow screens, where a row becomes a list.

@@ -25,7 +25,6 @@ FAMILY_MARKERS = ("o", "s", "^", "D", "v", "P")
 # Panels of a figure at most; the table has all pairs of channels.
 MOST_PANELS = 60
 FREQUENCY = "Frequency (Hz)"
-VALIDATION_TIME = "Time from the first validation sample (s)"
 TIME = "Time (s)"
 
 Where = tuple[tuple[str, str], ...]

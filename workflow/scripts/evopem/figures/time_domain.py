@@ -11,7 +11,6 @@ import pandas as pd
 from evopem.figures.chart import (
     MOST_PANELS,
     TIME,
-    VALIDATION_TIME,
     Chart,
     Curve,
     Mark,
@@ -31,8 +30,7 @@ from evopem.results.dataset import DatasetResults
 # So many periods of the lowest mode are shown, between the two limits in samples.
 PERIODS = 12
 FEWEST_SAMPLES, MOST_SAMPLES = 60, 400
-# Outputs whose validation samples are all drawn, and channels of the recording.
-MOST_OUTPUTS, MOST_CHANNELS = 4, 8
+MOST_OUTPUTS, MOST_CHANNELS = 4, 8  # outputs drawn over all samples, channels of the recording
 # Share of its largest value below which an impulse response has settled, and samples at least.
 REMAINDER, FEWEST_OF_RESPONSE = 0.01, 50
 RECORD_STAGES: tuple[tuple[str, Role], ...] = (
@@ -78,7 +76,8 @@ def _of_output(
         for label, kind, role in kinds
         if results.model.has_input or "simul" not in kind
     )
-    return Panel(title, "time_s", VALIDATION_TIME, label, curves, **options)
+    time = f"Time from the first {results.model.transforms.judging} sample (s)"
+    return Panel(title, "time_s", time, label, curves, **options)
 
 
 def _columns(panels: Sequence[Panel]) -> list[str]:
@@ -160,16 +159,18 @@ def record(results: DatasetResults) -> Chart:
     channels = [*(("input", u) for u in results.inputs), *(("output", y) for y in results.outputs)]
     half = MOST_CHANNELS // 2
     start = float(table.loc[table["stage"] == "validation", "time_s"].min())
+    stages = [stage for stage in RECORD_STAGES if stage[0] in set(table["stage"])]
+    marks = (Mark(start, "", "error"),) if math.isfinite(start) else ()
     panels: list[Panel] = []
     for kind, channel in [*channels[:half], *channels[half:][-half:]]:
         recorded, *used = (
             Curve(stage, f"{kind}_{channel.name}", role, where=(("stage", stage),))
-            for stage, role in RECORD_STAGES
+            for stage, role in stages
         )
         label = with_unit(channel.name, channel.unit)
         before = Panel("", "time_s", TIME, label, (recorded,), height=150, linked="recorded")
         after = replace(before, y_label=channel.label, curves=tuple(used), linked="used")
-        panels += [before, replace(after, marks=(Mark(start, "", "error"),))]
+        panels += [before, replace(after, marks=marks)]
     panels[:2] = [replace(panels[0], title="As recorded"), replace(panels[1], title="As used")]
     return Chart(table, tuple(panels), 2)
 
@@ -190,7 +191,9 @@ def _signals(results: DatasetResults) -> pd.DataFrame:
         table.insert(0, "time_s", first + np.arange(part.samples) / part.sampling_rate)
         table.insert(0, "stage", stage)
         tables.append(table)
-    return pd.concat(tables, ignore_index=True)
+    # Samples that estimate the model and validate it are drawn once.
+    kept = 3 if results.model.transforms.holds_out else 2
+    return pd.concat(tables[:kept], ignore_index=True)
 
 
 def responses_of(results: DatasetResults) -> tuple[tuple[str, str], ...]:

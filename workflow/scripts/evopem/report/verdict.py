@@ -51,12 +51,10 @@ WIDE_BAND = 25.0
 WIDEST_OF_POWER = 50.0
 BELOW_MEAN = math.nextafter(ERROR_OF_MEAN, 0.0)
 
-# Modes that a sentence names at most.
-MOST_NAMED = 8
+MOST_NAMED = 8  # modes that a sentence names
 # Share of an output's energy below which a mode is not seen there.
 NEGLIGIBLE = 1e-3
-# Outputs that a mode is seen at and inputs that it is driven by, named at most.
-NAMED = 3
+NAMED = 3  # outputs that a mode is seen at and inputs that it is driven by, at most
 
 # The uses that rest on a check: without an essential one they are not given, without a desirable
 # one with care. Notes are about the settings or the search, not the model: no use rests on them.
@@ -184,7 +182,7 @@ def _simulations(results: DatasetResults) -> list[Use]:
     validation, recorded = results.validation, results.recorded
     outputs, several = plural_of("output", results.outputs), len(results.outputs) > 1
     owner, samples = "outputs’" if several else "output’s", count(validation.samples)
-    text = f" of the {owner} deviation on {samples} validation samples"
+    text = f" of the {owner} deviation on {samples} {results.model.transforms.judging} samples"
     checked = _by_checks("simulation", results)
     if validation.at_floor:
         text += ", as good as a linear model can be"
@@ -213,7 +211,8 @@ def _simulations(results: DatasetResults) -> list[Use]:
 
 def _prediction(results: DatasetResults) -> Use:
     validation, several = results.validation, len(results.outputs) > 1
-    where = " on average over the outputs" if several else " on validation samples"
+    samples = f"{results.model.transforms.judging} samples"
+    where = f" on {'average over the outputs' if several else samples}"
     # Without a noise model it is a simulation, and is as good as one.
     limits = USABLE_SIMULATION, BELOW_MEAN
     if not results.model.has_noise_model:
@@ -288,7 +287,8 @@ def _modes(results: DatasetResults) -> Use:
     if len(trusted) > MOST_NAMED:
         places = enumeration([*shown, f"{len(trusted) - MOST_NAMED} more"])
     name = f"the {plural_of('mode', trusted)} at {places}"
-    reason = "determined by the responses" if results.of_responses else "seen in validation samples"
+    seen = f"seen in {results.model.transforms.judging} samples"
+    reason = "determined by the responses" if results.of_responses else seen
     if all(mode.stable for mode in results.validation.modes.modes if mode.trusted):
         reason += " and at most other orders"
     against = f"{plural(others, 'further mode')} not to be trusted" if others else ""
@@ -382,7 +382,7 @@ def _line(results: DatasetResults, evidence: ModeEvidence) -> ModeLine:
 def _origin(results: DatasetResults, evidence: ModeEvidence) -> str:
     """What drives a mode, and where there are several inputs, which of them."""
     if not results.model.has_input:
-        return "it improves the prediction of validation samples"
+        return f"it improves the prediction of {results.model.transforms.judging} samples"
     if evidence.origin != "input":
         return f"disturbances drive it, not the {'input' if len(results.inputs) == 1 else 'inputs'}"
     if len(results.inputs) == 1:

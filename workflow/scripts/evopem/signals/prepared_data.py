@@ -67,6 +67,11 @@ class Transforms:
         return self.validation_source != "estimation"
 
     @property
+    def judging(self) -> str:
+        """What the samples that judge the model are for."""
+        return "validation" if self.holds_out else "estimation"
+
+    @property
     def discard(self) -> int:
         """Samples left out at the start of the first recording, after the differences."""
         return self.estimation[0].first - max(self.difference, self.difference_input)

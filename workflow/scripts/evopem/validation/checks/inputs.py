@@ -170,7 +170,7 @@ def independent_of_state(evidence: Evidence) -> Found | None:
     return (
         alike or by_noise,
         f"The simulation error is {simulated:.3g} % with the state that earlier samples give, and"
-        f" {fitted:.3g} % with the initial state that fits the validation samples best."
+        f" {fitted:.3g} % with the initial state that fits best."
         + (" The noise of the model explains as much." if by_noise and not alike else ""),
     )
 
