@@ -33,7 +33,7 @@ def no_fits(monkeypatch):
         raise AcceptedError
 
     # What follows the checks of a polynomial model, and of one in state space.
-    monkeypatch.setattr("evopem.estimation.estimate.orders_of", accepted)
+    monkeypatch.setattr("evopem.notebook.estimate.orders_of", accepted)
     for name in ("searched", "_beside"):
         monkeypatch.setattr(f"evopem.estimation.state_space.estimate.{name}", accepted)
 

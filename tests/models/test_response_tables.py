@@ -63,11 +63,15 @@ def test_bands_hold_the_models_that_could_have_been_chosen():
     np.testing.assert_allclose(np.subtract(steps["step_upper"], steps["step"])[1], half)
 
 
-def test_the_noise_of_several_outputs_has_the_bands_of_its_coefficients():
+def state_space_model():
     generator = np.random.default_rng(3)
     A = np.array([[0.8, 0.4, 0.0], [-0.4, 0.8, 0.0], [0.0, 0.0, 0.5]])
     B, C, K = (0.3 * generator.standard_normal(shape) for shape in ((3, 2), (2, 3), (3, 2)))
-    model = StateSpaceModel(A, B, C, np.zeros((2, 2)), K, 100.0, np.zeros(2), np.eye(2))
+    return StateSpaceModel(A, B, C, np.zeros((2, 2)), K, 100.0, np.zeros(2), np.eye(2))
+
+
+def test_the_noise_of_several_outputs_has_the_bands_of_its_coefficients():
+    model, generator = state_space_model(), np.random.default_rng(4)
     factor = 1e-3 * generator.standard_normal((len(model.parameters), 4))
     model = replace(
         model, covariance=ParameterCovariance(factor, np.zeros((len(model.parameters), 0)))
@@ -84,3 +88,13 @@ def test_the_noise_of_several_outputs_has_the_bands_of_its_coefficients():
     of_input = [pair == "a" for pair in table["input"]]
     widths = np.log(table["noise_gain_upper"] / table["noise_gain_lower"])[of_input]
     np.testing.assert_allclose(widths, 2.0 * NORMAL_95 * errors.ravel(), rtol=1e-3)
+
+
+def test_the_noise_responds_to_unit_innovations():
+    model = state_space_model()
+    expected = [np.eye(2)] + [
+        model.C @ np.linalg.matrix_power(model.A, lag) @ model.K for lag in range(9)
+    ]
+    for samples in (1, 2, 10):
+        found = model.noise_impulse_response(samples)
+        np.testing.assert_allclose(found, expected[:samples], atol=1e-14)

@@ -290,6 +290,13 @@ def bring(browser, figure):
     settle(browser)
 
 
+def eventually(browser, holds):
+    """Wait until a condition holds: a busy machine draws figures late."""
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    WebDriverWait(browser, 10).until(lambda _: holds())
+
+
 def test_figures_zoom_together_over_the_frequency(browser, report):
     from selenium.webdriver.common.keys import Keys
 
@@ -446,14 +453,19 @@ def test_frequencies_are_shown_in_hertz_or_radians_and_in_decades(browser, repor
         browser.find_element("css selector", f'[aria-label="{label}"]').send_keys(Keys.ENTER)
         settle(browser)
 
+    def in_decades(figure):
+        # Where decades are wide against the distance of the points that the cursor holds to.
+        low, middle, high = (read(figure, share) for share in (0.6, 0.75, 0.9))
+        return middle == pytest.approx(math.sqrt(low * high), rel=0.05)
+
     hertz = {figure: read(figure, 0.5) for figure in ("gain", "frequency_response")}
     turn("rad/s")
     for figure, value in hertz.items():
-        assert read(figure, 0.5) == pytest.approx(2 * math.pi * value, rel=0.02)
+        turned = pytest.approx(2 * math.pi * value, rel=0.02)
+        eventually(browser, lambda figure=figure, turned=turned: read(figure, 0.5) == turned)
     turn("log f")
     for figure in hertz:
-        low, middle, high = (read(figure, share) for share in (0.25, 0.5, 0.75))
-        assert middle == pytest.approx(math.sqrt(low * high), rel=0.1)
+        eventually(browser, lambda figure=figure: in_decades(figure))
     focused = browser.execute_script("return document.activeElement.textContent")
     assert focused == "log f"
 
@@ -494,6 +506,7 @@ def test_phase_and_coherence_are_shown_below_the_gain_and_one_pair_at_a_time(bro
     assert ["band" in legend.text for legend in legends] == [True, False, False]
     assert browser.execute_script("return document.activeElement.textContent") == "coherence"
     visit(browser, report)
+    bring(browser, "gain")
     browser.execute_script(
         """const figure = document.querySelector('#gain figure');
         const panels = JSON.parse(figure.dataset.panels);

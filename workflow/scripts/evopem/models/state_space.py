@@ -280,10 +280,10 @@ class StateSpaceModel:
 
     def noise_impulse_response(self, samples: int) -> Array:
         """Responses of the outputs to unit innovations at sample 0, (samples, ny, ny)."""
-        noise = replace(
-            self, B=self.K, D=np.eye(self.outputs), input_delays=(), input_names=(), covariance=None
-        )
-        return noise.impulse_response(samples)
+        states, power = self.K[None], self.A  # A^k K, twice as many at a time
+        while len(states) < samples - 1:
+            states, power = np.concatenate([states, power @ states]), power @ power
+        return np.concatenate([np.eye(self.outputs)[None], self.C @ states])[:samples]
 
     def step_response(self, samples: int) -> Array:
         """Responses to unit steps at sample 0, (samples, ny, nu)."""
