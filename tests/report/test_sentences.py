@@ -264,6 +264,19 @@ def test_poles_and_zeros(results):
     assert "The covariance of 6 roots is not known, so no ellipse is drawn" in text
 
 
+@pytest.mark.parametrize(
+    ("poles", "said"),
+    [
+        ([0.5], "The only pole is real."),
+        ([0.5, 0.3], "All poles are real."),
+        ([0.9j, -0.9j], "The 2 poles form 1 oscillating mode."),
+    ],
+)
+def test_poles_of_one_kind_are_not_divided(results, poles, said):
+    (text,) = told("poles_zeros", with_coefficients(results, np.poly(poles), [2.0], [1.0]))
+    assert said in text
+
+
 def test_a_model_without_roots_has_no_sentence_on_poles(results):
     assert told("poles_zeros", with_coefficients(results, [1.0], [1.0], [1.0])) == []
 

@@ -276,9 +276,8 @@ def spectral_peaks(evidence: Evidence) -> Found:
         )
     return (
         False,
-        f"{count - len(missed)} of {count} spectral peaks have a mode or a density that follows"
-        " from the model. The output has more power than the model gives it at"
-        f" {listed(missed)}.",
+        f"{len(missed)} of {count} spectral peaks have no mode near them, and the output has more"
+        f" power there than the model gives it: {listed(missed)}.",
         f"Raise the upper end of {'“orders.plant”' if evidence.model.orders else STATES}, or check"
         " whether the peak is in the input already or caused by a transform.",
     )

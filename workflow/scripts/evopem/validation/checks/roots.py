@@ -62,7 +62,7 @@ def _letters(model: ModelRecord, letters: str) -> str:
 
 def _inside_unit_circle(what: str, all_roots: Complex) -> tuple[bool | None, str]:
     if all_roots.size == 0:
-        return True, "The model has no such roots."
+        return True, "The model has no root that would have to lie inside the unit circle."
     largest = float(np.max(np.abs(all_roots)))
     if not np.isfinite(largest):
         return None, f"The {what} are not finite."

@@ -118,6 +118,7 @@ def repeatability(evidence: Evidence) -> Found | None:
     return (
         repeated,
         f"{'Repeatable, but not' if repeated else 'Not'} certified: {confirming or 'none'} of"
-        f" {restarts} reached the lowest minimum that was found{few}.{others_found} In 95 % of such"
-        f" test problems one found elsewhere was at most {measured.lower_elsewhere:g} % lower.",
+        f" {restarts} reached the lowest minimum that was found{few}.{others_found} In 95 %"
+        " of such test problems a minimum found elsewhere was at most"
+        f" {measured.lower_elsewhere:g} % lower.",
     )
