@@ -103,7 +103,8 @@ def test_several_channels_are_reported_and_saved(several, tmp_path):
     assert "All 400 samples are used for estimation, and validate the model as well." in page
     assert "estimation samples" in page
     assert "validation sample" not in page
-    assert "stage=validation" not in page
+    assert "The structure and the orders were given." in page
+    assert "smaller scores are better" not in page
     assert set(record(several.results).table["stage"]) == {"recorded", "estimation"}
     folder = several.save(tmp_path / "kept")
     again = evopem.read_results(folder)

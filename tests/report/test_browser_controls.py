@@ -224,6 +224,15 @@ def test_what_differs_everywhere_forms_no_groups(browser, several, summary, tmp_
     assert "Modes (Hz)" not in browser.execute_script(groups)
 
 
+@pytest.mark.parametrize(("names", "shown"), [(("arm", "bench"), False), (("arm", "arm-2"), True)])
+def test_groups_of_one_data_set_are_no_choice(browser, summary, tmp_path, names, shown):
+    file = tmp_path / "index.html"
+    entries = dict.fromkeys((*names, "rig"), summary)
+    file.write_text(build_index(entries, TEMPLATES), encoding="utf-8")
+    visit(browser, file)
+    assert browser.find_element("css selector", "[data-filter=group]").is_displayed() == shown
+
+
 def test_what_is_seen_of_a_list_is_chosen_marked_and_saved(browser, several):
     visit(browser, several)
     assert len(choose(browser, marked="arm-")) == 4

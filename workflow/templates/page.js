@@ -111,7 +111,7 @@
       for (const [value, count] of [...counts].sort((one, other) => words.compare(one[0], other[0]))) {
         field(name).append(new Option(`${value} (${count})`, value));
       }
-      field(name).closest("label").hidden = counts.size < (name === "group" ? 2 : 1);
+      field(name).closest("label").hidden = name === "group" ? counts.size < 2 || Math.max(...counts.values()) < 2 : !counts.size;
     };
     offer("failed", rows.flatMap((each) => each.failed));
     offer("group", rows.map((each) => each.group).filter(Boolean));
