@@ -145,6 +145,9 @@ def test_a_set_up_that_contradicts_the_others_is_named_in_a_sentence(results):
     assert contradiction.startswith(
         "c contradicts the others, most in the frequency of mode 3: 37.72 beside 36.98, "
     )
+    merged = Comparison.of([results, other], ["a", "c"], setups=True).merged
+    assert all(" contradicts the other, " in each for each in merged_sentences(merged)[1:])
+    assert len(merged.contradictions) == 2
 
 
 def test_merged_shapes_are_drawn_over_the_geometries_of_all_set_ups(results):

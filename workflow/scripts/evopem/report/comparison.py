@@ -95,14 +95,15 @@ def merged_sentences(merged: MergedModes) -> list[str]:
     common = enumeration([name.removeprefix(INPUT) for name in sorted(of_all)])
     counted = plural(len(merged.setups), "set-up"), plural(len(merged.outputs), "output")
     sentences = [f"{' and '.join(counted)}; {common or 'no channel'} in all set-ups."]
+    others = "the other" if len(merged.setups) == 2 else "the others"
     for c in merged.contradictions:
         values = f"{number(c.value)} beside {number(c.joint)}"
         sentences.append(
-            f"{c.setup} contradicts the others, most in the {c.quantity} of mode"
+            f"{c.setup} contradicts {others}, most in the {c.quantity} of mode"
             f" {c.mode + 1}: {values}, {number(abs(c.standard_errors), 2)} standard errors"
             " apart; it counts with errors enlarged until it agrees."
         )
-    return sentences + ["No set-up contradicts the others."] * (not merged.contradictions)
+    return sentences + [f"No set-up contradicts {others}."] * (not merged.contradictions)
 
 
 def comparison_text(comparison: Comparison) -> str:
