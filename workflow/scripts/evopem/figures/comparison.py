@@ -7,7 +7,7 @@ import pandas as pd
 
 from evopem.figures.chart import FAMILY, MOST_PANELS, Chart, Curve, Panel, across, family, nothing
 from evopem.figures.frequency_domain import gain_panels, phase_panels, thinned
-from evopem.figures.time_domain import shown_samples
+from evopem.figures.time_domain import shown_samples, validation_time
 from evopem.results.comparison import Comparison
 
 
@@ -58,7 +58,7 @@ def compared_simulations(comparison: Comparison) -> Chart:
     if not comparison.has_same_validation:
         return nothing("The models were validated on different samples.")
     first = comparison.models[0]
-    time = f"Time from the first {first.model.transforms.judging} sample (s)"
+    time = validation_time(first)
     kind = "simulated" if first.model.has_input else "predicted"
     columns, panels = {"time_s": first.validation_tables.simulation["time_s"]}, []
     for place, outputs in enumerate(comparison.outputs[:MOST_PANELS], start=1):

@@ -76,8 +76,12 @@ def _of_output(
         for label, kind, role in kinds
         if results.model.has_input or "simul" not in kind
     )
-    time = f"Time from the first {results.model.transforms.judging} sample (s)"
-    return Panel(title, "time_s", time, label, curves, **options)
+    return Panel(title, "time_s", validation_time(results), label, curves, **options)
+
+
+def validation_time(results: DatasetResults) -> str:
+    """Label of the time in figures of the samples that judge the model."""
+    return f"Time from the first {results.model.transforms.judging} sample (s)"
 
 
 def _columns(panels: Sequence[Panel]) -> list[str]:

@@ -23,10 +23,7 @@ from evopem.report.verdict_file import verdict_file
 from evopem.results.dataset import evidence_of, read_results
 from evopem.results.fleet import summarize
 from evopem.results.layout import DatasetFiles
-from evopem.signals.prepared_data import (
-    PreparedData,
-    load_prepared,
-)
+from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording_info import RecordingInfo
 from evopem.validation.mode_evidence import with_noise_modes
 from evopem.validation.responses import held_out_stretches

@@ -60,7 +60,15 @@ def trial_points(state: State, rows: Indices) -> Array:
 
 
 @cached_njit
-def advance(state, rows, trial, values, gradients, tolerance, max_iterations):
+def advance(
+    state: State,
+    rows: Indices,
+    trial: Array,
+    values: Array,
+    gradients: Array,
+    tolerance: float,
+    max_iterations: int,
+) -> int:
     """Accept each start's trial, or say where along the line it tries next.  Returns the
     evaluations: steps out of the stability region are refused without residuals."""
     evaluations = 0
@@ -99,7 +107,15 @@ def _next_step(low: float, high: float, f: float, slope: float, beyond: float) -
 
 
 @allocating_njit
-def _accept(state, r, point, value, gradient, tolerance, max_iterations):
+def _accept(
+    state: State,
+    r: int,
+    point: Array,
+    value: float,
+    gradient: Array,
+    tolerance: float,
+    max_iterations: int,
+) -> None:
     """Move a start to its trial point and aim from there; end it where it has converged."""
     drop = state.line[r].value - value
     step, change, product = np.empty(point.size), np.empty(point.size), np.empty(point.size)
