@@ -134,6 +134,24 @@ def test_of_two_set_ups_each_contradicts_the_other():
     assert {named.setup for named in found.contradictions} == {"a", "b"}
 
 
+def test_errors_are_enlarged_by_what_set_ups_differ_in_errors_of_both():
+    """In those of the better one alone they would be enlarged six times."""
+    generator = np.random.default_rng(9)
+    given = [
+        Setup.of("a", uncertain(model([0, 1, 2], ()), generator)),
+        Setup.of("b", uncertain(model([0, 1, 3], (), stiffness=1.0005), generator, size=3.0)),
+    ]
+    found = merge_setups(given)
+    assert [named.setup for named in found.contradictions] == ["a", "b"]
+    # What differs most is stated beside the other set-up, not beside the mean of both.
+    most = [abs(named.standard_errors) for named in found.contradictions]
+    assert min(most) > 3.0
+    assert max(most) < 6.0
+    for mode, by_setup in zip(found.modes, found.by_setup, strict=True):
+        weighed = sum(each.frequency_se_hz**-2 for each in by_setup) ** -0.5
+        assert mode.frequency_se_hz < 3.0 * weighed
+
+
 def test_a_mode_that_a_set_up_lacks_has_no_shape_there():
     generator = np.random.default_rng(6)
     given = [

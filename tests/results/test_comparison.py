@@ -143,7 +143,7 @@ def test_a_set_up_that_contradicts_the_others_is_named_in_a_sentence(results):
     counted, contradiction = merged_sentences(merged)
     assert counted == "3 set-ups and 1 output; input and output in all set-ups."
     assert contradiction.startswith(
-        "c contradicts the others, most in the frequency of mode 3: 37.72 beside 36.98, "
+        "c contradicts the others, most in the frequency of mode 3: 37.72 beside 36.99, "
     )
     merged = Comparison.of([results, other], ["a", "c"], setups=True).merged
     assert all(" contradicts the other, " in each for each in merged_sentences(merged)[1:])

@@ -60,8 +60,9 @@ class MergedModes:
 def merge_setups(setups: Sequence[Setup]) -> MergedModes:
     """Merge the modes of set-ups with common channels, which have the same names.
 
-    A set-up that contradicts the others stays, with errors enlarged until it agrees.  InputError
-    where there are fewer than two set-ups, nothing connects them, or no mode is common.
+    A set-up that contradicts the others stays, with errors enlarged until it agrees; of two, both
+    are enlarged alike.  InputError where there are fewer than two set-ups, nothing connects them,
+    or no mode is common.
     """
     from scipy.stats import chi2
 
@@ -75,25 +76,23 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
     having = [k for k in range(len(setups)) if any(k in group for group in groups)]
     given = {k: _Part.of(k, setups[k], groups, channels) for k in having}
     parts, structure = given, _Structure.of(setups, groups, channels)
-    named: dict[int, float] = {}
+    contradictions: dict[int, Contradiction] = {}
+    names = [name.removeprefix(INPUT) for name in channels]
     while True:
         structure = structure.fitted(parts)
-        apart = {k: structure.left_over(part) for k, part in parts.items() if k not in named}
-        p_values = {k: float(chi2.logsf(*distance)) for k, distance in apart.items()}
+        apart = {k: structure.apart(part) for k, part in parts.items() if k not in contradictions}
+        p_values = {k: float(chi2.logsf(np.sum(d / s), len(d))) for k, (d, s) in apart.items()}
         if min(p_values.values(), default=0.0) >= np.log(FALSE_ALARMS / len(setups)):
             break
         # That without which the others agree best; of the last two, each contradicts the other.
         fits = {k: structure.fitted(parts | {k: parts[k].enlarged(IGNORED)}) for k in p_values}
         squares = {k: fit.squares(parts) for k, fit in fits.items()}
         worst = min(fits, key=lambda k: sum(squares[k].values()) - squares[k][k])
-        for k in p_values if len(p_values) == 2 else [worst]:
-            named[k] = float(np.exp(p_values[k]))
-            parts = parts | {k: parts[k].enlarged(max(squares[k][k] / apart[k][1], 1.0))}
-    names = [name.removeprefix(INPUT) for name in channels]
-    contradictions = [
-        Contradiction(setups[k].name, p, *given[k].worst(structure, names))
-        for k, p in named.items()
-    ]
+        both = len(p_values) == 2
+        for k in p_values if both else [worst]:
+            p, differs = float(np.exp(p_values[k])), given[k].worst(fits[k], names)
+            contradictions[k] = Contradiction(setups[k].name, p, *differs)
+            parts = parts | {k: parts[k].enlarged(_enlargement(*apart[k], both))}
     structure, outputs = structure.referred().fitted(parts), int(np.sum(~structure.is_input))
     modes, drive_errors = structure.modes(setups[0].rate, outputs)
     by_setup = [
@@ -102,8 +101,23 @@ def merge_setups(setups: Sequence[Setup]) -> MergedModes:
     ]
     return MergedModes(
         *(tuple(setups), tuple(names[:outputs]), tuple(names[outputs:]), modes, drive_errors),
-        *(tuple(by_setup), tuple(contradictions)),
+        *(tuple(by_setup), tuple(contradictions.values())),
     )
+
+
+def _enlargement(squares: Array, variances: Array, both: bool) -> float:
+    """How many times as large the variances of a set-up have to be for it to agree with the others.
+
+    The sum of ``squares`` of differences, each over its variance, is then their number (Birge 1932).
+    Of ``variances`` 1 is the set-up's, the rest the others'; with ``both`` these grow as well.
+    """
+    from scipy.optimize import brentq
+
+    def excess(ratio: float) -> float:
+        enlarged = ratio * variances if both else variances + ratio - 1.0
+        return float(np.sum(squares / enlarged)) - len(squares)
+
+    return float(brentq(excess, 1.0, 1.0 + np.sum(squares))) if excess(1.0) > 0.0 else 1.0
 
 
 def _started(setups: Sequence[Setup], group: Mapping[int, int], channels: list[str]) -> Complex:
@@ -223,15 +237,17 @@ class _Structure:
         """Sum of squares that each part leaves over, in its errors."""
         return {k: float(np.sum(part.whitened(self)[:, -1] ** 2)) for k, part in parts.items()}
 
-    def left_over(self, part: "_Part") -> tuple[float, int]:
-        """Squared distance of a set-up from a fit to all others, in its errors and theirs, and its
-        freedom: what the fit with it leaves over says the same (deletion)."""
+    def apart(self, part: "_Part") -> tuple[Array, Array]:
+        """Squares of independent differences of a set-up from a fit to all others, and variances.
+
+        In its errors; theirs are in the variances.  Both are what the fit with it says (deletion).
+        """
         rows = part.whitened(self)
         half = rows[:, :-1] @ self.factor
         sizes, directions = np.linalg.eigh(np.eye(len(rows)) - half @ half.T)
         kept = sizes > SHARED
-        along = directions[:, kept].T @ rows[:, -1]
-        return float(np.sum(along**2 / sizes[kept])), int(kept.sum())
+        along = directions[:, kept].T @ rows[:, -1] / sizes[kept]
+        return along**2, 1.0 / sizes[kept]
 
     def modes(self, rate: float, outputs: int) -> tuple[tuple[Mode, ...], tuple[Complex, ...]]:
         """The modes, and the standard errors of their drives."""
@@ -301,10 +317,19 @@ class _Part:
     def worst(
         self, structure: _Structure, channels: Sequence[str]
     ) -> tuple[int, str, float, float, float]:
-        """Mode and quantity that differ most, both values, and the difference in its errors."""
+        """Mode and quantity that differ most from a fit to the others, its value there and here.
+
+        The value there is what the others and the other quantities here let expect, and the
+        difference is in errors of that (Baarda 1968): where errors are correlated, each quantity
+        alone may be near that of the others.
+        """
         values, rows = structure.seen(self)
-        joint = np.linalg.norm(rows @ structure.factor, axis=1)
-        apart = (self.values - values) / np.hypot(np.linalg.norm(self.factor, axis=1), joint)
+        half = self.whitener @ rows @ structure.factor
+        precision = self.whitener.T @ np.linalg.solve(
+            np.eye(len(half)) + half @ half.T, self.whitener
+        )
+        alone = np.diag(precision)
+        apart = precision @ (self.values - values) / np.sqrt(alone)
         row = int(np.argmax(np.abs(apart)))
         names = [
             (mode, quantity)
@@ -318,4 +343,5 @@ class _Part:
                 ),
             )
         ]
-        return (*names[row], float(self.values[row]), float(values[row]), float(apart[row]))
+        value, error = float(self.values[row]), float(1.0 / np.sqrt(alone[row]))
+        return (*names[row], value, value - error * float(apart[row]), float(apart[row]))
