@@ -60,6 +60,17 @@ def test_one_step_prediction_leaves_the_residuals():
     np.testing.assert_allclose((y - predicted)[4:], MODEL.residuals(u, y)[4:], atol=1e-12)
 
 
+def test_an_output_is_given_with_or_without_a_second_dimension():
+    u, y, _ = record(MODEL, 50)
+    for model in (MODEL, MODEL.state_space()):
+        for of in (model.residuals, model.predict):
+            np.testing.assert_array_equal(of(u[:, None], y[:, None]), of(u, y))
+    with pytest.raises(ValueError, match=r"output must be \(N, 1\), not \(50, 2\)"):
+        MODEL.predict(u, np.column_stack([y, y]))
+    with pytest.raises(ValueError, match="inputs have 49 samples, the output has 50"):
+        MODEL.residuals(u[1:], y)
+
+
 def test_a_prediction_over_a_long_horizon_is_the_simulation():
     u, y, _ = record(MODEL, 600)
     far = MODEL.predict(u, y, 500)

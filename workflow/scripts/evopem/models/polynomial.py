@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evopem.arrays import Array, Complex
+from evopem.arrays import Array, Complex, columns
 from evopem.config.settings import Hold
 from evopem.files.atomic import atomic_write
 from evopem.models.continuous import ContinuousModel, ContinuousRecord
@@ -201,8 +201,8 @@ class PolynomialModel(Polynomials):
 
         if horizon < 1:
             raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
-        y = np.asarray(output, dtype=float)
-        e = self.residuals(inputs, output)
+        y = columns(output, 1, "output")[:, 0]
+        e = self.residuals(inputs, y)
         first = int(np.isnan(e).sum())
         response = self.noise_impulse_response(horizon)[:, 0, 0]
         predicted = np.full(len(y), np.nan)
@@ -222,7 +222,7 @@ class PolynomialModel(Polynomials):
         """
         from scipy.signal import lfilter
 
-        u = self._columns(inputs)
+        u = self._inputs(inputs)
         simulated = np.full(len(u), self.output_level)
         for i in range(self.inputs):
             simulated += lfilter(*self._path(i), u[:, i])

@@ -7,7 +7,7 @@ from functools import cached_property, reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evopem.arrays import Array, Complex
+from evopem.arrays import Array, Complex, columns
 from evopem.models.orders import Orders
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial_roots import roots, uncertain_roots
@@ -166,14 +166,15 @@ class Polynomials:
     def residuals(self, inputs: ArrayLike, output: ArrayLike) -> Array:
         """One-step prediction errors ``e = (D/C) (A y - sum (B_i/F_i) u_i - level)``, (N,).
 
-        Of (N,) or (N, m) inputs and (N,) outputs, from rest; NaN before ``orders.first_residual``.
+        Of (N,) or (N, m) inputs and (N,) or (N, 1) outputs, from rest; NaN before
+        ``orders.first_residual``.
         With a fitted state: :meth:`.StateSpaceModel.residuals` of the model in state space.
         """
         from scipy.signal import lfilter
 
-        u, y = self._columns(inputs), np.asarray(output, dtype=float)
-        if y.ndim != 1 or len(u) != len(y):
-            raise ValueError(f"inputs and output do not match: {np.shape(inputs)} and {y.shape}")
+        u, y = self._inputs(inputs), columns(output, 1, "output")[:, 0]
+        if len(u) != len(y):
+            raise ValueError(f"inputs have {len(u)} samples, the output has {len(y)}")
         first = self.orders.first_residual
         if len(y) <= first:
             raise ValueError(f"the model needs more than {first} samples, not {len(y)}")
@@ -184,14 +185,8 @@ class Polynomials:
         e[first:] = lfilter(self.D, self.C, v)
         return e
 
-    def _columns(self, inputs: ArrayLike) -> Array:
-        """The inputs as columns, (N, m)."""
-        u = np.asarray(inputs, dtype=float)
-        if u.ndim == 1:
-            u = u[:, None]
-        if self.has_input and u.shape[1] != self.inputs:
-            raise ValueError(f"the model has {self.inputs} inputs, not {u.shape[1]}")
-        return u
+    def _inputs(self, inputs: ArrayLike) -> Array:
+        return columns(inputs, self.inputs or None, "inputs")
 
 
 def _arrays(given: Array | Sequence[ArrayLike]) -> tuple[Array, ...]:

@@ -9,7 +9,7 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evopem.arrays import Array, Complex
+from evopem.arrays import Array, Complex, columns
 from evopem.config.settings import Hold
 from evopem.models.continuous import ContinuousModel, continuous_of
 from evopem.models.modes import Mode, state_space_modes
@@ -364,17 +364,12 @@ class StateSpaceModel:
 
     def _delayed(self, inputs: ArrayLike) -> Array:
         """Inputs, (N, nu), or (N,) of one, shifted by their delays; zero before the record."""
-        u = np.asarray(inputs, dtype=float)
-        u = u[:, None] if u.ndim == 1 else u
-        if u.ndim != 2 or u.shape[1] != self.inputs:
-            raise ValueError(f"inputs must be (N, {self.inputs}), not {u.shape}")
-        return delayed(u, self.delays)
+        return delayed(columns(inputs, self.inputs, "inputs"), self.delays)
 
     def _signals(self, inputs: ArrayLike, outputs: ArrayLike) -> tuple[Array, Array]:
-        u, y = self._delayed(inputs), np.asarray(outputs, dtype=float)
-        y = y[:, None] if y.ndim == 1 else y
-        if y.shape != (len(u), self.outputs):
-            raise ValueError(f"outputs must be ({len(u)}, {self.outputs}), not {y.shape}")
+        u, y = self._delayed(inputs), columns(outputs, self.outputs, "outputs")
+        if len(u) != len(y):
+            raise ValueError(f"inputs have {len(u)} samples, outputs have {len(y)}")
         return u, y
 
     def free_responses(self, dynamics: Array, samples: int, fit_level: bool = False) -> Array:

@@ -15,7 +15,7 @@ import scipy  # whose parts load on first use
 from numpy.polynomial.legendre import legvander
 from numpy.typing import ArrayLike
 
-from evopem.arrays import Array, Flags, Indices
+from evopem.arrays import Array, Flags, Indices, columns
 from evopem.errors import InputError
 from evopem.models.modes import Mode
 from evopem.models.orders import Orders
@@ -198,7 +198,7 @@ class VaryingModel:
         """Noise-free response to (N, m) inputs from rest, (N,), at values (N,) of the schedule."""
         theta, rows = self.coefficients(schedule), self.rows
         bounds = np.array([0, len(theta)], dtype=np.intp)
-        u = np.reshape(np.asarray(inputs, dtype=float), (len(theta), -1))
+        u = columns(inputs, len(self.orders.nb) or None, "inputs")
         level = theta[:, rows["level"]]
         drive = self._forced(u, theta, bounds)[:, None]
         if self._is_output_error:
@@ -212,9 +212,9 @@ class VaryingModel:
 
         The innovations of the last samples are taken for 0; NaN where the past is not known.
         """
-        theta, rows, y = self.coefficients(schedule), self.rows, np.asarray(output, dtype=float)
+        theta, rows, y = self.coefficients(schedule), self.rows, columns(output, 1, "output")[:, 0]
         bounds, first = np.array([0, len(y)], dtype=np.intp), first_residual(self.orders)
-        u = np.reshape(np.asarray(inputs, dtype=float), (len(y), -1))
+        u = columns(inputs, len(self.orders.nb) or None, "inputs")
         a, level = theta[:, rows["a"]], theta[:, rows["level"]][:, 0]
         c = a if self._is_output_error else theta[:, rows["c"]]
         y = y - level if self._is_output_error else y

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evopem.arrays import Array
+from evopem.arrays import Array, columns
 from evopem.files.atomic import load_arrays, save_arrays
 
 MINIMUM_SAMPLES = 8
@@ -56,7 +56,7 @@ class Segment(_Channels):
 
     def __post_init__(self) -> None:
         for role in ("inputs", "outputs"):
-            object.__setattr__(self, role, _columns(getattr(self, role)))
+            object.__setattr__(self, role, columns(getattr(self, role)))
 
     def of_output(self, place: int) -> Self:
         """The same samples of one output, beside all inputs."""
@@ -126,7 +126,7 @@ class Recording(_Channels):
         firsts = self.segment_firsts or (0,) * len(self.segment_starts)
         object.__setattr__(self, "segment_firsts", firsts)
         for role in ("input", "output"):
-            values = _columns(getattr(self, f"{role}s"))
+            values = columns(getattr(self, f"{role}s"))
             count = values.shape[1]
             numbered = (role,) if count == 1 else tuple(f"{role} {n + 1}" for n in range(count))
             names = getattr(self, f"{role}_names") or numbered
@@ -219,18 +219,8 @@ def recording_of(
     return Recording(u, y, sampling_rate)
 
 
-def _columns(values: Array) -> Array:
-    """Samples as an (N, channels) array of float64, with NaN for masked ones; 1-D is one column."""
-    if np.ma.isMaskedArray(values):
-        values = np.ma.filled(np.ma.asarray(values).astype(np.float64), np.nan)
-    array = np.asarray(values, dtype=np.float64)
-    return array[:, None] if array.ndim == 1 else array
-
-
 def _single(values: Array) -> Array:
-    if values.shape[1] != 1:
-        raise ValueError(f"{values.shape[1]} channels where one is needed")
-    return np.ascontiguousarray(values[:, 0])
+    return np.ascontiguousarray(columns(values, 1)[:, 0])
 
 
 def concatenated(recordings: Sequence[Recording]) -> Recording:
