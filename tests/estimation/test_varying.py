@@ -461,7 +461,7 @@ def test_a_condition_is_followed_within_one_recording():
         (mode,) = found.model.frozen(value).modes()
         assert abs(mode.frequency_hz - 10.0 - 4.0 * value) < 4.0 * mode.frequency_se_hz
     assert str(found).startswith("The machine changes with load: mode 1 moves from")
-    assert "held-out samples are predicted" in repr(found)
+    assert "samples held out all along the recording are predicted" in repr(found)
 
 
 @pytest.mark.parametrize(

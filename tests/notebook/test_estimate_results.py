@@ -38,7 +38,9 @@ def arx():
 
 @pytest.fixture(scope="module")
 def several():
-    return estimated(2, "ss", inputs=2, outputs=2)
+    u, y = signals(2, 2)
+    joined = evopem.Recording(u, y, RATE, segment_starts=(0, 200), segment_recordings=(0, 1))
+    return evopem.estimate(joined, None, 2, structure="ss", settings=SETTINGS)
 
 
 def test_it_has_what_identify_returns():

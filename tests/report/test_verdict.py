@@ -328,9 +328,9 @@ def test_reasons_to_doubt_a_mode(results):
     assert of(reached=False, needed_by_noise=True) == []
     alone = replace(mode, input_participation=np.empty(0))
     assert of(reached=False, needed_by_noise=False, mode=alone) == [
-        "does not improve the prediction of validation samples"
+        "does not improve the prediction of the samples that judge it"
     ]
-    few = "could not be tested on validation samples: few, or without power there"
+    few = "could not be tested: few samples judge it, or without power there"
     assert of(reached=None, needed_by_noise=None) == [few]
     compared = {"order": 6, "compared": 4}
     assert of(recurrence=0.5, orders=(4, 5, 6), **compared) == [

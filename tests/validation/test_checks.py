@@ -619,8 +619,13 @@ def test_residuals_follow_from_a_wrong_class_where_no_revision_mended_them(
     (found,) = [check for check in judged if check.name == name]
     follows = bool(revisions) and failing != "without_feedback"
     assert found.word == ("Caution" if follows else "Failed")
-    assert ("no other model of 3 that were tried did as well" in found.statement) == follows
+    assert ("no model tried against it (3) did as well" in found.statement) == follows
     assert len(failed_checks(judged)) == 2 - follows
+
+
+def test_thousands_are_set_apart(good):
+    assert "1\u202f200 autocorrelations" in good.check("White residuals").statement
+    assert "401 cross-correlations" in good.check("Residuals independent").statement
 
 
 @pytest.mark.parametrize("coloured", [True, False])
@@ -633,7 +638,7 @@ def test_a_peak_follows_where_coloured_residuals_do(good, coloured):
     judged = checks(Evidence(given.model, given.validation, given.recording, (), revised))
     (peaks,) = [check for check in judged if check.name == "Every spectral peak modelled"]
     assert peaks.follows_from == ("Linear" if coloured else "")
-    assert ("a part of the coloured residuals" in peaks.statement) == coloured
+    assert ("Follows from “Linear”, as the coloured residuals do:" in peaks.statement) == coloured
     assert [check.name for check in failed_checks(judged)] == ["Linear", peaks.name][: 2 - coloured]
 
 

@@ -15,13 +15,7 @@ from evopem.config.channels import (
     are_one,
     listed,
 )
-from evopem.config.checks import (
-    GROUPS,
-    Kind,
-    check_settings,
-    check_values,
-    paths_of,
-)
+from evopem.config.checks import GROUPS, Kind, check_settings, check_values, paths_of
 from evopem.config.conditions import following_of
 from evopem.config.configuration import (
     Configuration,

@@ -38,7 +38,7 @@ DIFFERENT = (
 FIGURES: dict[Callable[[Comparison], Chart], tuple[str, str, str]] = {
     compared_simulations: (
         *("simulations", "Measured and simulated"),
-        "Validation samples; the drawing has the first of them.",
+        "The samples that judge the models; the drawing has the first of them.",
     ),
     compared_responses: ("responses", "Frequency responses", "Gain with 95 % bands, and phase."),
     compared_modes: (

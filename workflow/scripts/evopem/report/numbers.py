@@ -9,6 +9,7 @@ from typing import TypeGuard
 
 from evopem.models.modes import Mode
 from evopem.results.fleet import mode_values
+from evopem.validation.checks.check import whole
 
 # Narrow no-break space, between a number and its unit.
 THIN = "\u202f"
@@ -66,7 +67,7 @@ def percent(value: float | None, digits: int = 3) -> str:
 
 def count(value: float | None) -> str:
     """A whole number with separated thousands, or a dash."""
-    return f"{int(value):,}".replace(",", THIN) if is_number(value) else MISSING
+    return whole(int(value)) if is_number(value) else MISSING
 
 
 def hertz(frequency: float | None) -> str:

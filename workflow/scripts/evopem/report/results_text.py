@@ -145,10 +145,11 @@ def moving_sentence(moves: Moves | None) -> str:
         return ""
     errors = f"{percent(moves.error_percent, 2)} against {percent(moves.constant_error_percent, 2)}"
     by_time = moves.schedule == "time"
+    held_out = "samples held out all along the recording" if by_time else "held-out recordings"
     if not moves.is_better:
         response = "The response changes with time, but coefficients that move"
         moving = response if by_time else f"Coefficients that move with {moves.schedule}"
-        return f"{moving} do not clearly predict held-out samples better: {errors} one step ahead."
+        return f"{moving} do not clearly predict {held_out} better: {errors} one step ahead."
     moved = [f"mode {n} {_way(mode)}" for n, mode in enumerate(moves.modes, 1) if mode.moves]
     said = f": {enumeration(moved)}" if moved else ", though no mode by more than its error"
     changes = f"The machine changes{'' if by_time else f' with {moves.schedule}'}"
@@ -160,9 +161,8 @@ def moving_sentence(moves: Moves | None) -> str:
         else f" At some {'moments' if by_time else 'values'} its frozen poles are unstable."
     )
     return (
-        f"{changes}{said}. With"
-        " coefficients that move, held-out samples are predicted"
-        f" one step ahead with an error of {errors} with constant ones.{unstable}"
+        f"{changes}{said}. With coefficients that move, {held_out} are predicted one step ahead"
+        f" with an error of {errors} with constant ones.{unstable}"
     )
 
 
@@ -181,8 +181,8 @@ def _floor(floor: Floor, several: bool) -> str:
     """How much of an error can be the model's."""
     of_output = f" of {floor.name}" if several else ""
     return (
-        f"Of the simulation error{of_output} of {percent(floor.error_percent)} on the validation"
-        f" samples, at most {percent(floor.rest.high, 2)} can be this model’s: noise, disturbances,"
+        f"Of the simulation error{of_output} of {percent(floor.error_percent)}, at most"
+        f" {percent(floor.rest.high, 2)} can be this model’s: noise, disturbances,"
         f" nonlinearity and change, which no linear model of these inputs removes, are"
         f" {percent(floor.floor.low, 2)} or more. The squares of the parts add up."
     )

@@ -23,7 +23,7 @@ from evopem.report.numbers import (
 )
 from evopem.results.channel_labels import Channel
 from evopem.results.dataset import DatasetResults
-from evopem.validation.checks.inputs import RESTING, input_rests
+from evopem.validation.checks.inputs import input_rests, resting
 from evopem.validation.checks.residuals import LINEAR, white
 from evopem.validation.frequency_responses import SPEAK_AGAINST
 from evopem.validation.mode_evidence import ModeEvidence
@@ -51,6 +51,7 @@ WIDE_BAND = 25.0
 WIDEST_OF_POWER = 50.0
 BELOW_MEAN = math.nextafter(ERROR_OF_MEAN, 0.0)
 
+OF_NOISE = "of the noise filter alone, and not tested"
 MOST_NAMED = 8  # modes that a sentence names
 # Share of an output's energy below which a mode is not seen there.
 NEGLIGIBLE = 1e-3
@@ -205,7 +206,8 @@ def _simulations(results: DatasetResults) -> list[Use]:
             ("simulation_as_recorded", name, of_recorded),
         ]
     if input_rests(validation):
-        return [Use(key, name, "no", f"not tested: {RESTING}") for key, name, *_ in said]
+        why = resting(results.model.transforms.judging)
+        return [Use(key, name, "no", f"not tested: {why}") for key, name, *_ in said]
     return [_use(key, name, *findings, checked) for key, name, findings in said]
 
 
@@ -349,11 +351,7 @@ def mode_lines(results: DatasetResults) -> list[ModeLine]:
     shared = {mode.pole for mode in results.model.modes}
     return [
         *(_line(results, evidence) for evidence in results.validation.modes.modes),
-        *(
-            ModeLine(mode, False, "of the noise filter alone, and not tested on validation samples")
-            for mode in results.model.noise_modes
-            if mode.pole not in shared
-        ),
+        *(ModeLine(m, False, OF_NOISE) for m in results.model.noise_modes if m.pole not in shared),
     ]
 
 

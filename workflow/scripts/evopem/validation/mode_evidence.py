@@ -356,10 +356,10 @@ def doubts(
         reasons.append(
             "shows neither in the response to the input nor in the noise"
             if evidence.has_input
-            else "does not improve the prediction of validation samples"
+            else "does not improve the prediction of the samples that judge it"
         )
     elif evidence.origin == "not judged":
-        reasons.append("could not be tested on validation samples: few, or without power there")
+        reasons.append("could not be tested: few samples judge it, or without power there")
     if evidence.stable is False:
         of_them = round(evidence.recurrence * evidence.compared)
         others = len(evidence.orders) - 1 - of_them

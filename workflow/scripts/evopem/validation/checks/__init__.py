@@ -8,14 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from evopem.validation.checks import inputs, residuals, roots, search
-from evopem.validation.checks.check import (
-    Check,
-    Evidence,
-    Judge,
-    OrderRange,
-    failed_checks,
-    p_text,
-)
+from evopem.validation.checks.check import Check, Evidence, Judge, OrderRange, failed_checks, p_text
 from evopem.validation.checks.residuals import CONSTANT, INDEPENDENT_OF_INPUT, LINEAR, WHITE
 from evopem.validation.checks.roots import DISTINCT
 
@@ -74,9 +67,9 @@ def _following(check: Check, causes: Sequence[str], coloured: bool, evidence: Ev
     of_residuals = tested in (WHITE, INDEPENDENT_OF_INPUT) and failed_checks([check])
     if not (causes and revisions and of_residuals):
         return check
-    part = "a part of the coloured residuals, " * of_peaks
-    shown = f"{part}no other model of {revisions} that were tried did as well without it"
-    statement = f"Follows from “{causes[0]}”: {shown}. {check.statement}"
+    too = ", as the coloured residuals do" * of_peaks
+    shown = f"no model tried against it ({revisions}) did as well"
+    statement = f"Follows from “{causes[0]}”{too}: {shown}. {check.statement}"
     return replace(check, statement=statement, grade="caution", follows_from=causes[0])
 
 

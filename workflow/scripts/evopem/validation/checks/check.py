@@ -86,6 +86,11 @@ def p_text(value: float) -> str:
     return "p < 0.0001" if value < 1e-4 else f"p = {value:.2g}"
 
 
+def whole(value: int) -> str:
+    """A whole number with its thousands set apart, by narrow no-break spaces."""
+    return f"{value:,}".replace(",", "\u202f")
+
+
 def largest_by_chance(count: int) -> float:
     """The largest of some correlations in 95 % bounds that is not significant.
 

@@ -6,14 +6,7 @@ import math
 
 import numpy as np
 
-from evopem.validation.checks.check import (
-    LISTED,
-    Evidence,
-    Found,
-    check,
-    listed,
-    p_text,
-)
+from evopem.validation.checks.check import LISTED, Evidence, Found, check, listed, p_text, whole
 from evopem.validation.held_out_tests import SIGNIFICANCE, HeldOutTest
 from evopem.validation.spectra import FEWEST_SAMPLES
 from evopem.validation.validation import Validation
@@ -29,7 +22,6 @@ STATE_FACTOR, STATE_MARGIN = 1.5, 2.0
 MAX_SATURATED_PERCENT = 0.1
 # Two slow signals that are not related have some course alike, but of a size that no model gives.
 LARGEST_COEFFICIENT = 2.0
-RESTING = "the input does not change in the validation samples"
 EXCITE_AGAIN = (
     "Record a second step or blow, in the same file or as a “validation_file”: one event cannot be"
     " fitted and tested as well."
@@ -87,7 +79,7 @@ def response_to_input(evidence: Evidence) -> Found | None:
         return None
     passed = responds(test)
     if passed is None and input_rests(validation):
-        return None, f"Not tested: {RESTING}.", EXCITE_AGAIN
+        return None, f"Not tested: {resting()}.", EXCITE_AGAIN
     if passed is None:
         statement = f"could not be tested on {test.samples} validation samples."
         return (
@@ -98,7 +90,7 @@ def response_to_input(evidence: Evidence) -> Found | None:
     too_large = " A coefficient above 2 is not that of the model's response."
     return (
         passed,
-        f"Regression of the measured on the simulated output over {test.samples} validation"
+        f"Regression of the measured on the simulated output over {whole(test.samples)} validation"
         f" samples: coefficient {test.coefficient:.3g}, {p_text(test.p_value)}."
         + (too_large if test.coefficient > LARGEST_COEFFICIENT else ""),
     )
@@ -140,6 +132,11 @@ def responds(test: HeldOutTest) -> bool | None:
     """Whether a response is significant and no larger than can be the model's."""
     significant = test.significant(SIGNIFICANCE)
     return significant and test.coefficient <= LARGEST_COEFFICIENT
+
+
+def resting(judging: str = "validation") -> str:
+    """What is said where :func:`input_rests`, of samples that are for this."""
+    return f"the input does not change in the {judging} samples"
 
 
 def input_rests(validation: Validation) -> bool:
@@ -187,12 +184,8 @@ def comparable_split(evidence: Evidence) -> Found | None:
     if not inputs or not evidence.model.transforms.holds_out:
         return None
     if input_rests(evidence.validation):
-        rests = f"{RESTING[0].upper()}{RESTING[1:]}."
-        return (
-            None,
-            f"{rests} The simulation error there is that of the free response.",
-            EXCITE_AGAIN,
-        )
+        error = "The simulation error there is that of the free response."
+        return None, f"T{resting()[1:]}. {error}", EXCITE_AGAIN
     known = [channel for channel in inputs if channel.split.comparable is not None]
     if not known:
         return (

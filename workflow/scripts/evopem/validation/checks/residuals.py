@@ -16,6 +16,7 @@ from evopem.validation.checks.check import (
     largest_by_chance,
     listed,
     p_text,
+    whole,
 )
 from evopem.validation.held_out_tests import SIGNIFICANCE
 from evopem.validation.model_class import SMALL_SHARE, ResidualTest
@@ -135,8 +136,8 @@ def whiteness(evidence: Evidence) -> Found:
     return (
         not coloured,
         f"Ljung-Box test of whiteness {tested}{of_all if outputs[1:] else ''}."
-        f" {100 * share:.1f} % of {lags} autocorrelations lie inside their 95 % bounds (at least"
-        f" {100 * _least_share(lags, len(outputs)):.1f} % required)."
+        f" {100 * share:.1f} % of {whole(lags)} autocorrelations lie inside their 95 % bounds (at"
+        f" least {100 * _least_share(lags, len(outputs)):.1f} % required)."
         + (f" Coloured: {listed(coloured)}." if coloured and outputs[1:] else ""),
         f"The noise model is incomplete: raise the upper end of {' or '.join(keys) or STATES}, or"
         " look for trends, mains hum or nonlinearity in the record.",
@@ -168,9 +169,9 @@ def input_independence(evidence: Evidence) -> Found | None:
     keys = "“orders.nb” or “orders.plant”" if evidence.model.orders else STATES
     return (
         not dependent,
-        f"{100 * share:.1f} % of {2 * lags + 1} cross-correlations (lags −{lags} to {lags}"
-        f"{', of the pair with the fewest' if pairs[1:] else ''}) lie inside their 95 % bounds."
-        f" The largest{of_pair} is"
+        f"{100 * share:.1f} % of {whole(2 * lags + 1)} cross-correlations (lags −{whole(lags)} to"
+        f" {lags}{', of the pair with the fewest' if pairs[1:] else ''}) lie inside their 95 %"
+        f" bounds. The largest{of_pair} is"
         f" {worst.max_in_bounds:.2f} times its bound; up to {largest_by_chance(count):.2f} times is"
         f" not significant (Bonferroni, {100 * SIGNIFICANCE:g} %)."
         + (f" Dependent: {listed(dependent)}." if dependent and pairs[1:] else ""),
