@@ -17,10 +17,12 @@ from scipy.io import loadmat
 import evopem
 from evopem import FrequencyResponses, fit_responses
 from evopem.config.channels import ChannelSettings
-from evopem.config.defaults import complete
+from evopem.config.defaults import complete, read_settings
 from evopem.errors import InputError
 from evopem.estimation.search import frequency_problem
 from evopem.estimation.search.frequency_problem import FrequencyProblem
+from evopem.pipeline.frequency_responses import identify_responses
+from evopem.results.layout import DatasetFiles
 from evopem.signals.readers.frequency_responses import read_responses, variances_of
 from evopem.terminal.command import main
 
@@ -131,7 +133,7 @@ def test_standard_errors_cover_the_truth(known, monkeypatch):
 
 def test_the_number_of_modes_and_the_size_of_the_errors_are_found():
     fit = fit_responses(noisy(2, seed=3), modes=(1, 4))
-    assert fit.modes == 2
+    assert fit.sections == 2
     squares = float(np.sum(np.abs(fit.errors) ** 2))
     freedom = 2 * fit.errors.size - fit.parameters
     assert abs(squares / freedom - 1.0) < 4.0 * np.sqrt(2.0 / freedom)
@@ -387,6 +389,28 @@ def test_results_of_responses_are_read_and_compared(identified, tmp_path, monkey
     assert main(["compare", str(results), str(results), "--setups"]) == 0
     said = capsys.readouterr().out
     assert "2 set-ups and 2 outputs; force, mid and tip in all set-ups. No set-up contra" in said
+
+
+@pytest.mark.parametrize("rate", [None, 120.0])
+def test_a_fit_shows_plots_and_saves_itself(rate, tmp_path):
+    units = {"input_units": ("N",), "output_units": ("m", ""), "sampling_rate": rate}
+    fit = fit_responses(replace(noisy(2, seed=3), **units), modes=(2, 3), seed=4)
+    assert fit.modes["trusted"].tolist() == [True, True]
+    assert fit.modes["frequency_hz"].tolist() == [m.frequency_hz for m in fit.model.modes()]
+    assert f"{fit.error_percent:.3g}\u202f% of the frequency responses" in repr(fit)
+    assert len(fit.shapes) == 2
+    assert [axes.has_data() for axes in fit.plot_gain()] == [True, True]
+    (told,) = fit.plot_simulation().texts
+    assert "no samples in time" in told.get_text()
+    folder = fit.save(tmp_path / "kept")
+    settings = read_settings(folder / "config.yaml")
+    assert settings.search.seed == 4
+    again = evopem.read_results(folder)
+    assert list(fit.compare(again, labels=("a", "b")).table.index) == ["a", "b"]
+    files = DatasetFiles(str(tmp_path / "again"))
+    identify_responses(files, settings, folder=folder)
+    for name in ("model.json", "validation.json", "frequency_response.csv"):
+        assert Path(files.folder, name).read_bytes() == (folder / name).read_bytes()
 
 
 def test_keys_that_responses_do_not_have():

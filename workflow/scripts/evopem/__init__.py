@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from evopem.config.settings import ScoringWindow, SearchSettings
     from evopem.errors import InputError
     from evopem.estimation.delays import estimate_delays
-    from evopem.estimation.frequency_fit import fit_responses
     from evopem.estimation.model_record import load_model as load
     from evopem.estimation.polynomial_estimate import PolynomialEstimate
     from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from evopem.notebook.estimate import estimate
     from evopem.notebook.identify import estimate_varying, identify, read_results
     from evopem.notebook.results import Results, VaryingResults
-    from evopem.notebook.state_space import estimates_of_orders
+    from evopem.notebook.state_space import estimates_of_orders, fit_responses
     from evopem.results.damage_index import damage_index
     from evopem.signals.readers.frequency_responses import FrequencyResponses
     from evopem.signals.recording import Recording
@@ -75,7 +74,7 @@ _HOMES = {
     "Constraints": "evopem.config.constraints",
     "ContinuousModel": "evopem.models.continuous",
     "FrequencyResponses": "evopem.signals.readers.frequency_responses",
-    "fit_responses": "evopem.estimation.frequency_fit",
+    "fit_responses": "evopem.notebook.state_space",
     "FixedPole": "evopem.config.constraints",
     "InputError": "evopem.errors",
     "PolynomialEstimate": "evopem.estimation.polynomial_estimate",

@@ -55,8 +55,8 @@ class ResponseFit:
     search: SearchResult  # of the poles
 
     @property
-    def modes(self) -> int:
-        """Number of sections."""
+    def sections(self) -> int:
+        """Number of sections, each of two poles."""
         return len(self.point) // 2
 
     @property
@@ -70,7 +70,7 @@ class ResponseFit:
             order=n,
             objective=self.error_percent**2 / 100.0,
             fit_percent=100.0 - 100.0 * misfits / np.maximum(sizes, 1e-300),
-            bic=self.criteria[self.modes],
+            bic=self.criteria[self.sections],
             coloured_bic=np.nan,
             parameters=self.parameters,
             residuals=(),
@@ -256,13 +256,7 @@ def fit_responses(
     seed: int = 1,
     log: Callable[[str], None] | None = None,
 ) -> ResponseFit:
-    """The output-error model of measured frequency responses with the smallest BIC.
-
-    Of discrete time where they have a sampling rate, else of continuous time. Errors are weighed by
-    their variances; a factor of them is estimated where coherences alone are known, and where
-    nothing is, a variance of each response. ``modes``: fewest and most. InputError where there are
-    too few frequencies.
-    """
+    """The output-error model with the smallest BIC, as :func:`evopem.fit_responses`."""
     most = min(modes[1], (len(responses.frequencies) - 1) // 3)
     if most < modes[0]:
         problem = f"{len(responses.frequencies)} frequencies are too few for {modes[0]} modes"
@@ -317,9 +311,9 @@ def _searched(
         diagram[2 * number] = natural(fit)
         if log:
             log(f"{number} modes: error {fit.error_percent:.3g} %, BIC {criteria[number]:.6g}")
-        if best is None or criteria[number] < criteria[best.modes]:
+        if best is None or criteria[number] < criteria[best.sections]:
             best = fit
-        if number - best.modes >= PATIENCE or freedom < reals // 10:
+        if number - best.sections >= PATIENCE or freedom < reals // 10:
             break
     assert best is not None
     return best

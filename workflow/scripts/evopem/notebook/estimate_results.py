@@ -37,6 +37,9 @@ class EstimateResults:
     def shown(self) -> Results:
         """The results, as those of :func:`evopem.identify`."""
         check_packages(FOR_RESULTS, "estimate", "the tables of the results")
+        return self._results()
+
+    def _results(self) -> Results:
         from evopem.notebook.identify import results_of_estimate
 
         return results_of_estimate(self, *self.asked)  # type: ignore[arg-type]

@@ -56,6 +56,14 @@ def identify_responses(
         problem = "a model of frequency responses has two states for each mode"
         raise InputError(f"datasets.{files.name}", problem, "give an even number", "orders.nx")
     fit = fit_responses(responses, modes, settings.search.seed, log)
+    write_results(files, settings, fit, modes[1], local_path(Path(folder) / name))
+
+
+def write_results(
+    files: DatasetFiles, settings: DatasetSettings, fit: ResponseFit, most: int, path: Path
+) -> None:
+    """Write all that is known of a fit to the responses of a file; ``most``: modes to be tried."""
+    responses = fit.responses
     means = (0.0,) * fit.model.inputs, (0.0,) * fit.model.outputs  # of no samples
     lines = StretchOrigin(0, 0, 0.0, len(responses.frequencies), *means)
     transforms = Transforms(fit.model.sampling_rate, None, (lines,), (), "cut")
@@ -64,8 +72,8 @@ def identify_responses(
         hold = hold if responses.sampling_rate else "zero-order"  # that of the equivalent
         in_s = in_continuous_time(fit.model, None, hold, settings.search)
         record = replace(record, continuous=in_s)
-    validation = validate_responses(fit, record.modes, modes[1])
-    info = _described(responses, settings, local_path(Path(folder) / name))
+    validation = validate_responses(fit, record.modes, most)
+    info = _described(responses, settings, path)
     summary = summarize(Evidence(record, validation, info))
     save(info, files.recording_info)
     save(record, files.model)
@@ -122,4 +130,4 @@ def _save_tables(files: DatasetFiles, fit: ResponseFit, record: ModelRecord, mos
     write_table(files.time_response, times)
     counts = list(fit.criteria)
     columns = {"modes": counts, "bic": list(fit.criteria.values())}
-    write_table(files.candidates, columns | {"selected": [str(n == fit.modes) for n in counts]})
+    write_table(files.candidates, columns | {"selected": [str(n == fit.sections) for n in counts]})

@@ -87,13 +87,13 @@ def _checks(fit: ResponseFit, most: int) -> tuple[Check, ...]:
     size = f"Squared errors are {squares / freedom:.3g} times their variances ({p_text(p)})."
     pattern = f"Errors at neighbouring frequencies have the correlation {correlation:.2g}."
     agreed = f"{agreeing} of {searched.n_restarts} random starts ended at the lowest optimum found."
-    tried = f"{fit.modes} of {min(fit.criteria)} to {max(fit.criteria)} have the smallest BIC."
+    tried = f"{fit.sections} of {min(fit.criteria)} to {max(fit.criteria)} have the smallest BIC."
     again, wider = "Give another search.seed and compare.", "Give a wider range of orders.nx."
     judged: tuple[tuple[str, bool, str, str, Any], ...] = (
         (SIZE, p >= SIGNIFICANCE, size, more, "defect"),
         (PATTERN, correlation * lines < CORRELATED, pattern, f"{more} {windows}", "defect"),
         (AGREEMENT, agreeing > 1, agreed, again, "caution"),
-        ("Number of modes in its range", fit.modes < most, tried, wider, "note"),
+        ("Number of modes in its range", fit.sections < most, tried, wider, "note"),
     )
     judged = judged[: 3 + (len(fit.criteria) > 1)]  # a number that was given has no range
     return tuple(
