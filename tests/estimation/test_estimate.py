@@ -13,6 +13,7 @@ from evopem import (
     ScoringWindow,
     SearchSettings,
     estimate,
+    estimate_varying,
 )
 from evopem.estimation.pem.covariance import estimate_covariance
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
@@ -20,7 +21,7 @@ from evopem.estimation.search import linear_estimates
 from evopem.estimation.search.linear_estimates import arx
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.models.orders import Orders
-from evopem.signals.recording import Segment
+from evopem.signals.recording import Segment, recording_of
 from evopem.synthesis.armax import armax
 
 QUADRATIC = SearchSettings(objective="quadratic")
@@ -254,7 +255,31 @@ def test_signals_that_make_no_sense_are_refused():
         estimate(u, np.zeros(400), (2, 2, 1, 1))
 
 
-@pytest.mark.parametrize("rate", [-5.0, 0.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("call", [lambda *given: estimate(*given, (1, 1, 1, 1)), estimate_varying])
+@pytest.mark.parametrize(
+    ("output", "says"),
+    [
+        (["a"] * 400, "the output holds no real numbers"),
+        (1.0, "the output holds no real numbers"),
+        (np.ones((1, 1, 400)), "the output holds no real numbers in one or two dimensions"),
+        (np.ones((4, 400)), r"the output has the shape \(4, 400\); give samples in rows"),
+        (np.ma.masked_less(np.arange(400.0), 3.0), 'output "output" must be finite'),
+        (np.full(400, np.inf), 'output "output" must be finite'),
+    ],
+)
+def test_signals_that_are_no_samples_are_refused_in_one_sentence(call, output, says):
+    with pytest.raises(ValueError, match=says):
+        call(np.ones(400), output)
+
+
+def test_a_row_is_the_samples_of_one_channel():
+    u, y = small_record()
+    taken = recording_of(u[None], y[None], 1.0)
+    np.testing.assert_array_equal(taken.output, y)
+    np.testing.assert_array_equal(taken.input, u)
+
+
+@pytest.mark.parametrize("rate", [-5.0, 0.0, float("nan"), float("inf"), "5"])
 def test_a_sampling_rate_that_is_none_is_refused(rate):
     u = np.random.default_rng(0).standard_normal((2, 300))
     with pytest.raises(ValueError, match="sampling_rate must be a positive number of Hz"):

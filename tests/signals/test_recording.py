@@ -79,6 +79,11 @@ def test_missing_damaged_and_foreign_files_are_refused(tmp_path):
         load_arrays(path, ("a",))
 
 
+def test_channels_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="inputs have one name twice: a, a"):
+        Recording(np.ones((9, 2)), np.ones(9), 1.0, input_names=("a", "a"))
+
+
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [

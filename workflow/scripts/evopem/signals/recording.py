@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
+from numbers import Real
 from pathlib import Path
 from typing import Self
 
@@ -121,7 +122,7 @@ class Recording(_Channels):
                 f"{len(self.inputs)} input samples, {len(self.outputs)} output samples"
             )
         rate = self.sampling_rate
-        if not (np.isfinite(rate) and rate > 0.0):
+        if not (isinstance(rate, Real) and np.isfinite(rate) and rate > 0.0):
             raise ValueError(f"sampling_rate must be a positive number of Hz, not {rate}")
         firsts = self.segment_firsts or (0,) * len(self.segment_starts)
         object.__setattr__(self, "segment_firsts", firsts)
@@ -133,6 +134,8 @@ class Recording(_Channels):
             units = getattr(self, f"{role}_units") or ("",) * count
             if not len(names) == len(units) == count:
                 raise ValueError(f"{count} {role}s, {len(names)} names and {len(units)} units")
+            if len(set(names)) < count:
+                raise ValueError(f"{role}s have one name twice: {', '.join(names)}")
             object.__setattr__(self, f"{role}s", values)
             object.__setattr__(self, f"{role}_names", names)
             object.__setattr__(self, f"{role}_units", units)
@@ -200,23 +203,40 @@ def recording_of(
 ) -> Recording:
     """Signals as a user gives them, as one recording; one is returned as it is.
 
-    ValueError where a signal is missing, complex, or of another length, or the rate is none.
+    ValueError where a signal is missing, holds no finite real numbers, or differs in length.
     """
     if isinstance(input, Recording):
         if output is not None:
             raise ValueError("a Recording holds its outputs; give nothing as output")
-        return input
-    if output is None:
+        recording = input
+    elif output is None:
         raise ValueError("the output is missing")
-    given = np.asarray(output)
-    signals = {"input": np.empty((len(given), 0)) if input is None else input, "output": given}
-    for name, signal in signals.items():
-        if np.iscomplexobj(signal):
-            raise ValueError(f"the {name} is complex; give its real part or another channel")
-    u, y = (np.ascontiguousarray(signal, dtype=float) for signal in signals.values())
-    if len(u) != len(y):
-        raise ValueError(f"input and output must be of one length, not {len(u)} and {len(y)}")
-    return Recording(u, y, sampling_rate)
+    else:
+        y = _samples("output", output)
+        u = np.empty((len(y), 0)) if input is None else _samples("input", input)
+        if len(u) != len(y):
+            raise ValueError(f"input and output must be of one length, not {len(u)} and {len(y)}")
+        recording = Recording(u, y, sampling_rate)
+    for name, signal in recording.signals.items():
+        if not np.isfinite(signal).all():
+            raise ValueError(f"{name} must be finite")
+    return recording
+
+
+def _samples(role: str, given: ArrayLike) -> Array:
+    """A signal as (N, channels); a row is the samples of one channel."""
+    if np.iscomplexobj(given):
+        raise ValueError(f"the {role} is complex; give its real part or another channel")
+    try:
+        samples = np.ascontiguousarray(columns(given))
+    except (TypeError, ValueError):
+        problem = f"the {role} holds no real numbers in one or two dimensions"
+        raise ValueError(f"{problem}; give another signal") from None
+    samples = samples.T if len(samples) == 1 else samples
+    if samples.shape[1] > len(samples):
+        remedy = "give samples in rows and channels in columns"
+        raise ValueError(f"the {role} has the shape {samples.shape}; {remedy}")
+    return samples
 
 
 def _single(values: Array) -> Array:
