@@ -221,7 +221,7 @@ def step_and_impulse(results: DatasetResults) -> Chart:
         for column, title in responses_of(results)
         for pair in results.pairs
     ]
-    columns = 1 if count == 1 else columns_of(results, panels[:count])
+    columns = columns_of(results, panels[:count])
     return Chart(settling_part(results), tuple(panels[:MOST_PANELS]), columns)
 
 

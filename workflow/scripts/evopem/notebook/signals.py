@@ -12,6 +12,7 @@ import numpy as np
 from evopem.arrays import Array
 from evopem.errors import InputError
 from evopem.files.atomic import save_arrays
+from evopem.signals.recording import numbered
 from evopem.signals.timestamps import RATE_TOLERANCE, timing
 
 DATA = "data"
@@ -245,7 +246,7 @@ def _labels(values: Any, samples: Array) -> list[Any]:
 def _names(*labels: Sequence[Any]) -> list[tuple[str, ...]]:
     """Names of inputs and outputs, those of their roles where they are the same."""
     roles = [
-        (role,) if len(label) == 1 else tuple(f"{role}_{n}" for n in range(1, len(label) + 1))
+        numbered(role, len(label), "_")
         for label, role in zip(labels, ("input", "output"), strict=True)
     ]
     named = [tuple(map(_name, *labelled)) for labelled in zip(labels, roles, strict=True)]

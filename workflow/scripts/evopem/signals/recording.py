@@ -17,6 +17,13 @@ MINIMUM_SAMPLES = 8
 """A shorter recording is refused, whatever the model."""
 
 
+def numbered(role: str, count: int, between: str = " ") -> tuple[str, ...]:
+    """Names of channels without one: their role, of several with a number from 1."""
+    return (
+        tuple(f"{role}{between}{n}" for n in range(1, count + 1)) if count > 1 else (role,) * count
+    )
+
+
 class _Channels:
     """What recordings and segments have in common: columns of inputs and of outputs."""
 
@@ -129,8 +136,7 @@ class Recording(_Channels):
         for role in ("input", "output"):
             values = columns(getattr(self, f"{role}s"))
             count = values.shape[1]
-            numbered = (role,) if count == 1 else tuple(f"{role} {n + 1}" for n in range(count))
-            names = getattr(self, f"{role}_names") or numbered
+            names = getattr(self, f"{role}_names") or numbered(role, count)
             units = getattr(self, f"{role}_units") or ("",) * count
             if not len(names) == len(units) == count:
                 raise ValueError(f"{count} {role}s, {len(names)} names and {len(units)} units")

@@ -17,6 +17,7 @@ from evopem.errors import InputError
 from evopem.signals.measured_files import channel_names, format_of, read_channels
 from evopem.signals.readers.open_file import Reference, listing, split_heading
 from evopem.signals.readers.uff import frequency_functions
+from evopem.signals.recording import numbered
 
 # Frequencies, below which nothing is estimated.
 FEWEST = 10
@@ -55,20 +56,17 @@ class FrequencyResponses:
     source: str = "frequency responses"
 
     def __post_init__(self) -> None:
-        values = np.asarray(self.values, dtype=complex)
-        values = values[:, None, None] if values.ndim == 1 else values
-        given: dict[str, Any] = {
-            "frequencies": np.asarray(self.frequencies, dtype=float),
-            "values": values,
-        }
-        if self.variances is not None:
-            variances = np.asarray(self.variances, dtype=float)
-            variances = variances[:, None, None] if variances.ndim == 1 else variances
-            given["variances"] = np.broadcast_to(variances, values.shape)
-        given["are_absolute"] = self.are_absolute and self.variances is not None
+        given: dict[str, Any] = {"frequencies": np.asarray(self.frequencies, dtype=float)}
+        for name, kind in (("values", complex), ("variances", float)):
+            if (array := getattr(self, name)) is not None:
+                array = np.asarray(array, dtype=kind)
+                given[name] = array[:, None, None] if array.ndim == 1 else array
+        values, known = given["values"], "variances" in given
+        given["are_absolute"] = self.are_absolute and known
+        if known:
+            given["variances"] = np.broadcast_to(given["variances"], values.shape)
         for role, size in zip(("output", "input"), values.shape[1:], strict=True):
-            numbered = (role,) if size == 1 else tuple(f"{role} {n + 1}" for n in range(size))
-            given[f"{role}_names"] = getattr(self, f"{role}_names") or numbered
+            given[f"{role}_names"] = getattr(self, f"{role}_names") or numbered(role, size)
             given[f"{role}_units"] = getattr(self, f"{role}_units") or ("",) * size
         for name, value in given.items():
             object.__setattr__(self, name, value)
