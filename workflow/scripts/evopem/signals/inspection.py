@@ -245,10 +245,13 @@ class ChannelRoles:
         pair = f"“{self.input}” is the input and “{self.output}” the output"
         if self.test is None:
             return f"{pair} by their names."
+        forward, backward = (
+            "p < 0.0001" if p < 1e-4 else f"p = {p:.2g}"
+            for p in (self.test.forward, self.test.backward)
+        )
         return (
-            f"{pair}: the past of the first improves predictions of the second"
-            f" (p = {self.test.forward:.2g}, {self.test.lags} lags), and not the reverse"
-            f" (p = {self.test.backward:.2g})."
+            f"{pair}: the past of the first improves predictions of the second ({forward},"
+            f" {self.test.lags} lags), and not the reverse ({backward})."
         )
 
 
