@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
-from evopem.estimation.delay_evidence import LAGS, PAST, delay_evidence
+from evopem.estimation.impulse_response import LAGS, PAST, delay_evidence
 from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel

@@ -4,6 +4,7 @@ region start from it, from linear estimates and from random points."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from evopem.estimation.pem.pole_region import UNBOUNDED_RADIUS
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import ConstraintEffect, PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import Units, in_scaled_units, scaled_errors
+from evopem.estimation.search.blocks import searched_in_blocks
 from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.global_search import FIRST_BATCH, FIRST_PASS, global_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
@@ -88,18 +90,30 @@ def searched(task: EstimationTask, problem: PolynomialProblem, units: Units) -> 
         ended = descended(problem, units.taken(task.optimum.point))
         diagnostics = task.optimum.diagnostics
         return replace(ended, point=units.restored(ended.point), diagnostics=diagnostics)
-    known = task.earlier
-    several = known is None and task.errors.orders.inputs > 1
+    known, search = None, partial(_searched_globally, task)
+    if task.earlier is not None:
+        known = units.taken(task.earlier.point), task.earlier.value
+    result = searched_in_blocks(problem, search, known) or search(problem)
+    result = replace(result, point=units.restored(result.point), ends=())
+    return result if task.earlier is None else pooled(task.earlier, result)
+
+
+def _searched_globally(
+    task: EstimationTask, problem: PolynomialProblem, share: float = 1.0
+) -> SearchResult:
+    """The search of one problem; ``share``: of its objective in what the task knows of values."""
+    known, earlier, target = None, task.earlier, task.target
+    several = earlier is None and task.errors.orders.inputs > 1
     if several and len(starts := problem.starts()[:ESTIMATES]):
         known = multistart(problem.errors, starts, float(np.min(problem.values(starts))))
-        known = replace(known, point=units.restored(known.point))
         if task.settings.evaluations == 0:
             return known
-    lowest = np.inf if known is None else known.value
+    lowest = known.value if known else share * earlier.value if earlier else np.inf
+    target = target and target._replace(value=share * target.value)
     # An earlier search and this one draw independently.
-    generator = task.generator(*([] if known is None else [known.diagnostics.n_restarts]))
-    result = global_search(problem, task.settings, generator, task.log, lowest, task.target)
-    result = replace(result, point=units.restored(result.point))
+    before = known or earlier
+    generator = task.generator(*([] if before is None else [before.diagnostics.n_restarts]))
+    result = global_search(problem, task.settings, generator, task.log, lowest, target)
     return result if known is None else pooled(known, result)
 
 

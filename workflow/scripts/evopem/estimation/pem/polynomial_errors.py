@@ -153,7 +153,11 @@ class PolynomialErrors:
             Segment((errors.inputs - means) / input_scales, s.outputs / output_scale, s.recording)
             for s, (errors, _) in zip(self.stretches, self.places, strict=True)
         ]
-        return self._with(stretches=divided)
+        return self.of_other(divided)
+
+    def of_other(self, stretches: Sequence[Segment]) -> PolynomialErrors:
+        """The problem of other stretches."""
+        return self._with(stretches=stretches)
 
     def of_orders(self, orders: Orders) -> PolynomialErrors:
         """The problem of other orders, whose residuals may have to start later."""

@@ -78,7 +78,11 @@ class PolynomialProblem(BasinHoppingProblem):
 
     def of_orders(self, orders: Orders) -> PolynomialProblem:
         """The problem of other orders."""
-        problem = PolynomialProblem(self.errors.of_orders(orders))
+        return self.of_errors(self.errors.of_orders(orders))
+
+    def of_errors(self, errors: PolynomialErrors) -> PolynomialProblem:
+        """The problem of other errors, whose values are of the same scale."""
+        problem = PolynomialProblem(errors)
         problem._largest_value = self._largest_value
         return problem
 

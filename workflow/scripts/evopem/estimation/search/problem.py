@@ -99,11 +99,13 @@ class SearchDiagnostics:
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """Best point of a search, its value, and the diagnostics of the search.  ``point`` (n,)."""
+    """Best point of a search, its value, and the diagnostics of the search.  ``point`` (n,).
+    ``ends``: values and points of all that it kept on its way, where restarts ended among them."""
 
     point: Array
     value: float
     diagnostics: SearchDiagnostics
+    ends: tuple[tuple[float, Array], ...] = ()
 
 
 class BasinHopping(NamedTuple):
@@ -121,6 +123,7 @@ class SearchProgress:
     def __init__(self) -> None:
         self.point: Array | None = None
         self.value = np.inf
+        self.ends: list[tuple[float, Array]] = []
         self.minima: list[float] = []
         self.optima: list[float] = []
         self.convergence: list[tuple[int, float]] = []
@@ -133,6 +136,7 @@ class SearchProgress:
         """Keep a point where it is lower, and note how low the search is by now."""
         if value < self.value:
             self.point, self.value = point.copy(), value
+        self.ends.append((value, point.copy()))
         self.convergence.append((self.spent, self.value))
 
     def result(self) -> SearchResult:
@@ -154,7 +158,7 @@ class SearchProgress:
             convergence=tuple(self.convergence),
             withstood=self.withstood,
         )
-        return SearchResult(self.point, self.value, diagnostics)
+        return SearchResult(self.point, self.value, diagnostics, tuple(self.ends))
 
 
 def descended(problem: Problem, point: Array) -> SearchResult:
@@ -190,7 +194,7 @@ def pooled(first: SearchResult, second: SearchResult) -> SearchResult:
             for result in (first, second)
         ),
     )
-    return replace(best, diagnostics=diagnostics)
+    return replace(best, diagnostics=diagnostics, ends=first.ends + second.ends)
 
 
 def same_optimum(value: float, best: float, tolerance: float = SAME_OPTIMUM) -> bool:
