@@ -29,6 +29,7 @@ CAPABILITIES: tuple[str, ...] = (
     "pooled models",
     "dependence on amplitude",
     "figures and reports of estimates",
+    "search of long recordings",
 )
 
 BUDGET = {
