@@ -97,12 +97,14 @@ GENERATOR = '<meta name="generator" content="evopem">'
 """Mark of a page that evopem wrote, in its head."""
 
 
-def write_page(path: str | Path, text: str) -> None:
-    """Write a page to a path that a user gave; only another page is replaced, and no result.
-
-    ``text`` has :data:`GENERATOR` among its first characters.
-    """
+def check_page(path: str | Path) -> None:
+    """Refuse to replace what is no page, or a result, by a page."""
     check_own(checked_path("page", path), "page of evopem", lambda file: has_mark(file, GENERATOR))
+
+
+def write_page(path: str | Path, text: str) -> None:
+    """Write a page, with :data:`GENERATOR` at its beginning, to a path that a user gave."""
+    check_page(path)
     write_text(path, text)
 
 
@@ -112,6 +114,8 @@ def check_own(path: Path, kind: str, is_own: Callable[[Path], bool]) -> None:
     try:
         if path.resolve() in checksummed(path.resolve().parent):
             problem = "is a result"
+        elif path.exists() and not path.is_file():
+            problem = "is no regular file"
         elif path.is_file() and path.stat().st_size > 0 and not is_own(path):
             problem = f"is no {kind}"
     except OSError as error:

@@ -24,6 +24,7 @@ from evopem.figures.style import PARAMETERS
 from evopem.files.atomic import files_below
 from evopem.files.checksums import (
     COMMAND,
+    check_page,
     check_replaceable,
     checksummed,
     delete_results,
@@ -93,6 +94,7 @@ class _Reported:
             When matplotlib or jinja2 is missing, or the file cannot be written.
         """
         check_packages(FOR_REPORT, "report", "the figures and the page")
+        check_page(file)  # before the work
         write_page(file, self._page())
         return Path(file)
 

@@ -14,7 +14,7 @@ from evopem.config.conditions import Following
 from evopem.errors import InputError
 from evopem.figures import svg_texts
 from evopem.files.atomic import write_parquet, write_table, write_text
-from evopem.files.checksums import GENERATOR, has_mark, write_page
+from evopem.files.checksums import GENERATOR, check_page, has_mark, write_page
 from evopem.models.response_tables import shaped_modes_table
 from evopem.report.comparison import build_comparison
 from evopem.report.index_page import NOT_COMPARED, build_index
@@ -94,6 +94,7 @@ def compare_datasets(folders: Sequence[str], page: str, setups: bool = False) ->
 
     With ``setups`` they are set-ups of one structure, and their modes are merged.
     """
+    check_page(page)  # before the work
     datasets = [DatasetFiles(folder) for folder in folders]
     comparison = Comparison.of(list(map(read_whole_results, datasets)), setups=setups)
     reports = {
