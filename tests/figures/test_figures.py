@@ -373,6 +373,19 @@ def test_the_last_digits_of_a_search_are_not_enlarged(results):
     assert low < 3.5902 < 3.5903 < high
 
 
+@pytest.mark.parametrize("factor", [1.0, -2e-5])
+def test_no_label_is_cut_off(results, factor):
+    tables = results.validation_tables
+    simulation = tables.simulation.copy()
+    signals = simulation.columns[simulation.columns.str.contains("_")].drop("time_s")
+    simulation[signals] *= factor
+    drawn_anew = replace(results, validation_tables=replace(tables, simulation=simulation))
+    for name in FIGURES:
+        figure = draw(CHARTS[name](drawn_anew))
+        box, (width, height) = figure.get_tightbbox(), figure.get_size_inches()
+        assert min(box.x0, box.y0, width - box.x1, height - box.y1) > 0, name
+
+
 def test_what_is_missing_is_said(results):
     of_nb = results.candidates[results.candidates["phase"] == "nb"]
     results = replace(results, candidates=of_nb)

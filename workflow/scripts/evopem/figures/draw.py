@@ -22,7 +22,9 @@ from evopem.figures.style import (
     LABEL_BOX,
     MUTED,
     PAPER,
+    PIXELS,
     WIDTH,
+    arrange,
     extremes,
     logarithmic,
     power_of_ten,
@@ -47,7 +49,6 @@ POINTS = 6_000
 FEWEST_BINS, MOST_BINS = 30, 1000
 FEW_PANELS = 6  # more have no minor ticks
 NARROW = 2.4  # inches of a panel in a row of many
-PIXELS = 72.0  # of a page, on an inch of paper
 
 
 def panels_of(
@@ -69,7 +70,7 @@ def panels_of(
 
     heights = [max(panel.height for panel in row) for row in rows]
     size = max(WIDTH, NARROW * across), max(sum(heights) / PIXELS, 1.8)
-    figure = (make or Figure)(figsize=size, layout="constrained")
+    figure = make(figsize=size, layout="constrained") if make else Figure(figsize=size)
     grid = figure.subplots(len(rows), across, squeeze=False, height_ratios=heights)
     return list(grid.ravel())
 
@@ -100,6 +101,8 @@ def draw(chart: Chart, axes: Axes | Sequence[Axes] | None = None) -> Figure:
             place.minorticks_off()
     for place in places[len(chart.panels) :]:
         place.set_axis_off()
+    if axes is None:
+        arrange(places, chart.columns)
     return places[0].figure  # type: ignore[return-value] # or a part of one, which is like it
 
 

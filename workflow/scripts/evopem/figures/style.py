@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -21,6 +21,7 @@ from evopem.arrays import Array, Indices
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 INK = "#1f2328"  # text, axes and what was measured
@@ -46,6 +47,10 @@ COLOURS = {
 LABEL_BOX = {"facecolor": PAPER, "edgecolor": "none", "pad": 0.8}
 
 WIDTH = 7.2  # inches; 518 pt, the text width of the report
+PIXELS = 72.0  # of a page, on an inch of paper
+# Points: around a panel; a tick and the space to its label; the label of an axis; a further line of
+# one; a letter of a tick's label.
+EDGE, TICK, LABEL, LINE, LETTER = 3.0, 8.0, 15.0, 10.5, 5.1
 
 PARAMETERS: Any = {  # matplotlib types its keys as one long Literal
     "svg.fonttype": "none",
@@ -116,6 +121,62 @@ def svg_text(figure: Figure) -> str:
     )
     text = re.sub(r' transform="rotate\(-0 [^"]*"', "", stream.getvalue())
     return re.sub(r' [dxy]="[^"]*"', lambda at: re.sub(r"(\.\d\d)\d+", r"\1", at[0]), text)
+
+
+def arrange(places: Sequence[Axes], columns: int) -> None:
+    """Place the panels of a figure, row by row, with margins by the lengths of their labels.
+
+    matplotlib's own layouts measure every text, some of them four times: as long as all drawing.
+    """
+    figure, grid = places[0].get_figure(root=True), places[0].get_gridspec()
+    assert figure is not None
+    assert grid is not None
+    across, up = (float(length) for length in PIXELS * figure.get_size_inches())
+    margins = np.array([_margins(axes) for axes in places]).reshape(-1, columns, 5)
+    left, right, legend = margins[:, :, [0, 1, 4]].max(axis=0).T
+    below, above = margins[:, :, 2:4].max(axis=1).T
+    for _ in range(2):  # what a legend is wider than its panel lies to the left of it
+        width = (across - np.sum(left + right)) / columns
+        left = np.maximum(left, legend - width)
+    ratios = np.array(grid.get_height_ratios())
+    heights = (up - np.sum(below + above)) * ratios / np.sum(ratios)
+    x = np.cumsum(left + width + right) - width - right
+    y = up - np.cumsum(above + heights + below) + below
+    for number, axes in enumerate(places):
+        row, column = divmod(number, columns)
+        axes.set_position((x[column] / across, y[row] / up, width / across, heights[row] / up))
+
+
+def _margins(axes: Axes) -> tuple[float, float, float, float, float]:
+    """Left of a panel, right, below and above, and the width of a legend above it, in points."""
+    if not axes.axison:
+        return (EDGE, EDGE, EDGE, EDGE, 0.0)
+    widest_label = _longest_label(axes.yaxis)
+    beside, below = (
+        EDGE + TICK + (LABEL + label.count("\n") * LINE if label else 0.0)
+        for label in (axes.get_ylabel(), axes.get_xlabel())
+    )
+    below += LINE if axes.xaxis.get_tick_params()["labelbottom"] else -TICK / 2
+    title = LINE + 5.0 if axes.get_title(loc="left") else EDGE
+    title += LINE if axes.yaxis.get_major_formatter().get_offset() else 0.0
+    legend = axes.get_legend()
+    if legend and legend.get_bbox_to_anchor().y0 == axes.bbox.y0:
+        legend = None  # within the panel
+    over = [artist.get_window_extent() for artist in (*axes.texts, *filter(None, [legend]))]
+    points = PIXELS / axes.figure.dpi
+    right = [_longest_label(axes.xaxis) / 2, *(points * (box.x1 - axes.bbox.x1) for box in over)]
+    above = [title, *(points * (box.y1 - axes.bbox.y1) + 1.0 for box in over)]
+    wide = points * over[-1].width if legend else 0.0
+    return beside + widest_label, EDGE + max(right), below, max(above), wide
+
+
+def _longest_label(axis: Axis) -> float:
+    """Width of the longest label of the ticks of an axis, about, in points."""
+    low, high = sorted(axis.get_view_interval())
+    places = [float(place) for place in axis.get_majorticklocs()]
+    labels = axis.get_major_formatter().format_ticks(places)
+    shown = [len(label) for at, label in zip(places, labels, strict=True) if low <= at <= high]
+    return LETTER * max(shown, default=0)
 
 
 def extremes(y: ArrayLike, bins: int = 1000) -> Indices:
