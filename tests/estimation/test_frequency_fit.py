@@ -25,6 +25,7 @@ from evopem.pipeline.frequency_responses import identify_responses
 from evopem.results.layout import DatasetFiles
 from evopem.signals.readers.frequency_responses import read_responses, variances_of
 from evopem.terminal.command import main
+from evopem.validation.frequency_responses import validate_responses
 
 FREQUENCIES = np.linspace(1.0, 50.0, 150)
 HERTZ, DAMPING = np.array([12.0, 31.0]), np.array([0.02, 0.015])
@@ -129,6 +130,22 @@ def test_standard_errors_cover_the_truth(known, monkeypatch):
         errors = np.array([(mode.frequency_se_hz, mode.damping_se) for mode in modes])
         missed += int(np.sum(np.abs(found - truth) > 1.96 * errors))
     assert 1 <= missed <= 18
+
+
+def test_a_mode_made_of_errors_that_a_window_correlates_is_not_trusted(monkeypatch):
+    """Of one mode too many, which has a known frequency and damping in most of the responses."""
+    monkeypatch.setattr(frequency_problem, "RESTARTS", 2)
+    monkeypatch.setattr(frequency_problem, "HOPPING", 0)
+    exact, known = responses_at(FREQUENCIES), 0
+    for seed in range(6):
+        white = noise(len(exact) + 2, np.random.default_rng(seed))
+        smooth = np.convolve(white, [0.5, 1.0, 0.5], "valid")[:, None, None] / np.sqrt(1.5)
+        given = FrequencyResponses(FREQUENCIES, exact + 0.4 * smooth, np.full(exact.shape, 0.16))
+        fit = fit_responses(given, modes=(3, 3))
+        judged = validate_responses(fit, fit.model.modes(), 3).modes
+        np.testing.assert_allclose([mode.frequency_hz for mode in judged.trusted], HERTZ, rtol=1e-2)
+        known += any(len(mode.doubts) == 1 for mode in judged.modes)
+    assert known >= 3
 
 
 def test_the_number_of_modes_and_the_size_of_the_errors_are_found():

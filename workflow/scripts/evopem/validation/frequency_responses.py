@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import gammaincc
+from scipy.special import chdtrc, gammaincc
 
-from evopem.estimation.frequency_fit import ResponseFit
+from evopem.estimation.frequency_fit import ResponseFit, natural
+from evopem.estimation.search.frequency_problem import FrequencyProblem, response_axis
 from evopem.models.mode_matching import stabilization
 from evopem.models.modes import Mode, assurance
-from evopem.signals.readers.frequency_responses import FrequencyResponses
 from evopem.validation.checks.check import Check, p_text
 from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE
 from evopem.validation.mode_evidence import ModeEvidence, ModeTable
@@ -39,11 +39,11 @@ def validate_responses(fit: ResponseFit, modes: Sequence[Mode], most: int) -> Va
     Its simulation errors are those of the responses, in percent of them.  ``modes``: those of its
     model; ``most``: the most that were to be tried.
     """
-    responses, order = fit.responses, fit.model.order
+    order = fit.model.order
     evidence = tuple(
         ModeEvidence(
             *(mode, order, (order,), math.nan, NO_TEST, True, None),
-            doubts=tuple(_doubts(mode, responses)),
+            doubts=tuple(_doubts(mode, fit)),
         )
         for mode in modes
     )
@@ -63,9 +63,10 @@ def validate_responses(fit: ResponseFit, modes: Sequence[Mode], most: int) -> Va
     )
 
 
-def _doubts(mode: Mode, responses: FrequencyResponses) -> Iterator[str]:
+def _doubts(mode: Mode, fit: ResponseFit) -> Iterator[str]:
     """Why the responses do not determine a mode."""
-    if not responses.frequencies[0] <= mode.frequency_hz <= responses.frequencies[-1]:
+    frequencies = fit.responses.frequencies
+    if not frequencies[0] <= mode.frequency_hz <= frequencies[-1]:
         yield "lies outside the measured frequencies"
     for name, error, most in (
         ("frequency", mode.frequency_se_hz, FREQUENCY_KNOWN * mode.frequency_hz),
@@ -73,6 +74,35 @@ def _doubts(mode: Mode, responses: FrequencyResponses) -> Iterator[str]:
     ):
         if not error < most:
             yield f"has a {name} that the responses do not determine"
+    if not _by_chance(mode, fit) < SIGNIFICANCE:
+        yield "may be made of errors: it explains no more of the responses than chance does"
+
+
+def _by_chance(mode: Mode, fit: ResponseFit) -> float:
+    """Probability that a resonance fitted to errors alone, at the best line, explains as much.
+
+    As what the mode adds to all others, whose residues are fitted again without it: poles that were
+    would take its place.  Errors have the size and the correlation of lines that are left.
+    """
+    size, responses = float(np.sum(np.abs(fit.errors) ** 2)), fit.responses
+    away = np.abs([section.pole - mode.pole for section in natural(fit)])
+    oscillating = np.flatnonzero(fit.point[fit.sections :] < 0.0)
+    kept = np.delete(fit.point.reshape(2, -1), oscillating[np.argmin(away)], axis=1)
+    p = response_axis(responses.frequencies, responses.sampling_rate, fit.scale)
+    values, weights = responses.values.reshape(len(p), -1), fit.weights.reshape(len(p), -1)
+    problem = FrequencyProblem(p, values, weights, fit.sections - 1)
+    squares = float(np.sum(problem.solved(kept.ravel())[0] ** 2))
+    errors = max(size / (2 * fit.errors.size - fit.parameters), 1.0)
+    along = max(_correlation(fit), 0.0)
+    explained = (squares / fit.variance_factor - size) / errors * (1.0 - along) / (1.0 + along)
+    return len(p) * float(chdtrc(2 * sum(fit.D.shape), max(explained, 0.0)))
+
+
+def _correlation(fit: ResponseFit) -> float:
+    """Of errors at neighbouring frequencies."""
+    errors = fit.errors
+    squares = max(float(np.sum(np.abs(errors) ** 2)), np.finfo(float).tiny)
+    return float(np.sum((errors[:-1].conj() * errors[1:]).real)) / squares
 
 
 def _checks(fit: ResponseFit, most: int) -> tuple[Check, ...]:
@@ -80,7 +110,7 @@ def _checks(fit: ResponseFit, most: int) -> tuple[Check, ...]:
     errors, searched = fit.errors, fit.search.diagnostics
     squares, freedom = float(np.sum(np.abs(errors) ** 2)), 2 * errors.size - fit.parameters
     p = float(gammaincc(freedom / 2.0, squares / 2.0))
-    correlation = float(np.sum((errors[:-1].conj() * errors[1:]).real)) / squares
+    correlation = _correlation(fit)
     agreeing, lines = searched.n_confirming + 1, np.sqrt(2.0 * errors.size)
     more = "More modes, a nonlinear structure, or one that changed are likely."
     windows = "Windows of analysers correlate lines as well, and make standard errors too small."
