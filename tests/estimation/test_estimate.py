@@ -274,7 +274,7 @@ def test_signals_that_are_no_samples_are_refused_in_one_sentence(call, output, s
 
 def test_a_row_is_the_samples_of_one_channel():
     u, y = small_record()
-    taken = recording_of(u[None], y[None], 1.0)
+    taken = recording_of(u[None], y[None], np.array(2.0))
     np.testing.assert_array_equal(taken.output, y)
     np.testing.assert_array_equal(taken.input, u)
 

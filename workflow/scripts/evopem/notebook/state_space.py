@@ -95,27 +95,11 @@ def fit_responses(
 
     Of discrete time where they have a sampling rate, else of continuous time. Errors are weighed by
     their variances; a factor of them is estimated where coherences alone are known, and where
-    nothing is, a variance of each response.
+    nothing is, a variance of each response. ``modes``: fewest and most. ``log`` receives a line for
+    each number of modes. InputError where there are too few frequencies.
 
-    Parameters
-    ----------
-    responses : FrequencyResponses
-    modes : (int, int)
-        Fewest and most.
-    seed : int
-    log : callable, optional
-        Receives a line for each number of modes.
-
-    Returns
-    -------
-    ResponseResults
-        The fit. Shown, it is a summary; it plots, compares, reports and saves itself as what
-        :func:`evopem.identify` returns.
-
-    Raises
-    ------
-    InputError
-        Where there are too few frequencies.
+    Shown, the fit is a summary; it plots, compares, reports and saves itself as what
+    :func:`evopem.identify` returns.
     """
     fit = frequency_fit.fit_responses(responses, modes, seed, log)
     known = {part.name: getattr(fit, part.name) for part in fields(fit)}

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from numbers import Real
 from pathlib import Path
 from typing import Self
 
@@ -128,8 +127,9 @@ class Recording(_Channels):
             raise ValueError(
                 f"{len(self.inputs)} input samples, {len(self.outputs)} output samples"
             )
-        rate = self.sampling_rate
-        if not (isinstance(rate, Real) and np.isfinite(rate) and rate > 0.0):
+        rate = np.asarray(self.sampling_rate)
+        is_number = rate.ndim == 0 and rate.dtype.kind in "fiu"
+        if not (is_number and np.isfinite(rate) and rate > 0.0):
             raise ValueError(f"sampling_rate must be a positive number of Hz, not {rate}")
         firsts = self.segment_firsts or (0,) * len(self.segment_starts)
         object.__setattr__(self, "segment_firsts", firsts)
