@@ -133,6 +133,20 @@ def test_outliers_call_for_the_absolute_objective():
     assert decide_preparation(Recording(u, y, 10.0)).objective == "absolute"
 
 
+@pytest.mark.parametrize("of_input", [True, False])
+def test_residuals_that_are_large_after_changes_of_the_input_are_no_outliers(of_input):
+    """The same large residuals where the input changes, as under friction, and at other samples."""
+    g = np.random.default_rng(3)
+    u = np.repeat(g.standard_normal(60), 15)
+    size = 0.02 + np.abs(np.diff(u, prepend=0.0))
+    e = g.standard_normal(900) * np.r_[0.0, size[:-1]]
+    y = lfilter([0.0, 1.0], [1.0, -0.8], u) + lfilter(
+        [1.0], [1.0, -0.8], e if of_input else g.permutation(e)
+    )
+    plan = decide_preparation(Recording(u, y, 10.0), GivenPreparation(differences=0))
+    assert plan.objective == ("quadratic" if of_input else "absolute")
+
+
 def test_a_record_of_gaps_alone_is_refused():
     u, y, _ = output_error_record(100)
     y[::7] = np.nan

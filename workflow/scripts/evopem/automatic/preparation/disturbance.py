@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import errors_simulated_on
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import ArxFit, fit, likeliest_arx, log_loss
@@ -13,6 +14,7 @@ from evopem.errors import NoModelError
 from evopem.estimation.delays import likely_delays, longest_delay
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment, total_samples
+from evopem.validation.held_out_tests import left_by
 
 MOST_DIFFERENCES = 2
 # Orders of the ARX models that are compared, with SAMPLES_PER_ORDER samples for each.
@@ -20,6 +22,9 @@ ORDERS, SAMPLES_PER_ORDER = (1, 2, 3, 4, 6, 8, 10, 12, 16, 20, 24), 25
 # Those whose residuals decide between the objectives, and how much likelier Laplace's distribution
 # must be than the normal one for the absolute objective, as a logarithm.
 OBJECTIVE_ORDERS, LEAST_EVIDENCE = (2, 4, 8, 12, 16), 3.0
+# Share of the ranks of their sizes that earlier changes of the inputs explain, of so many samples,
+# from which large residuals are what a linear model misses; standard deviations of that by chance.
+OF_INPUT, CHANGES, DEVIATIONS = 0.05, 16, 4.0
 # A difference of BIC, not divided by the samples, that is very strong evidence (Kass & Raftery
 # 1995), and the share of the output's mean square that the response to the input must leave over.
 VERY_STRONG, HIDDEN = 10.0, 0.5
@@ -151,26 +156,36 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     that for residuals of Laplace's distribution.  Both are fitted to ARX models, which whiten the
     residuals; each objective is represented by the order at which it is likeliest.  The logarithms
     of several outputs are added up.
+
+    Disturbances come whatever the input does.  Where the sizes of the residuals follow its changes,
+    they are what a linear model misses, as of friction, and least squares give the linear model of
+    the lowest simulation error (Enqvist & Ljung 2005).
     """
     orders, inputs = _orders(stretches, OBJECTIVE_ORDERS) or [1], stretches[0].inputs.shape[1]
-    lowest = dict.fromkeys(("quadratic", "absolute"), np.inf)
+    lowest, left = dict.fromkeys(("quadratic", "absolute"), np.inf), []
     for name, n in product(lowest, orders):
         with suppress(NoModelError):
-            total, model = 0.0, Orders(na=n, nb=(n + 1,) * inputs)
+            total, model, parts = 0.0, Orders(na=n, nb=(n + 1,) * inputs), []
             for alone in _of_outputs(stretches):
                 fitted = fit(alone, model, name)
+                parts.append(max(fitted.residuals, key=len)[:, 0])
                 residuals = np.concatenate(fitted.residuals)
                 penalty = fitted.parameters * np.log(len(residuals)) / len(residuals)
                 total += 0.5 * (log_loss(residuals, name) + penalty)
-            lowest[name] = min(lowest[name], total)
+            if total < lowest[name]:
+                lowest[name], left = total, parts
     evidence = total_samples(stretches) * (lowest["quadratic"] - lowest["absolute"])
-    is_absolute = evidence > LEAST_EVIDENCE
+    is_heavy = evidence > LEAST_EVIDENCE
+    longest = max(stretches, key=lambda stretch: stretch.samples)
+    is_absolute = is_heavy and not any(_follow_input(longest, e) for e in left)
     sentence = (
-        f"The residuals of ARX models are {'' if is_absolute else 'not '}likelier to have Laplace's"
+        f"The residuals of ARX models are {'' if is_heavy else 'not '}likelier to have Laplace's"
         " distribution than a normal one: "
         + (
             "a few large ones stand out, and the absolute objective is used."
             if is_absolute
+            else "the large ones follow changes of the input: they are what a linear model misses."
+            if is_heavy
             else "outliers do not call for the absolute objective."
         )
     )
@@ -178,3 +193,23 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     alternatives = tuple(Alternative(*item) for item in lowest.items())
     criterion = "negative log-likelihood of a residual by its BIC"
     return objective, Decision("objective", objective, alternatives, criterion, sentence)
+
+
+def _follow_input(stretch: Segment, residuals: Array) -> bool:
+    """Whether the sizes of residuals, of the last samples of a stretch, follow earlier changes.
+
+    By a regression of ranks, on those of the changes of the inputs at earlier samples, which
+    outliers under feedback have no part in; its share by chance is taken off.
+    """
+    from scipy.stats import rankdata
+
+    changes = np.abs(np.diff(stretch.inputs, axis=0, prepend=stretch.inputs[:1]))
+    end, n = len(changes), min(len(residuals), len(changes) - CHANGES)
+    count, sizes = CHANGES * changes.shape[1], rankdata(np.abs(residuals))[len(residuals) - n :]
+    if not n > 2 * count > 0 or not np.ptp(sizes) > 0.0:
+        return False
+    ranks, freedom = rankdata(changes, axis=0), n - count - 1
+    earlier = [ranks[end - n - k : end - k] for k in range(1, CHANGES + 1)]
+    left = left_by(np.hstack([np.ones((n, 1)), *earlier]), sizes)
+    share = 1.0 - float(np.var(left) / np.var(sizes)) * (n - 1) / freedom
+    return share >= max(OF_INPUT, DEVIATIONS * np.sqrt(2.0 * count) / n)
