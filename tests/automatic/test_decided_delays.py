@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from evopem.automatic.candidates import Scorer
 from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.orders import decide_delays, in_runs
+from evopem.automatic.orders import decide_delays, in_runs, search_structure
 from evopem.estimation.delays import delays_by_criterion, longest_delay
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment
@@ -132,3 +132,18 @@ def test_folds_of_a_short_record_are_longer_than_its_delay():
     candidate = scorer.candidate("oe", Orders(nb=1, nf=1, nk=53))
     assert candidate is not None
     assert candidate.scores.simulation < 60.0
+
+
+def test_a_response_that_comes_back_late_is_inside_folds_and_regularised_lengths():
+    """It begins again after 70 samples, for which short responses and six blocks have no room."""
+    g = np.random.default_rng(7)
+    u, e = g.standard_normal((2, 700))
+    first = lfilter([0.0, 1.0], [1.0, -0.6], u)
+    for share, expected in ((0.6, 87), (0.0, 0)):
+        y = first + share * np.r_[np.zeros(70), first[:-70]] + 0.1 * e
+        plan = decide_folds((Segment(u, y),), 1)
+        assert abs(plan.late_response - expected) <= 2
+        assert ((2, 3) in plan.designs) == (not expected)
+        scorer = Scorer((Segment(u, y),), plan, CommonSettings(), delays=(1,))
+        search = search_structure(scorer, "impulse", {})
+        assert (plan.late_response in search.orders) == (expected > 0)

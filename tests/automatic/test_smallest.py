@@ -181,7 +181,10 @@ def test_one_of_the_simplest_that_is_clearly_better_takes_the_place_of_a_choice(
 
 
 def test_the_simplest_are_gain_small_output_error_models_arx_and_regularised_responses():
-    gain, response = (replace(candidate(1), structure=name) for name in ("fir", "impulse"))
+    gain, *responses = (
+        replace(candidate(n), structure=name)
+        for name, n in (("fir", 1), ("impulse", 16), ("impulse", 32))
+    )
     arx = [replace(candidate(n), structure="arx", bic=float(n)) for n in (4, 2)]
-    candidates = [gain, response, *arx, candidate(1), candidate(2), candidate(3)]
-    assert set(simplest(candidates)) == {gain, response, arx[1], *candidates[4:6]}
+    candidates = [gain, *responses, *arx, candidate(1), candidate(2), candidate(3)]
+    assert set(simplest(candidates)) == {gain, *responses, arx[1], *candidates[5:7]}

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter
 
+from evopem.automatic.candidate_checks import feedback_probability
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.signals.recording import Recording
+from evopem.signals.recording import Recording, Segment
 from evopem.validation.model_class import REPEATS, model_class
 from evopem.validation.responses import divided
 
@@ -249,6 +250,19 @@ def test_no_wrong_class_is_taken_for_feedback():
     p_values = [each.p_value for tests in found.values() for each in tests]
     assert np.isfinite(p_values).all()
     assert np.sum(np.array(p_values) < 0.01) <= 3  # of 40; more by chance in 7 of 10,000
+
+
+def test_squares_that_an_input_depends_on_are_no_feedback():
+    """Of an input that follows its own squares, residuals of squares are like later samples."""
+    for seed in range(3):
+        w, v = np.random.default_rng([seed, 8]).standard_normal((2, SAMPLES))
+        u = np.zeros(SAMPLES)
+        for t in range(1, SAMPLES):
+            u[t] = 0.3 * min(u[t - 1] ** 2, 4.0) + w[t]
+        y = resonance(u + 0.3 * (u**2 - np.mean(u**2))) + 0.3 * v
+        model, record = arx(u, y), Recording(u, y, 1.0)
+        assert model_class(divided(model, record, CUT)).without_feedback.passed
+        assert feedback_probability(model, [Segment(u, y)]) > 1e-3
 
 
 def test_one_periodic_input_does_not_speak_for_the_others():

@@ -225,7 +225,8 @@ def feedback_probability(model: Model, stretches: Sequence[Segment]) -> float:
     """Probability that an input depends so much on past residuals by chance.
 
     Each input is regressed on its own past without and with past residuals (an F test; Granger
-    1969), in the longest stretch; of several inputs the lowest one counts, times their number.
+    1969), in the longest stretch; of several inputs the lowest one counts, times their number.  Its
+    past comes with squares and cubes: of these, too, are the residuals of a nonlinear system.
     """
     stretch = max(stretches, key=lambda stretch: stretch.samples)
     e = prediction_errors(model, stretch)
@@ -240,16 +241,17 @@ def _of_input(u: Array, e: Array) -> float:
     n, lags = len(e), min(10, len(e) // (15 * e.shape[1]))
     if lags < 1:
         return 1.0
-    past_inputs = [np.ones(n - lags), *(u[lags - k : n - k] for k in range(1, lags + 1))]
+    u = (u - u.mean()) / max(float(np.std(u)), 1e-300)
+    past = [u[lags - k : n - k] for k in range(1, lags + 1)]
+    past_inputs = [np.ones(n - lags), *(x**power for power in (1, 2, 3) for x in past)]
     past_errors = [errors[lags - k : n - k] for errors in e.T for k in range(1, lags + 1)]
-    target = u[lags:]
-    without, with_residuals = (
-        float(np.sum((target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]) ** 2))
-        for columns in map(np.column_stack, (past_inputs, [*past_inputs, *past_errors]))
-    )
-    added = len(past_errors)
-    freedom = len(target) - lags - added - 1
-    if not with_residuals > 0.0 or freedom < 1:
+    target, left = u[lags:], []
+    for columns in map(np.column_stack, (past_inputs, [*past_inputs, *past_errors])):
+        point, _, rank, _ = np.linalg.lstsq(columns, target, rcond=None)
+        left.append((float(np.sum((target - columns @ point) ** 2)), int(rank)))
+    (without, known), (with_residuals, rank) = left
+    added, freedom = rank - known, len(target) - rank
+    if not with_residuals > 0.0 or freedom < 1 or added < 1:
         return 1.0
     statistic = (without - with_residuals) / added / (with_residuals / freedom)
     return float(f.sf(statistic, added, freedom))

@@ -8,7 +8,14 @@ from operator import attrgetter
 import numpy as np
 
 from evopem.automatic.candidate_checks import CandidateChecks, check_model
-from evopem.automatic.cross_validation.folds import KINDS, FoldPlan, HeldOutScores, held_out_scores
+from evopem.automatic.cross_validation.folds import (
+    KINDS,
+    LONGEST_PAST,
+    LONGEST_RESPONSE,
+    FoldPlan,
+    HeldOutScores,
+    held_out_scores,
+)
 from evopem.automatic.cross_validation.simulation import Model, errors_simulated_on
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Decision
@@ -29,10 +36,6 @@ from evopem.signals.recording import Recording, Segment, total_samples
 LARGEST_ORDER = 20
 # Samples for each parameter.
 SAMPLES_PER_PARAMETER = 8
-# Share of the samples between two breaks that a regularised response may take for its past.
-LONGEST_PAST = 0.7
-# Most coefficients of regularised responses of all inputs, whose cost grows with their cube.
-MOST_COEFFICIENTS = 250
 # An error must fall by this share to count as a gain; candidates are scored on folds until so many
 # in a row bring none: about a quarter of them, with the lowest errors of all.
 GAIN, SCORED_IN_VAIN = 0.005, 6
@@ -278,7 +281,7 @@ class Scorer:
             blocks = max(folds * blocks for folds, blocks in self.plan.designs)
             parts = max(len(self.stretches), blocks)
             past = orders.first_residual <= LONGEST_PAST * self.samples / parts
-            return past and orders.parameters <= MOST_COEFFICIENTS
+            return past and orders.parameters <= LONGEST_RESPONSE
         return orders.parameters + sum(orders.nf) + orders.noise_states <= self.most_parameters
 
     def with_scores(self, candidates: Sequence[Candidate]) -> list[Candidate]:

@@ -90,13 +90,10 @@ def parametric(candidates: Sequence[Candidate]) -> Sequence[Candidate]:
 
 def simplest(candidates: Sequence[Candidate]) -> list[Candidate]:
     """A gain, output-error models of first and second order, the likeliest ARX model and the
-    likeliest regularised response: what a chosen model must not fall behind."""
+    regularised responses of all lengths: what a chosen model must not fall behind."""
     kept = [c for c in candidates if (c.structure, c.order) in (("fir", 1), ("oe", 1), ("oe", 2))]
-    # One-step errors of responses of different lengths begin at different samples.
-    criteria = {"arx": BIC, **dict.fromkeys(REGULARISED, SIMULATION_BIC)}
-    for structure, criterion in criteria.items():
-        kept += sorted((c for c in candidates if c.structure == structure), key=criterion)[:1]
-    return kept
+    kept += sorted((c for c in candidates if c.structure == "arx"), key=BIC)[:1]
+    return kept + [c for c in candidates if c.structure in REGULARISED]
 
 
 def gain_of_nothing(

@@ -24,7 +24,7 @@ from evopem.automatic.fit import likeliest_arx
 from evopem.automatic.state_space import Log, fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
-from evopem.config.structures import OF_SIMULATION, ORDER_NAMES, is_polynomial
+from evopem.config.structures import OF_SIMULATION, ORDER_NAMES, REGULARISED, is_polynomial
 from evopem.estimation.delays import ORDERS, likely_delays, longest_delay
 from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel
@@ -180,7 +180,9 @@ def _paths(scorer: Scorer, structure: str) -> Iterator[list[list[Orders]]]:
 
     One without poles is left out where limits ask for some.
     """
-    for form, sizes in PATHS.get(structure, {structure: PATH}).items():
+    late = scorer.plan.late_response * (structure in REGULARISED)
+    for form, known in PATHS.get(structure, {structure: PATH}).items():
+        sizes = sorted({*known, late or known[0]})
         path = [orders_of_size(form, n, scorer.delays) for n in sizes]
         smallest = path[0][0]
         if any(smallest.nf) or not any(scorer.limits.clamped(structure, smallest).nf):

@@ -302,6 +302,8 @@ def _powers(stretches: Sequence[_Stretch]) -> tuple[float, ...]:
 def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
     """Test of the correlations of residuals with later inputs, each whitened (Haugh 1976).
 
+    Squares and cubes of the input's past count as known: residuals of a nonlinear system depend on
+    them, and so may later samples of an input that is not normal.
     Where the plant has a delay, those of the same sample, which most controllers act on, count too.
     Later samples of a periodic input are earlier ones too, which what the model misses depends on:
     it is not tested, and its periods are alike as those of an input with noise would not be.
@@ -320,7 +322,7 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                 if lag := repetition_lag(u):
                     periodic.append(_goes_on(u, lag))
                     continue
-                e, u = _whitened(e), _whitened(u)
+                e, u = whitened(e), _innovations(u)
                 n = min(len(e), len(u))
                 values = cross_correlation(e[-n:], u[-n:], LATER)[LATER::-1]
                 values[0] *= not stretch.direct[place]
@@ -350,7 +352,16 @@ def _goes_on(signal: Array, lag: int) -> bool:
     return bool(abs(alike) >= REPEATED)
 
 
-def _whitened(signal: Array) -> Array:
+def whitened(signal: Array) -> Array:
     """A signal without its mean and what its own past predicts, of the last samples."""
     centred = signal - signal.mean()
     return np.convolve(centred, autoregression(centred, MOST_WHITENING), mode="valid")
+
+
+def _innovations(signal: Array) -> Array:
+    """What the past of an input, its squares and its cubes do not predict, of the last samples."""
+    white = whitened(signal)
+    past = _lagged((signal - signal.mean()) / max(float(np.std(signal)), 1e-300))[:-1]
+    past = past[max(len(past) - len(white), 0) :]
+    powers = np.hstack([np.ones((len(past), 1)), past, past**2, past**3])
+    return left_by(powers, white[len(white) - len(past) :])

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from evopem.arrays import Array
 from evopem.automatic.cross_validation.simulation import (
@@ -16,12 +17,17 @@ from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fit import likeliest_arx
 from evopem.errors import NoModelError
 from evopem.signals.recording import Segment, total_samples
-from evopem.signals.spectra import LONGEST_LAG, repetition_lag
+from evopem.signals.spectra import LONGEST_LAG, cross_correlation, repetition_lag
+from evopem.validation.model_class import whitened
 
 # Orders of the ARX models whose residuals are judged, with SAMPLES_PER_ORDER samples for each.
 ARX_ORDERS, SAMPLES_PER_ORDER = (2, 4, 8, 12, 16), 25
 # A correlation of this many standard errors is significant (1 %).
 SIGNIFICANT = 2.6
+# Probability that any lag far back is significant by chance; the most coefficients of regularised
+# responses of all inputs, whose cost grows with their cube; the share of the samples between two
+# breaks that they may take for their past.
+LATE_BY_CHANCE, LONGEST_RESPONSE, LONGEST_PAST = 1e-3, 250, 0.7
 
 
 @dataclass(frozen=True)
@@ -101,6 +107,32 @@ def arx_residuals(stretch: Segment) -> Array:
     return likeliest.residuals
 
 
+def late_response(stretches: Sequence[Segment], folds: int, delay: int) -> int:
+    """Coefficients of a response that comes back far after its beginning; 0 for most records.
+
+    What an ARX model leaves of the longest stretch is correlated with the input, both whitened
+    (Haugh 1976): the last significant lag after the delay, of those that so many folds carry, and
+    as many more as such a model describes.  Later samples of an input that repeats are earlier ones
+    too.
+    """
+    stretch, order = max(stretches, key=lambda stretch: stretch.samples), max(ARX_ORDERS)
+    longest = int(LONGEST_PAST * total_samples(stretches)) // folds - delay
+    longest = min(LONGEST_RESPONSE, longest) - order
+    single = stretch.inputs.shape[1] == stretch.outputs.shape[1] == 1
+    if not single or longest <= order or repetition_lag(stretch.input):
+        return 0
+    stretch = Segment(stretch.inputs[: stretch.samples - delay], stretch.outputs[delay:])
+    e, u = arx_residuals(stretch), stretch.input
+    if not np.ptp(e) > 0.0 < np.ptp(u):
+        return 0
+    e, u = whitened(e), whitened(u)
+    n = min(len(e), len(u))
+    lags = np.arange(order + 1, min(longest, n // 2))
+    errors = cross_correlation(e[-n:], u[-n:], n // 2)[n // 2 + lags] * n / np.sqrt(n - lags)
+    late = lags[np.abs(errors) > -ndtri(LATE_BY_CHANCE / 2.0 / max(len(lags), 1))]
+    return int(late[-1]) + order if len(late) else 0
+
+
 # Designs of folds: number of folds, and blocks of each.  Long blocks show errors of the gain and of
 # slow poles, many folds leave more samples to fit, interleaved blocks compare like with like.
 DESIGNS = ((2, 1), (5, 1), (2, 3))
@@ -131,6 +163,7 @@ class FoldPlan:
     decision: Decision
     repetition: Repetition  # how many of the samples are independent
     by_energy: bool = False  # whether the folds divide the energy of the response to a single blow
+    late_response: int = 0  # coefficients of a response that comes back far after its beginning
 
     def least_training(self, samples: int) -> int:
         """Samples of the smallest training part of all folds, about."""
@@ -175,16 +208,19 @@ def is_large(segments: Sequence[Segment], values: int = LARGE) -> bool:
 def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:
     """Choose the designs of folds whose parts have common input spectra, and judge repetitions.
 
-    Blocks are longer than the longest ``delay``: training parts between them are fitted as well.
+    Blocks are longer than the longest ``delay`` and a late response: training parts between them
+    are fitted as well.
     """
     samples = total_samples(stretches)
+    late = late_response(stretches, max(folds for folds, blocks in DESIGNS if blocks == 1), delay)
+    shortest = max(SHORTEST_BLOCK + delay, (late + delay) / LONGEST_PAST)
     channels = stretches[0].inputs.shape[1], stretches[0].outputs.shape[1]
     designs: tuple[tuple[int, int], ...] = DESIGNS
     if channels != (1, 1):
         designs = OF_LARGE if is_large(stretches) else OF_SEVERAL
 
     def possible(some: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-        return [d for d in some if samples >= d[0] * d[1] * (SHORTEST_BLOCK + delay)] or [(2, 1)]
+        return [d for d in some if samples >= d[0] * d[1] * shortest] or [(2, 1)]
 
     overlaps = {
         d: _overlap(folds_of(stretches, *d, shortest=1))
@@ -194,6 +230,8 @@ def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:
     kept = of_response or [d for d in possible(designs) if overlaps[d] >= LEAST_OVERLAP]
     sentence = "The parts of the record have common input spectra, so the folds are comparable."
     sentence += OF_TIME * (channels != (1, 1))
+    back = late + delay - max(ARX_ORDERS)
+    sentence += f" The output still depends on the input {back} samples before." * (late > 0)
     if of_response or not kept:
         sentence = REASON if of_response else MOVING
     kept = kept or possible(INTERLEAVED)
@@ -203,7 +241,7 @@ def decide_folds(stretches: Sequence[Segment], delay: int = 0) -> FoldPlan:
         "share of a held-out part's input spectrum outside that of the training part",
         sentence,
     )
-    return FoldPlan(tuple(kept), about, decide_repetition(stretches), bool(of_response))
+    return FoldPlan(tuple(kept), about, decide_repetition(stretches), bool(of_response), late)
 
 
 def _response_edges(stretches: Sequence[Segment], count: int) -> list[int] | None:
