@@ -116,6 +116,9 @@ def test_a_channel_cut_off_shows_in_its_saturated_share():
     assert saturated_share(signal) == 0.0
     clipped = np.clip(signal, -0.8, 0.8)
     assert saturated_share(clipped) == np.mean(np.abs(signal) >= 0.8)
+    # An input at 0 is switched off, an output there may be cut off.
+    switched = np.maximum(signal, 0.0)
+    assert saturated_share(switched, is_input=True) == 0.0 < saturated_share(switched)
 
 
 def test_a_signal_of_a_few_levels_is_not_called_saturated():

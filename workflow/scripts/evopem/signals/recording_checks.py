@@ -82,12 +82,12 @@ def _stuck(values: Array) -> str:
     return ""
 
 
-def saturated_share(signal: Array) -> float:
+def saturated_share(signal: Array, is_input: bool = False) -> float:
     """Share of samples in runs of `MIN_SATURATED_RUN` or more at the smallest or largest value.
 
     0 for a signal of at most `MAX_DESIGNED_LEVELS` levels, and for one that is held at most of its
     other values, such as random steps.  Coarse steps of an instrument hold two other values or more
-    for as long, and the first run is rest before something acts.
+    for as long, and the first run is rest before something acts.  An input at 0 is switched off.
     """
     if np.unique(signal).size <= MAX_DESIGNED_LEVELS:
         return 0.0
@@ -98,6 +98,7 @@ def saturated_share(signal: Array) -> float:
     if np.sum(others[others >= least]) > 0.5 * np.sum(others):
         return 0.0
     at_limit[0] = False
+    at_limit &= (signal[starts] != 0.0) | (not is_input)
     stays = lengths >= max([least, *(others[-2:-1] + 1)])
     return float(np.sum(lengths[at_limit & stays])) / signal.size
 

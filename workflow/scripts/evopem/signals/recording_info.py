@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -67,8 +68,9 @@ def describe_recording(
     def described(role: str) -> tuple[ChannelInfo, ...]:
         names, units = getattr(recording, f"{role}_names"), getattr(recording, f"{role}_units")
         rows = zip(names, units, getattr(recording, f"{role}s").T, strict=True)
+        share = partial(saturated_share, is_input=role == "input")
         return tuple(
-            ChannelInfo(name, unit, 100.0 * saturated_share(x), float(np.mean(x)), float(np.std(x)))
+            ChannelInfo(name, unit, 100.0 * share(x), float(np.mean(x)), float(np.std(x)))
             for name, unit, x in rows
         )
 
