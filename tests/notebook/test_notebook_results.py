@@ -223,7 +223,8 @@ def test_an_output_alone_gives_a_noise_model():
         noise.plot_step_response()
     with pytest.raises(evopem.InputError, match="structure oe needs an input, and there is none"):
         evopem.identify(None, y, RATE, structure="oe", show_progress=False)
-    found = evopem.identify(None, y, RATE, form="ss", orders={"nx": [2, 2]}, show_progress=False)
+    small = {"form": "ss", "orders": {"nx": [2, 2]}, "search": {"evaluations": 1}}
+    found = evopem.identify(None, y, RATE, show_progress=False, **small)
     assert found.modes["frequency_hz"].iloc[0] == pytest.approx(0.785, abs=0.1)
 
 
@@ -272,7 +273,8 @@ def test_orders_are_understood_as_by_estimate(inputs, outputs, keys, name):
     u, e = rng.standard_normal((2, 300, 2))
     y = lfilter([0.0, 1.0], POLES, u[:, :1], axis=0) + 0.1 * e
     frame = pd.DataFrame(np.hstack([u, y]), columns=[*TWO, "y1", "y2"])
-    model = evopem.identify(frame, outputs, RATE, input=inputs, show_progress=False, **keys).model
+    keys = {"search": {"evaluations": 1}, "input": inputs, "show_progress": False} | keys
+    model = evopem.identify(frame, outputs, RATE, **keys).model
     states = isinstance(model, evopem.StateSpaceModel)
     of_states = f"{model.order} {model.structure} {model.delays}" if states else ""
     assert (of_states or str(model.orders)) == name
