@@ -349,6 +349,7 @@ def test_a_chirping_resonance_is_reported(chirp, undrawn, tmp_path):
     page = chirp.report(tmp_path / "report.html").read_text(encoding="utf-8")
     for words in ("The machine changes: mode 1 moves from", "Modes over time", "Gain over time"):
         assert words in page
+    assert "validation samples are a stretch of their own" in page
     table = pd.read_csv(chirp.files.varying_modes)
     truth = np.interp(table["time_s"], np.arange(1200) / RATE, frequency(np.arange(1200) / RATE))
     covered = (table["frequency_lower"] < truth) & (truth < table["frequency_upper"])
@@ -439,6 +440,7 @@ def test_a_mode_moves_by_more_than_the_error_of_two_correlated_moments():
     moves = Moves("ARX(2,2,1)", 3.0, 4.0, 5.0, True, True, (path(10.35),))
     assert not path(10.35).moves
     assert moving_sentence(moves).startswith("The machine changes, though no mode by more than")
+    assert "move, samples held out all along the recording are predicted" in moving_sentence(moves)
     moved = replace(moves, modes=(path(10.45),))
     assert moving_sentence(moved).startswith(
         "The machine changes: mode 1 moves from 10.00 ± 0.10 to 10.45 ± 0.10 Hz"
@@ -461,7 +463,7 @@ def test_a_condition_is_followed_within_one_recording():
         (mode,) = found.model.frozen(value).modes()
         assert abs(mode.frequency_hz - 10.0 - 4.0 * value) < 4.0 * mode.frequency_se_hz
     assert str(found).startswith("The machine changes with load: mode 1 moves from")
-    assert "samples held out all along the recording are predicted" in repr(found)
+    assert "held-out samples are predicted" in repr(found)
 
 
 @pytest.mark.parametrize(

@@ -145,7 +145,7 @@ def moving_sentence(moves: Moves | None) -> str:
         return ""
     errors = f"{percent(moves.error_percent, 2)} against {percent(moves.constant_error_percent, 2)}"
     by_time = moves.schedule == "time"
-    held_out = "samples held out all along the recording" if by_time else "held-out recordings"
+    held_out = "samples held out all along the recording" if by_time else "held-out samples"
     if not moves.is_better:
         response = "The response changes with time, but coefficients that move"
         moving = response if by_time else f"Coefficients that move with {moves.schedule}"
