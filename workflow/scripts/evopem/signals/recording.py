@@ -42,12 +42,13 @@ class _Channels:
     @property
     def input(self) -> Array:
         """The only input, (N,); zeros without an input."""
-        return _single(self.inputs) if self.has_input else np.zeros(self.samples)
+        u = self.inputs if self.has_input else np.zeros(self.samples)
+        return np.ascontiguousarray(columns(u, 1, "inputs")[:, 0])
 
     @property
     def output(self) -> Array:
         """The only output, (N,)."""
-        return _single(self.outputs)
+        return np.ascontiguousarray(columns(self.outputs, 1, "outputs")[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,10 +244,6 @@ def _samples(role: str, given: ArrayLike) -> Array:
         remedy = "give samples in rows and channels in columns"
         raise ValueError(f"the {role} has the shape {samples.shape}; {remedy}")
     return samples
-
-
-def _single(values: Array) -> Array:
-    return np.ascontiguousarray(columns(values, 1)[:, 0])
 
 
 def concatenated(recordings: Sequence[Recording]) -> Recording:
