@@ -48,8 +48,15 @@ def prepared(recording, transforms=UNCHANGED, **changes):
     for one, other in zip(record.stretches, known.stretches, strict=True):
         np.testing.assert_allclose(one.outputs, other.outputs, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(one.inputs, other.inputs, rtol=1e-12, atol=1e-12)
-        assert one.recording == other.recording
+        assert (one.recording, one.first) == (other.recording, other.first)
     return data, record
+
+
+@pytest.mark.parametrize(("changes", "firsts"), [({}, (0, 161)), ({"factor": 2}, (0, 80))])
+def test_stretches_keep_their_places_in_the_recording(recording, changes, firsts):
+    recording.outputs[160] = 1e4
+    _, record = prepared(recording, clipped=(-1e3, 1e3), **changes)
+    assert tuple(stretch.first for stretch in record.stretches) == firsts
 
 
 def test_samples_lead_back_to_the_recording(recording):

@@ -413,6 +413,37 @@ def test_slow_changes_of_the_outputs_are_no_part_of_the_plant(objective):
     np.testing.assert_allclose(np.std(found.residuals[0], axis=0), 0.05, rtol=0.1)
 
 
+def test_a_drift_goes_on_over_missing_samples():
+    """A level that rises over a gap, beside an input that is nothing of it."""
+    truth = StateSpaceModel(
+        *(np.array([[0.9]]), np.array([[0.1]]), np.eye(1), np.zeros((1, 1)), np.zeros((1, 1))),
+        sampling_rate=RATE,
+        level=np.zeros(1),
+        noise_covariance=np.eye(1),
+        structure="ss_oe",
+    )
+    generator = np.random.default_rng(6)
+    u = generator.standard_normal((900, 1))
+    rise = -np.cos(np.pi * np.arange(0.5, 900) / 900)[:, None]
+    whole = Recording(
+        u, truth.simulate(u) + rise + 0.05 * generator.standard_normal((900, 1)), RATE
+    )
+    (segment,) = whole.segments
+    gapped = whole.with_segments([segment.between(0, 300), segment.between(600, 900)])
+    task = StateSpaceTask("ss_oe", settings=FAST, drift_period=300.0)
+    found = descend_from(truth, gapped, task)
+    np.testing.assert_allclose(found.model.poles(), 0.9, atol=0.01)
+    assert np.std(found.residuals) == pytest.approx(0.05, rel=0.1)
+    # One drift, of as many cosines as without the gap; segments of other recordings have their own.
+    of_whole, of_parts = (scaled_recording(r, 1, True, 300.0).drift for r in (whole, gapped))
+    kept = of_whole[np.r_[:300, 600:900]]
+    np.testing.assert_allclose(of_parts, kept - kept.mean(axis=0), atol=1e-12)
+    apart = gapped.with_segments(
+        [replace(part, recording=k) for k, part in enumerate(gapped.segments)]
+    )
+    assert scaled_recording(apart, 1, True, 300.0).drift.shape == (600, 4)
+
+
 def test_the_drift_counts_as_parameters():
     truth = system(modes=1, structure="ss_oe")
     u, y, _ = recorded(truth, 500, 0.1, 4)

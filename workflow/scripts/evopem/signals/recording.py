@@ -76,6 +76,23 @@ class Segment(_Channels):
         return type(self)(*samples, self.recording, self.first + first)
 
 
+def sample_times(segments: Sequence[Segment], lost: int = 0) -> list[Array]:
+    """Times of the samples of each recording, in samples, less the ``lost`` first of each segment.
+
+    A segment that begins before the last one ends is a recording of its own.
+    """
+    times: list[Array] = []
+    last = None
+    for segment in segments:
+        at = segment.first + np.arange(lost, segment.samples, dtype=float)
+        if last is not None and last.recording == segment.recording and at[0] > times[-1][-1]:
+            times[-1] = np.concatenate([times[-1], at])
+        else:
+            times.append(at)
+        last = segment
+    return times
+
+
 def total_samples(segments: Sequence[Segment]) -> int:
     """Samples of all segments together."""
     return sum(segment.samples for segment in segments)

@@ -156,7 +156,7 @@ def _probes(training: Sequence[Segment]) -> Iterator[tuple[str, Model]]:
 def decimated_stretch(stretch: Segment, factor: int) -> Segment:
     """All channels of a stretch at a lower rate."""
     inputs, outputs = decimated(stretch.inputs, factor), decimated(stretch.outputs, factor)
-    return Segment(inputs, outputs, stretch.recording)
+    return Segment(inputs, outputs, stretch.recording, stretch.first // factor)
 
 
 def decimated(signals: Array, factor: int) -> Array:

@@ -105,7 +105,7 @@ def _differences(stretches: Sequence[Segment]) -> tuple[int, Decision]:
 def differenced(stretch: Segment, times: int) -> Segment:
     """All channels differenced, ``times`` samples shorter."""
     inputs, outputs = (np.diff(s, times, axis=0) for s in (stretch.inputs, stretch.outputs))
-    return Segment(inputs, outputs, stretch.recording)
+    return Segment(inputs, outputs, stretch.recording, stretch.first + times)
 
 
 def _of_outputs(stretches: Sequence[Segment]) -> list[list[Segment]]:

@@ -282,9 +282,9 @@ def _part(
     for place, begin, whole in stretches_of(recording, plan):
         origin, segment = before[place], recording.segments[place]
         stretch = differenced(whole, plan.differences)
-        segments.append(
-            Segment(stretch.inputs - offsets[0], stretch.outputs - offsets[1], origin.recording)
-        )
+        first = (origin.first + begin) // plan.factor + plan.differences
+        signals = stretch.inputs - offsets[0], stretch.outputs - offsets[1]
+        segments.append(Segment(*signals, origin.recording, first))
         means = np.array(origin.input_means), np.array(origin.output_means)
         if plan.differences:  # no mean of the signals is left in them
             initial = [
@@ -300,7 +300,7 @@ def _part(
         origins.append(
             StretchOrigin(
                 origin.recording,
-                (origin.first + begin) // plan.factor + plan.differences,
+                first,
                 origin.start + begin / recording.sampling_rate + plan.differences / rate,
                 stretch.samples,
                 tuple((means[0] + offsets[0]).tolist()),

@@ -34,7 +34,7 @@ from evopem.estimation.state_space.sections import (
     state_matrix,
 )
 from evopem.models.state_space import PlainStructure
-from evopem.signals.recording import Recording
+from evopem.signals.recording import Recording, sample_times
 
 # Singular values of the regressors, their columns scaled to unit length, below this share of the
 # largest one are rounding; none can be where the reciprocal condition is above the second for each.
@@ -153,7 +153,7 @@ def scaled_recording(
         input_scales=u_scale,
         output_scales=y_scale,
         output_offsets=offsets,
-        drift=block_diag(*(_slow_cosines(samples, drift_period) for samples in lengths)),
+        drift=block_diag(*(_slow_cosines(at, drift_period) for at in sample_times(segments, lost))),
     )
 
 
@@ -170,11 +170,13 @@ def _sizes(signals: Array) -> Array:
     return np.where(sizes > 0.0, sizes, 1.0)
 
 
-def _slow_cosines(samples: int, shortest: float | None) -> Array:
-    """Cosines over a segment of periods down to the shortest, (samples, k); without a mean."""
-    count = 0 if shortest is None else round(2 * samples / shortest)
-    phase = np.pi * (np.arange(samples) + 0.5) / samples
-    return np.cos(phase[:, None] * np.arange(1, count + 1))
+def _slow_cosines(times: Array, shortest: float | None) -> Array:
+    """Cosines over a recording of periods down to the shortest, (samples, k); without a mean."""
+    span = times[-1] - times[0] + 1.0
+    count = 0 if shortest is None else round(2 * span / shortest)
+    phase = np.pi * (times - times[0] + 0.5) / span
+    cosines: Array = np.cos(phase[:, None] * np.arange(1, count + 1))
+    return cosines - cosines.mean(axis=0) if span > len(times) else cosines
 
 
 @dataclass(frozen=True, eq=False)
