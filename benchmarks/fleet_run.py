@@ -1,8 +1,10 @@
 """The processor time of a fleet, and what of it is not the search: the check of docs/fleets.md.
 
     python benchmarks/fleet_run.py FOLDER RECORDINGS [--per-job auto] [--cores 2] [--bad]
+        [--recipe auto]
 
-identifies so many synthetic recordings with the built-in grids of the chapter, several a job, and
+identifies so many synthetic recordings with the built-in grids of the chapter, several a job, or
+by the automatic recipe from three keys, whose times docs/evidence/fleets.md is given, and
 runs the stages of a few of them again in this process to see what the searches take. Prints both,
 the wall clock, the share of the rest, the memory of Snakemake, and the files and bytes of a
 recording. With ``--bad`` three recordings cannot be used. A folder with results is continued, and
@@ -22,6 +24,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from evidence import write_section
 
 from evopem.config.defaults import complete
 from evopem.config.settings import DatasetSettings
@@ -39,14 +42,21 @@ DEFAULTS = {
 }
 
 
+# What a recording is given, by recipe.
+KEYS = {
+    "chapter": {"file": "data/*.csv", "sampling_rate": 100},
+    "auto": {"file": "data/*.csv", "input": 1, "output": 2, "sampling_rate": 100},
+}
+SEARCHES = ("estimate_candidates", "select_candidate", "search_structure", "choose")
+
 # Where in the fleet recordings cannot be used, as shares of it, and what is done to their samples.
 BAD = {0.05: "a text cell", 0.45: "a constant output", 0.85: "too few samples"}
 
 
 def write_recordings(
-    folder: Path, count: int, per_job: int | str, bad: bool = False
+    folder: Path, count: int, per_job: int | str, bad: bool = False, recipe: str = "chapter"
 ) -> dict[str, object]:
-    """Recordings of different systems, and the configuration that identifies them."""
+    """Recordings of one system by different seeds, and the configuration that identifies them."""
     (folder / "data").mkdir(parents=True, exist_ok=True)
     spoiled = {int(share * count): how for share, how in BAD.items()} if bad else {}
     for number in range(count):
@@ -63,8 +73,8 @@ def write_recordings(
         "one_job_per": "recording",
         "recordings_per_job": per_job,
         "report": "none",
-        "defaults": DEFAULTS,
-        "datasets": {"r*": {"file": "data/*.csv", "sampling_rate": 100}},
+        "defaults": DEFAULTS if recipe == "chapter" else {},
+        "datasets": {"r*": KEYS[recipe]},
     }
     (folder / "config.yaml").write_text(yaml.safe_dump(config))
     return config
@@ -115,7 +125,7 @@ def seconds_of_stages(settings: DatasetSettings, folder: Path) -> tuple[float, f
             began = time.process_time()
             job.run(folder=folder)
             taken = time.process_time() - began
-            if "phase" in job.stage.wildcards:
+            if job.stage.name in SEARCHES:
                 searching += taken
             else:
                 others += taken
@@ -129,10 +139,11 @@ def main() -> None:
     parser.add_argument("--per-job", default="auto")
     parser.add_argument("--cores", default="2")
     parser.add_argument("--bad", action="store_true")
+    parser.add_argument("--recipe", choices=list(KEYS), default="chapter")
     given = parser.parse_args()
     folder, count = given.folder.resolve(), given.recordings
     per_job = given.per_job if given.per_job == "auto" else int(given.per_job)
-    config = write_recordings(folder, count, per_job, given.bad)
+    config = write_recordings(folder, count, per_job, given.bad, given.recipe)
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")]
     began = time.monotonic()
     run = subprocess.Popen([*command, "--cores", given.cores, "--quiet", "all"], cwd=folder)
@@ -162,6 +173,22 @@ def main() -> None:
     files = [file for file in (folder / "results" / "r00000").rglob("*") if file.is_file()]
     size = sum(file.stat().st_size for file in files)
     print(f"A recording's results: {size / 1e6:.2f} MB in {len(files)} files.")
+
+    if given.recipe == "auto":
+        write_section(
+            "fleets",
+            "Automatic recipe",
+            f"{count} recordings of {SAMPLES} samples simulated by one system, three keys (input, "
+            "output, rate), no reports, kernels compiled before; two shared cores with other work "
+            "on them.",
+            f"benchmarks/fleet_run.py FOLDER {count} --recipe auto",
+            ("processor time of a recording", "s"),
+            [
+                ("all, with Snakemake and the start of each job", f"{total / count:.1f}"),
+                (f"searches and choice, mean of {len(taken)} in one process", f"{searching:.1f}"),
+                ("other stages of these", f"{others:.1f}"),
+            ],
+        )
 
 
 if __name__ == "__main__":
