@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.config.settings import SearchSettings
+from evopem.config.settings import ScoringWindow, SearchSettings
 from evopem.estimation import prediction_estimate
 from evopem.estimation.estimate import estimate_polynomial
+from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.search import blocks
+from evopem.estimation.search.global_search import global_search
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.models.orders import orders_of
 from evopem.signals.recording import Recording, Segment, concatenated
 
@@ -92,6 +95,31 @@ def test_several_recordings_and_inputs_are_searched_on_blocks_of_them(searched, 
     assert searched == [SEARCHED, SAMPLES]
     assert len(quick.levels) == 2
     assert quick.search.value == pytest.approx(whole.search.value, rel=1e-6)
+
+
+def test_all_optima_that_the_blocks_do_not_tell_from_the_lowest_are_descended_from(monkeypatch):
+    descended, polish = [], blocks.polish
+
+    def recorded(errors, points, *given, **more):
+        descended.append(len(points))
+        return polish(errors, points, *given, **more)
+
+    monkeypatch.setattr(blocks, "polish", recorded)
+    settings = SearchSettings(objective="quadratic")
+    errors = prediction_errors(record(), ORDERS["bj"], settings, ScoringWindow(3, 3), False)
+
+    def search(problem, _):
+        lowest = global_search(problem, settings, np.random.default_rng(1))
+        assert len(lowest.ends) > lowest.diagnostics.n_multistart
+        near, far = lowest.point * (1.0 + 1e-4), lowest.point.copy()
+        far[0] *= 0.8
+        ends = [(float(problem.values(point[None, :])[0]), point) for point in (near, far)]
+        same = lowest.value * (1.0 + 1e-8), lowest.point
+        return replace(lowest, ends=(same, *ends))
+
+    outcome = blocks.searched_in_blocks(PolynomialProblem(errors), search)
+    assert descended == [2]
+    assert errors.values(outcome.point[None, :])[0] == pytest.approx(outcome.value)
 
 
 def test_blocks_lie_all_over_the_record_and_where_most_happens():

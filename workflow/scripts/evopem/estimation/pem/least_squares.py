@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 from evopem.arrays import Array
 
 CHUNK = 8192
+# Rows of the lags of an autoregression, of up to 50, that are reduced at a time.
+ROWS = 2**17
 
 
 def chunks(start: int, stop: int) -> Iterator[tuple[int, int]]:
@@ -33,7 +35,8 @@ def autoregression(signal: ArrayLike, most: int) -> Array:
     most = min(most, x.size // 10)
     past = np.lib.stride_tricks.sliding_window_view(x, most + 1)[:, ::-1]
     # With the lags in rising order, the leading blocks of one triangle serve all orders.
-    triangle = np.asarray(np.linalg.qr(np.roll(past, -1, axis=1), mode="r"))
+    parts = (past[first : first + ROWS] for first in range(0, len(past), ROWS))
+    triangle = triangle_of(np.roll(part, -1, axis=1) for part in parts)
     remaining = np.cumsum(triangle[::-1, -1] ** 2)[::-1]
     samples = len(past)
     with np.errstate(divide="ignore"):

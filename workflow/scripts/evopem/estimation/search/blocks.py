@@ -11,14 +11,20 @@ from evopem.arrays import Array
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import SearchResult, count_confirming, same_optimum
-from evopem.estimation.search.staged_descent import LINEAR_STEPS, solve_linear
+from evopem.estimation.search.staged_descent import (
+    LINEAR_STEPS,
+    POLISH_STAGES,
+    polish,
+    solve_linear,
+)
 from evopem.signals.recording import Segment, total_samples
 
 # Samples of the blocks together, their number; how many times as many a long record has.
 SEARCHED, BLOCKS, LONG = 50_000, 5, 4
-# Optima that are descended from on the whole, at most: a pass takes eight at the price of one.
-# They are those whose loss over the blocks is within so many standard errors of the lowest.
-DESCENDED, DOUBT = 8, 5.0
+# Optima that are descended from on the whole, at most: two passes take sixteen, eight at a time.
+# They are those whose loss over the blocks is within so many standard errors of the lowest, and
+# whose values differ by more than what descents leave.
+DESCENDED, DOUBT, SAME = 16, 5.0, 1e-7
 # How many times the mean error of a block that of other samples may be, and by how much the optimum
 # of the whole may raise the objective of the blocks: chance raises its logarithm by the parameters
 # over the samples.
@@ -56,13 +62,13 @@ def _power(segment: Segment) -> Array:
     return power
 
 
-def carried(point: Array, errors: PolynomialErrors) -> Array:
-    """The coefficients of a point with the levels and states that other stretches ask for, (n,)."""
-    count, linear = errors.orders.parameters, errors.linear("level", "plant", "noise")
-    moved = np.append(point[:count], np.zeros(errors.dimension - count))[None, :]
-    if linear.any():
-        moved = solve_linear(errors, moved, linear, LINEAR_STEPS[errors.objective])
-    return np.asarray(moved[0])
+def carried(points: Array, errors: PolynomialErrors) -> Array:
+    """Coefficients of points with the levels and states that other stretches ask for, (M, n)."""
+    linear = errors.linear("level", "plant", "noise")
+    moved = np.zeros((len(points), errors.dimension))
+    moved[:, : errors.orders.parameters] = points[:, : errors.orders.parameters]
+    steps = LINEAR_STEPS[errors.objective]
+    return solve_linear(errors, moved, linear, steps) if linear.any() else moved
 
 
 def searched_in_blocks(
@@ -82,16 +88,18 @@ def searched_in_blocks(
     in_blocks = PolynomialProblem(whole.of_other(blocks))
     errors, share = in_blocks.errors, 1.0
     if known is not None:
-        share = float(in_blocks.values(carried(known[0], errors)[None, :])[0]) / known[1]
+        share = float(errors.values(carried(known[0][None, :], errors))[0]) / known[1]
     outcome = search(in_blocks, share)
     values, optima = _undecided(errors, outcome)
-    starts = np.array([carried(point, whole) for point in optima])
-    ended = in_blocks.of_errors(whole).polish(starts)
+    starts = carried(np.array(optima), whole)
+    stages = POLISH_STAGES[-1:] if whole.objective == "quadratic" else POLISH_STAGES
+    ended = polish(whole, starts, max(values), stages, wait=None)
     best = int(np.argmin(ended.values))
     point, value = ended.points[best], float(ended.values[best])
-    back = float(in_blocks.values(carried(point, errors)[None, :])[0])
+    on_blocks = carried(point[None, :], errors)
+    back = float(errors.values(on_blocks)[0])
     most = RAISED * errors.parameters / errors.scored_samples
-    if not (back <= values[best] * (1.0 + most) and _like_blocks(errors, whole, point)):
+    if not (back <= values[best] * (1.0 + most) and _alike((errors, on_blocks[0]), (whole, point))):
         return None
     pairs = list(zip(values, ended.values.tolist(), strict=True))
 
@@ -120,7 +128,7 @@ def _undecided(errors: PolynomialErrors, outcome: SearchResult) -> tuple[list[fl
     for value, point in sorted(outcome.ends, key=lambda end: end[0]):
         if len(values) == DESCENDED:
             break
-        if not np.isfinite(value) or same_optimum(value, values[-1]):
+        if not np.isfinite(value) or same_optimum(value, values[-1], SAME):
             continue
         above = _losses(errors, point) - lowest
         if np.mean(above) <= DOUBT * np.std(above) / np.sqrt(len(above)):
@@ -134,15 +142,15 @@ def _losses(errors: PolynomialErrors, point: Array) -> Array:
     return np.abs(residuals) if errors.objective == "absolute" else residuals**2
 
 
-def _like_blocks(errors: PolynomialErrors, whole: PolynomialErrors, point: Array) -> bool:
+def _alike(blocks: tuple[PolynomialErrors, Array], whole: tuple[PolynomialErrors, Array]) -> bool:
     """Whether the errors of no part of the whole are far larger than those of all blocks."""
-    length = min(errors.residual_counts())
+    length = min(blocks[0].residual_counts())
     in_blocks, everywhere = (
         max(
             float(np.mean(np.abs(e[at : at + length])))
-            for e in parts.residuals_of_stretches(at_point)
+            for e in errors.residuals_of_stretches(point)
             for at in (*range(0, len(e) - length, length), max(len(e) - length, 0))
         )
-        for parts, at_point in ((errors, carried(point, errors)), (whole, point))
+        for errors, point in (blocks, whole)
     )
     return everywhere <= LARGER * in_blocks

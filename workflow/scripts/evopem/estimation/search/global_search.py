@@ -149,6 +149,7 @@ class _Search(SearchProgress):
         ):
             descents = self.problem.descend(self.problem.random(BATCH, self.generator))
             self.optima.extend(converged_values(descents))
+            self.ends += zip(descents.values.tolist(), descents.points, strict=True)
             lowest.append(descents.points[int(np.argmin(descents.values))])
             self.random_points += BATCH
             self.undiscovered = undiscovered(self.optima)

@@ -78,11 +78,7 @@ class PolynomialProblem(BasinHoppingProblem):
 
     def of_orders(self, orders: Orders) -> PolynomialProblem:
         """The problem of other orders."""
-        return self.of_errors(self.errors.of_orders(orders))
-
-    def of_errors(self, errors: PolynomialErrors) -> PolynomialProblem:
-        """The problem of other errors, whose values are of the same scale."""
-        problem = PolynomialProblem(errors)
+        problem = PolynomialProblem(self.errors.of_orders(orders))
         problem._largest_value = self._largest_value
         return problem
 

@@ -100,7 +100,7 @@ class SearchDiagnostics:
 @dataclass(frozen=True, eq=False)
 class SearchResult:
     """Best point of a search, its value, and the diagnostics of the search.  ``point`` (n,).
-    ``ends``: values and points of all that it kept on its way, where restarts ended among them."""
+    ``ends``: values and points of where its restarts, and descents from random points, ended."""
 
     point: Array
     value: float
