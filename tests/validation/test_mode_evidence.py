@@ -249,6 +249,32 @@ def test_modes_that_make_up_a_finite_response_are_not_trusted():
     assert not any(doubted(np.convolve(ring, factor(OF_INPUT)), np.convolve(b, [1.0, -0.5])))
 
 
+@pytest.mark.parametrize(
+    ("lines", "finite", "doubted"),
+    [(700, True, True), (700, False, False), (12, False, True)],
+)
+def test_a_response_that_outlasts_no_finite_one_has_no_modes(lines, finite, doubted):
+    """A slow pole beside those of the ring; an input of few lines does not tell what it is."""
+    ring = np.zeros(13)
+    ring[[0, 12]] = 1.0, -(0.75**12)
+    a, taps = np.convolve(ring, factor(OF_NOISE)), np.random.default_rng(7).standard_normal(12)
+    b = np.convolve(taps, a)[:14] if finite else np.convolve(taps, [1.0, -0.5])
+    model = PolynomialModel(np.ones(1), b, F=a, nk=1, sampling_rate=RATE)
+    phases = np.random.default_rng(8).uniform(0.0, 2.0 * np.pi, (lines, 1))
+    places = np.linspace(1, 749, lines).astype(int)[:, None]
+    u = np.cos(2.0 * np.pi * places * np.arange(1500) / 1500 + phases).sum(axis=0)
+    y = lfilter(np.r_[0.0, taps], 1.0, u) if finite else model.simulate(u)
+    noise = 0.05 * np.std(y) * np.random.default_rng(9).standard_normal(1500)
+    recording = Recording(u, y + noise, RATE)
+    table = table_of_models(
+        *([OrderModel.of(14, 0.0, model)], 14, lambda each: divided(each, recording, 900)),
+        lambda each: stretches_of(each, recording.between(0, 900)),
+    )
+    said = ["finite" in " ".join(each.doubts) for each in table.modes]
+    assert said == [doubted] * len(said)
+    assert len(said) == 6
+
+
 @pytest.mark.parametrize(("highest", "reached"), [(14.0, None), (30.0, True)])
 def test_a_mode_without_input_near_it_is_not_reached(highest, reached):
     """What it adds at other frequencies says as much for it as for any other pole."""

@@ -20,11 +20,16 @@ from evopem.validation.held_out_tests import (
     joint_contribution_test,
     left_by,
 )
-from evopem.validation.responses import HeldOut, unscored_samples
+from evopem.validation.responses import HeldOut, Model, unscored_samples
 from evopem.validation.spectra import EXCITED
 
 # Least distance from a mode's frequency that is near it, relative; and that of four lines, in rad.
 NEAR, LOBE = 0.2, 8.0 * math.pi
+# Radius below which a pole is a delay, as those of more coefficients of B than of A.
+DELAY_RADIUS = 1e-3
+# Share of the slowest mode's amplitude behind the 2 n samples of a response that determine n poles,
+# below which the response may as well be a finite one, which has no modes.
+LEFT_OVER = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +189,55 @@ def held_out_mode_tests(
             shares = (record.power_share(index) for record in (*records, *known))
             tests.append((of_input, of_noise, max(shares, default=math.nan)))
     return tests
+
+
+def pole_count(model: Model) -> int:
+    """Number of poles that are no delays."""
+    return int(np.sum(np.abs(model.poles()) > DELAY_RADIUS))
+
+
+def is_short(model: Model, modes: Sequence[Mode]) -> bool:
+    """Whether all modes decay within so many samples that a finite response may be all there is."""
+    return bool(max(abs(mode.pole) for mode in modes) ** (2 * pole_count(model)) < LEFT_OVER)
+
+
+def outlasting_test(held_out: Sequence[HeldOut], estimation: Sequence[HeldOut]) -> HeldOutTest:
+    """Test that the response to the inputs outlasts any finite one of as many coefficients.
+
+    One that is finite leaves nothing beside it, whatever poles describe it, nor does any where an
+    input of few frequencies cannot tell; samples as of :func:`held_out_mode_tests`.
+    """
+    stretches = [*held_out, *estimation]
+    if not stretches or not stretches[0].model.inputs:
+        return NO_TEST
+    with np.errstate(all="ignore"):
+        test = joint_contribution_test([_beside_finite(record) for record in held_out])
+        if not (test.significant(SIGNIFICANCE) or test.would_show(SIGNIFICANCE)):
+            plant, known = stretches[0].plant, [_beside_finite(record) for record in estimation]
+            fitted = _lags(stretches[0]) * plant.inputs * plant.outputs
+            in_sample = joint_contribution_test(known).of_largest(fitted)
+            test = test if math.isnan(in_sample.p_value) else in_sample
+    return test
+
+
+def _beside_finite(record: HeldOut) -> HeldOutContribution:
+    """The simulation, beside responses of :func:`_lags`, to an initial state, and a drift."""
+    first = record.first or unscored_samples(record.model, len(record.inputs))
+    past = [
+        delayed(record.inputs, [delay + lag for delay in record.model.delays])[first:]
+        for lag in range(_lags(record) + 1)
+    ]
+    outputs, free = record.outputs[first:], free_responses(record.plant.poles(), len(past[0]))
+    others = np.column_stack([*past, free, half_waves(len(free))])
+    simulated = record.simulated_from_rest()[first:]
+    return HeldOutContribution(outputs, simulated, [others] * outputs.shape[1])
+
+
+def _lags(record: HeldOut) -> int:
+    """Lags of finite responses, one for each pair, with as many coefficients as the plant has."""
+    plant = record.plant
+    coefficients = plant.order * (plant.outputs + plant.inputs - 1) + pole_count(plant)
+    return math.ceil(coefficients / (plant.outputs * plant.inputs))
 
 
 def _input_test(records: Sequence[ModalParts], index: int, pole: complex) -> HeldOutTest:

@@ -28,7 +28,13 @@ from evopem.models.parameter_covariance import NORMAL_95
 from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE, HeldOutTest
-from evopem.validation.modal_parts import ModeTests, held_out_mode_tests
+from evopem.validation.modal_parts import (
+    ModeTests,
+    held_out_mode_tests,
+    is_short,
+    outlasting_test,
+    pole_count,
+)
 from evopem.validation.responses import HeldOut, Model, divided
 from evopem.validation.spectra import EXCITED
 
@@ -48,11 +54,6 @@ NO_DECAY = 1e-6
 # such modes on 175 random records, most of them with tones or drifts, 14 of 37 with less than two
 # were false, 1 of 3 with two to three, none of 6 with more; of 178 others, 8 of 46 and none of 8.
 KNOWN_DAMPING = 3.0
-# Radius below which a pole is a delay, as those of more coefficients of B than of A.
-DELAY_RADIUS = 1e-3
-# Share of the slowest mode's amplitude behind the 2 n samples of a response that determine n poles,
-# below which the response may as well be a finite one, which has no modes.
-LEFT_OVER = 0.05
 # Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
 # expected to have with the true one: that of well correlated shapes (Ewins 2000).
 POLES_APART, KNOWN_SHAPE = 0.01, 0.9
@@ -190,7 +191,7 @@ def table_of_models(
     """
     by_order = {model.order: model for model in models}
     tests: dict[int, list[ModeTests]] = {}
-    samples: dict[int, float] = {}
+    of_model: dict[int, tuple[float, bool | None]] = {}  # most samples, and the outlasting test
     squares: dict[int, Array] = {}  # of one-step errors of each output, their means
     judged: list[ModeEvidence] = []
     row_of: dict[tuple[int, int], int] = {}
@@ -203,7 +204,8 @@ def table_of_models(
             records, known = held_out(nearby.model), estimation(nearby.model)
             tests[order] = held_out_mode_tests(nearby.modes, records, known)
             lengths = (len(record.outputs) for record in (*records, *known))
-            samples[order] = max(lengths, default=math.inf)
+            outlasts = outlasting_test(records, known).significant(SIGNIFICANCE)
+            of_model[order] = max(lengths, default=math.inf), outlasts
         of_mode = tests[order][group[order]]
         mode, without = nearby.modes[group[order]], None
         lacking = [model for model in models if model.order < order and _lacks(model, mode, group)]
@@ -214,7 +216,7 @@ def table_of_models(
                     squares[model.order] = _mean_squares(held_out(model.model))
             without = float(np.mean(squares[best.order] / squares[order]))
         row_of |= {(order, index): len(judged) for order, index in group.items()}
-        judged.append(_judged(nearby, group, of_mode, by_order, samples[order], without, chosen))
+        judged.append(_judged(nearby, group, of_mode, by_order, *of_model[order], without, chosen))
     poles = stabilization({order: model.modes for order, model in by_order.items()}, row_of)
     rows = _with_pairs(judged, by_order, row_of)
     shapes = [row.mode.shape for row in rows]
@@ -259,13 +261,14 @@ def _judged(
     tests: ModeTests,
     by_order: Mapping[int, OrderModel],
     samples: float,
+    outlasts: bool | None,
     without: float | None,
     chosen: int,
 ) -> ModeEvidence:
     """A mode judged; ``without``: squared errors of the best smaller model without it to its own.
 
     A superfluous pole seems needed beside those that it took the place of: predictions of a smaller
-    model without it must be worse as well.
+    model without it must be worse as well.  ``outlasts``: :func:`outlasting_test` of its model.
     """
     mode, model = order_model.modes[group[order_model.order]], order_model.model
     of_input, of_noise, power_share = tests
@@ -273,16 +276,11 @@ def _judged(
     needed = of_noise.significant(SIGNIFICANCE)
     if needed and without is not None:
         needed = not without <= 1.0  # a smaller model may fail with errors that are not finite
-    poles = np.sum(np.abs(model.poles()) > DELAY_RADIUS)
-    left_over = max(abs(mode.pole) for mode in order_model.modes) ** (2 * poles)
     compared = [
         model.order in group
         for model in by_order.values()
         if model.order != order_model.order
-        and (
-            model.order in group
-            or np.sum(np.abs(model.model.poles()) > DELAY_RADIUS) > 2 * len(order_model.modes)
-        )
+        and (model.order in group or pole_count(model.model) > 2 * len(order_model.modes))
     ]
     ending = sorted(by_order)[-PERSISTENT_ORDERS:]
     inside = len(by_order) == 1 or chosen < ending[-1]
@@ -298,7 +296,9 @@ def _judged(
         needed_by_noise=needed if in_noise else False,
         power_share=power_share,
     )
-    reasons = tuple(doubts(judged, model.sampling_rate, samples, left_over))
+    behind = outlasts is not False or judged.needed_by_noise
+    finite = not behind or is_short(model, order_model.modes)
+    reasons = tuple(doubts(judged, model.sampling_rate, samples, finite))
     return replace(judged, doubts=reasons, shape_doubt=shape_doubt(mode))
 
 
@@ -320,7 +320,7 @@ def _with_pairs(
 
 
 def doubts(
-    evidence: ModeEvidence, sampling_rate: float, samples: float = math.inf, left_over: float = 1.0
+    evidence: ModeEvidence, sampling_rate: float, samples: float = math.inf, finite: bool = False
 ) -> list[str]:
     """Reasons to doubt a mode, each a predicate such as "decays too fast to be a resonance".
 
@@ -329,7 +329,8 @@ def doubts(
     a known damping; the inputs drive it or the noise model needs it on held-out samples, with power
     to speak of; three quarters of the models of other orders have it, all of the last three where
     the largest was chosen; and its frequency is known to within 10 %, or the bandwidth.  Without an
-    input, one of more than 3 % damping has a known shape.  ``left_over``: as :data:`LEFT_OVER`.
+    input, one of more than 3 % damping has a known shape.  ``finite``: whether the response may be
+    a finite one, which has no modes.
     """
     mode, reasons = evidence.mode, []
     decay = 2.0 * math.pi * mode.damping_ratio * mode.frequency_hz / sampling_rate
@@ -348,7 +349,7 @@ def doubts(
         evidence.reached and mode.damping_ratio >= KNOWN_DAMPING * mode.damping_se
     ):
         reasons.append("hardly decays within the record")
-    if left_over < LEFT_OVER:
+    if finite:
         reasons.append("may be one of those that a finite impulse response is made up of")
     if evidence.power_share < LEAST_POWER:
         reasons.append(f"carries less than {100 * LEAST_POWER:g} % of the power of any output")
