@@ -261,6 +261,7 @@ def test_signals_that_make_no_sense_are_refused():
     [
         (["a"] * 400, "the output holds no real numbers"),
         (1.0, "the output holds no real numbers"),
+        ([1.0, [2.0, 3.0]], "the output holds no real numbers"),
         (np.ones((1, 1, 400)), "the output holds no real numbers in one or two dimensions"),
         (np.ones((4, 400)), r"the output has the shape \(4, 400\); give samples in rows"),
         (np.ma.masked_less(np.arange(400.0), 3.0), 'output "output" must be finite'),

@@ -84,6 +84,18 @@ def test_a_search_goes_on_where_an_earlier_one_ended(searched):
     assert second.search.diagnostics.n_confirming >= 1
 
 
+@pytest.mark.parametrize("structure", ["oe", "fir"])
+def test_a_record_that_a_model_explains_without_error_is_searched(structure):
+    u = np.sign(np.random.default_rng(1).standard_normal(SAMPLES))
+    orders = orders_of(structure, (1, 1, 1) if structure == "oe" else (1, 1))
+    given = Recording(u, np.append(0.0, u[:-1]), 1.0), orders
+    settings = SearchSettings(objective="quadratic", evaluations=0)
+    first = estimate_polynomial(*given, settings=settings).search
+    for evaluations in (0, 500):
+        settings = replace(settings, evaluations=evaluations)
+        assert estimate_polynomial(*given, settings=settings, earlier=first).search.value < 1e-20
+
+
 def test_several_recordings_and_inputs_are_searched_on_blocks_of_them(searched, monkeypatch):
     several = concatenated([record(1, 5000, 2), record(2, 3000, 2)])
     orders = ORDERS["bj"]
@@ -115,10 +127,17 @@ def test_all_optima_that_the_blocks_do_not_tell_from_the_lowest_are_descended_fr
         far[0] *= 0.8
         ends = [(float(problem.values(point[None, :])[0]), point) for point in (near, far)]
         same = lowest.value * (1.0 + 1e-8), lowest.point
-        return replace(lowest, ends=(same, *ends))
+        between = 0.5 * (lowest.value + ends[0][0])
+        assert lowest.value * (1.0 + 2e-6) < between
+        diagnostics = replace(lowest.diagnostics, restart_minima=(lowest.value, between))
+        return replace(lowest, ends=(same, *ends), diagnostics=diagnostics)
 
     outcome = blocks.searched_in_blocks(PolynomialProblem(errors), search)
     assert descended == [2]
+    # A restart that ended elsewhere does not confirm what others reached.
+    assert outcome.diagnostics.n_confirming == 0
+    lowest = min(outcome.diagnostics.restart_minima)
+    assert outcome.value == pytest.approx(lowest, rel=1e-9)
     assert errors.values(outcome.point[None, :])[0] == pytest.approx(outcome.value)
 
 

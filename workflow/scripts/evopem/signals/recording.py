@@ -18,9 +18,8 @@ MINIMUM_SAMPLES = 8
 
 def numbered(role: str, count: int, between: str = " ") -> tuple[str, ...]:
     """Names of channels without one: their role, of several with a number from 1."""
-    return (
-        tuple(f"{role}{between}{n}" for n in range(1, count + 1)) if count > 1 else (role,) * count
-    )
+    names = (f"{role}{between}{n}" for n in range(1, count + 1))
+    return tuple(names) if count > 1 else (role,) * count
 
 
 class _Channels:
@@ -249,13 +248,13 @@ def recording_of(
 
 def _samples(role: str, given: ArrayLike) -> Array:
     """A signal as (N, channels); a row is the samples of one channel."""
-    if np.iscomplexobj(given):
-        raise ValueError(f"the {role} is complex; give its real part or another channel")
     try:
-        samples = np.ascontiguousarray(columns(given))
+        samples = None if np.iscomplexobj(given) else np.ascontiguousarray(columns(given))
     except (TypeError, ValueError):
         problem = f"the {role} holds no real numbers in one or two dimensions"
         raise ValueError(f"{problem}; give another signal") from None
+    if samples is None:
+        raise ValueError(f"the {role} is complex; give its real part or another channel")
     samples = samples.T if len(samples) == 1 else samples
     if samples.shape[1] > len(samples):
         remedy = "give samples in rows and channels in columns"

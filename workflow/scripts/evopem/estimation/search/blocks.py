@@ -87,7 +87,7 @@ def searched_in_blocks(
         return None
     in_blocks = PolynomialProblem(whole.of_other(blocks))
     errors, share = in_blocks.errors, 1.0
-    if known is not None:
+    if known is not None and known[1] > 0.0:
         share = float(errors.values(carried(known[0][None, :], errors))[0]) / known[1]
     outcome = search(in_blocks, share)
     values, optima = _undecided(errors, outcome)
@@ -102,10 +102,11 @@ def searched_in_blocks(
     if not (back <= values[best] * (1.0 + most) and _alike((errors, on_blocks[0]), (whole, point))):
         return None
     pairs = list(zip(values, ended.values.tolist(), strict=True))
+    ratio = pairs[0][1] / values[0] if values[0] > 0.0 else 1.0
 
     def on_whole(minimum: float) -> float:
-        ends = (end for begun, end in pairs if same_optimum(minimum, begun))
-        return next(ends, minimum * value / values[best])
+        ends = (end for at, end in pairs if same_optimum(max(minimum, at), min(minimum, at)))
+        return next(ends, minimum * ratio)
 
     of_search = outcome.diagnostics
     minima = tuple(map(on_whole, of_search.restart_minima))
