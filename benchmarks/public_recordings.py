@@ -155,7 +155,7 @@ def seen(folder: Path) -> Iterator[Record]:
 
 
 def second(folder: Path) -> Iterator[Record]:
-    """Recordings that no rule was made with: 17, of one input and one output each."""
+    """Recordings that no rule was made with until 2026-11-26: 17, of one input and output each."""
     matlab, table = partial(signals_of, folder), partial(columns_of, folder)
 
     def joined(name: str, samples: int = -1) -> list[np.ndarray]:

@@ -49,6 +49,13 @@ def test_nor_does_it_with_two_outputs():
     assert decide_delays(segments, ["u"]).delays[0] <= 2
 
 
+def test_folds_of_recordings_shorter_than_the_longest_models_are_decided():
+    u, y = np.random.default_rng(0).standard_normal((2, 300, 10))
+    plan = decide_folds([Segment(*signals) for signals in zip(u, y, strict=True)], 1)
+    assert plan.designs
+    assert plan.late_response == 0
+
+
 @pytest.mark.parametrize("delay", [5, 20, 40])
 def test_a_prior_of_coefficients_comes_nearer_to_a_long_delay(delay):
     """That of the system, one more than the input's own, is hardly seen by such an input."""

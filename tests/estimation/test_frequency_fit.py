@@ -19,8 +19,10 @@ from evopem import FrequencyResponses, fit_responses
 from evopem.config.channels import ChannelSettings
 from evopem.config.defaults import complete, read_settings
 from evopem.errors import InputError
+from evopem.estimation.model_record import ModelRecord
 from evopem.estimation.search import frequency_problem
 from evopem.estimation.search.frequency_problem import FrequencyProblem
+from evopem.files.json_form import load
 from evopem.pipeline.frequency_responses import identify_responses
 from evopem.results.layout import DatasetFiles
 from evopem.signals.readers.frequency_responses import read_responses, variances_of
@@ -428,6 +430,19 @@ def test_a_fit_shows_plots_and_saves_itself(rate, tmp_path):
     identify_responses(files, settings, folder=folder)
     for name in ("model.json", "validation.json", "frequency_response.csv"):
         assert Path(files.folder, name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_a_saved_fit_has_the_variances_that_were_known_but_for_a_factor(tmp_path):
+    given = noisy(2, seed=3)
+    given = replace(given, variances=9.0 * given.variances, are_absolute=False)
+    fit = fit_responses(given, modes=(2, 2))
+    folder = fit.save(tmp_path / "kept")
+    files = DatasetFiles(str(tmp_path / "again"))
+    identify_responses(files, read_settings(folder / "config.yaml"), folder=folder)
+    again = load(ModelRecord, files.model)
+    for mode, kept in zip(again.modes, fit.model.modes(), strict=True):
+        assert mode.frequency_hz == pytest.approx(kept.frequency_hz, rel=1e-6)
+        assert mode.frequency_se_hz == pytest.approx(kept.frequency_se_hz, rel=1e-3)
 
 
 def test_keys_that_responses_do_not_have():

@@ -65,7 +65,8 @@ class ResponseResults(EstimateResults, ResponseFit):
         ):
             columns[f"{output}/{source}"] = given.values[:, k, j]
             if given.variances is not None:
-                columns[f"{output}/{source} variance"] = given.variances[:, k, j]
+                known = self.variance_factor * given.variances[:, k, j]
+                columns[f"{output}/{source} variance"] = known
         save_arrays(file, columns)
         keys: Keys = {
             "file": file.name,

@@ -81,14 +81,12 @@ def sample_times(segments: Sequence[Segment], lost: int = 0) -> list[Array]:
     A segment that begins before the last one ends is a recording of its own.
     """
     times: list[Array] = []
-    last = None
-    for segment in segments:
+    for last, segment in zip([None, *segments], segments, strict=False):
         at = segment.first + np.arange(lost, segment.samples, dtype=float)
         if last is not None and last.recording == segment.recording and at[0] > times[-1][-1]:
             times[-1] = np.concatenate([times[-1], at])
         else:
             times.append(at)
-        last = segment
     return times
 
 

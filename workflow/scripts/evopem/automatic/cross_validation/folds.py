@@ -117,7 +117,7 @@ def late_response(stretches: Sequence[Segment], folds: int, delay: int) -> int:
     """
     stretch, order = max(stretches, key=lambda stretch: stretch.samples), max(ARX_ORDERS)
     longest = int(LONGEST_PAST * total_samples(stretches)) // folds - delay
-    longest = min(LONGEST_RESPONSE, longest) - order
+    longest = min(LONGEST_RESPONSE, longest, stretch.samples - delay) - order
     single = stretch.inputs.shape[1] == stretch.outputs.shape[1] == 1
     if not single or longest <= order or repetition_lag(stretch.input):
         return 0
