@@ -178,16 +178,14 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     is_heavy = evidence > LEAST_EVIDENCE
     longest = max(stretches, key=lambda stretch: stretch.samples)
     is_absolute = is_heavy and not any(_follow_input(longest, e) for e in left)
+    said = "Outliers do not call for the absolute objective."
+    if is_heavy:
+        said = "The large ones follow changes of the input: they are what a linear model misses."
+    if is_absolute:
+        said = "A few large ones stand out, and the absolute objective is used."
     sentence = (
         f"The residuals of ARX models are {'' if is_heavy else 'not '}likelier to have Laplace's"
-        " distribution than a normal one: "
-        + (
-            "a few large ones stand out, and the absolute objective is used."
-            if is_absolute
-            else "the large ones follow changes of the input: they are what a linear model misses."
-            if is_heavy
-            else "outliers do not call for the absolute objective."
-        )
+        f" distribution than a normal one. {said}"
     )
     objective = "absolute" if is_absolute else "quadratic"
     alternatives = tuple(Alternative(*item) for item in lowest.items())
