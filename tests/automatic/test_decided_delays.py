@@ -120,7 +120,7 @@ def test_a_delay_of_0_is_taken_only_where_it_is_the_likeliest():
     assert sum(likely for _, likely in decided) >= 2
 
 
-def test_delays_are_listedin_runs():
+def test_delays_are_listed_in_runs():
     assert in_runs((0, 3, 4, 5)) == "0, 3 to 5"
     assert in_runs(tuple(range(1, 20, 2))) == "10 from 1 to 19"
 

@@ -266,6 +266,7 @@ def test_signals_that_make_no_sense_are_refused():
         (np.ones((4, 400)), r"the output has the shape \(4, 400\); give samples in rows"),
         (np.ma.masked_less(np.arange(400.0), 3.0), 'output "output" must be finite'),
         (np.full(400, np.inf), 'output "output" must be finite'),
+        ([], "the output has no samples"),
     ],
 )
 def test_signals_that_are_no_samples_are_refused_in_one_sentence(call, output, says):

@@ -129,7 +129,11 @@ def test_all_optima_that_the_blocks_do_not_tell_from_the_lowest_are_descended_fr
         same = lowest.value * (1.0 + 1e-8), lowest.point
         between = 0.5 * (lowest.value + ends[0][0])
         assert lowest.value * (1.0 + 2e-6) < between
-        diagnostics = replace(lowest.diagnostics, restart_minima=(lowest.value, between))
+        diagnostics = replace(
+            lowest.diagnostics,
+            restart_minima=(lowest.value, between),
+            convergence=((1, between), (2, lowest.value), (3, between)),
+        )
         return replace(lowest, ends=(same, *ends), diagnostics=diagnostics)
 
     outcome = blocks.searched_in_blocks(PolynomialProblem(errors), search)
@@ -138,6 +142,8 @@ def test_all_optima_that_the_blocks_do_not_tell_from_the_lowest_are_descended_fr
     assert outcome.diagnostics.n_confirming == 0
     lowest = min(outcome.diagnostics.restart_minima)
     assert outcome.value == pytest.approx(lowest, rel=1e-9)
+    reached = [value for _, value in outcome.diagnostics.convergence]
+    assert reached == sorted(reached, reverse=True)
     assert errors.values(outcome.point[None, :])[0] == pytest.approx(outcome.value)
 
 

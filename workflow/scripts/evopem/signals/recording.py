@@ -253,6 +253,8 @@ def _samples(role: str, given: ArrayLike) -> Array:
         raise ValueError(f"{problem}; give another signal") from None
     if samples is None:
         raise ValueError(f"the {role} is complex; give its real part or another channel")
+    if not samples.size:
+        raise ValueError(f"the {role} has no samples")
     samples = samples.T if len(samples) == 1 else samples
     if samples.shape[1] > len(samples):
         remedy = "give samples in rows and channels in columns"

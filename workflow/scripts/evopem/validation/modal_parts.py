@@ -221,7 +221,10 @@ def outlasting_test(held_out: Sequence[HeldOut], estimation: Sequence[HeldOut]) 
 
 
 def _beside_finite(record: HeldOut) -> HeldOutContribution:
-    """The simulation, beside responses of :func:`_lags`, to an initial state, and a drift."""
+    """The simulation from rest, beside finite responses of :func:`_lags`, free responses and waves.
+
+    Free responses are those to an initial state, half waves those of a drift.
+    """
     first = record.first or unscored_samples(record.model, len(record.inputs))
     past = [
         delayed(record.inputs, [delay + lag for delay in record.model.delays])[first:]

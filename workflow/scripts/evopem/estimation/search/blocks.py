@@ -50,7 +50,8 @@ def searched_blocks(segments: Sequence[Segment]) -> tuple[Segment, ...]:
         firsts = places + np.maximum.accumulate(firsts - places)  # without overlap
         firsts = np.minimum(firsts, segment.samples - length - places[::-1])
         blocks += [segment.between(first, first + length) for first in firsts.tolist()]
-    return tuple(blocks) if 2 * total_samples(blocks) >= SEARCHED else ()
+    shortest = min(block.samples for block in blocks)
+    return tuple(blocks) if 2 * BLOCKS * shortest >= SEARCHED else ()
 
 
 def _power(segment: Segment) -> Array:
@@ -92,6 +93,7 @@ def searched_in_blocks(
     outcome = search(in_blocks, share)
     values, optima = _undecided(errors, outcome)
     starts = carried(np.array(optima), whole)
+    # Only an absolute objective has kinks, which the earlier stages smooth.
     stages = POLISH_STAGES[-1:] if whole.objective == "quadratic" else POLISH_STAGES
     ended = polish(whole, starts, max(values), stages, wait=None)
     best = int(np.argmin(ended.values))
@@ -111,7 +113,10 @@ def searched_in_blocks(
     of_search = outcome.diagnostics
     minima = tuple(map(on_whole, of_search.restart_minima))
     spent = of_search.evaluations + ended.evaluations
-    convergence = [(at, on_whole(lowest)) for at, lowest in of_search.convergence]
+    passed = np.minimum.accumulate([max(on_whole(at), value) for _, at in of_search.convergence])
+    convergence = [
+        (at, v) for (at, _), v in zip(of_search.convergence, passed.tolist(), strict=True)
+    ]
     diagnostics = replace(
         of_search,
         evaluations=spent,
