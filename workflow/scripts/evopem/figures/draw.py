@@ -281,7 +281,9 @@ def _legend(axes: Axes, panel: Panel, crowded: bool) -> None:
     if len(labels) < 2 and not panel.title and not panel.curves[0].band and not panel.marks:
         return
     if crowded and panel.title:
-        axes.legend(loc="best", fontsize=7.5)
+        # On paper of its own: where curves fill the panel, no place is free of them.
+        frame = {"frameon": True, "facecolor": PAPER, "edgecolor": "none"}
+        axes.legend(loc="best", fontsize=7.5, **frame)
         return
     columns = max(1, min(4, 90 // max(map(len, labels), default=1)) // (1 + crowded))
     if panel.title:
