@@ -8,6 +8,7 @@ from evopem.automatic.candidate_checks import feedback_probability
 from evopem.estimation.state_space.estimate import estimates_of_orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Recording, Segment
+from evopem.validation import model_class as module
 from evopem.validation.model_class import REPEATS, model_class
 from evopem.validation.responses import divided
 
@@ -323,3 +324,33 @@ def test_a_short_or_constant_record_is_not_judged():
     found = model_class([record])
     assert all(np.isnan(each.p_value) for each in (found.constant, found.linear))
     assert np.isnan([found.without_feedback.p_value, found.without_feedback.share]).all()
+
+
+@pytest.mark.parametrize("system", ["gain halved midway", "saturating"])
+def test_tests_in_blocks_are_those_of_all_samples_at_once(monkeypatch, system):
+    whole, dense = judged(system, "white", 0, 1), []
+
+    def at_once(stretch, output, regressors):
+        """The same by regressions of all rows together."""
+        beside, tested = regressors(stretch, output)(slice(None))
+        e, whitening = stretch.residuals[:, output], stretch.whitening[output]
+        columns = np.column_stack([np.ones(len(e)), *stretch.lost, beside, tested, e])
+        basis, e = np.split(module.filtered(columns, whitening), [-1], axis=1)
+        others, tested = np.split(basis, [-tested.shape[1]], axis=1)
+        dense.append(len(basis))
+        return (
+            *(module.left_by(others, signals) for signals in (e[:, 0], tested)),
+            *(basis.shape[1], len(basis)),
+        )
+
+    monkeypatch.setattr(module, "ROWS", 200)
+    in_blocks = judged(system, "white", 0, 1)
+    monkeypatch.setattr(module, "_left", at_once)
+    at_once_too = judged(system, "white", 0, 1)
+    assert min(dense) > 5 * module.ROWS
+    for one in ("constant", "linear", "without_feedback"):
+        expected = pytest.approx(getattr(at_once_too, one).p_value, rel=1e-6)
+        assert getattr(in_blocks, one).p_value == expected
+        assert getattr(whole, one).p_value == expected
+    np.testing.assert_equal(in_blocks.changed_at, at_once_too.changed_at)
+    assert in_blocks.powers == pytest.approx(at_once_too.powers)

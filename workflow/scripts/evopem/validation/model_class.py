@@ -6,7 +6,7 @@ What a wrong class leaves in the residuals is small at each lag but has a known 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Literal, Self
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import chdtrc
 
 from evopem.arrays import Array, Flags
-from evopem.estimation.pem.least_squares import autoregression
+from evopem.estimation.pem.least_squares import ROWS, autoregression, triangle_of
 from evopem.signals.spectra import REPEATS as REPEATED
 from evopem.signals.spectra import cross_correlation, repetition_lag
 from evopem.validation.held_out_tests import MOST_WHITENING, SIGNIFICANCE, filtered, left_by
@@ -107,9 +107,14 @@ class _Stretch:
     responses: Array
     inputs: Array
     direct: Flags  # (m,): whether an input acts on the same sample
-    lost: Array  # (N, lags): inputs, or outputs, of earlier samples
+    lost: Sequence[Array]  # (N, lags) each: inputs, or outputs, of earlier samples
     # Response to the squares and to the cubes of the inputs, (N, l) each
     of_powers: tuple[Array, ...]
+
+    @cached_property
+    def whitening(self) -> tuple[Array, ...]:
+        """Coefficients of the filter that makes the residuals of each output white."""
+        return tuple(autoregression(e - e.mean(), MOST_WHITENING) for e in self.residuals.T)
 
     @classmethod
     def of(cls, record: HeldOut) -> Self:
@@ -123,7 +128,7 @@ class _Stretch:
         if not model.inputs:
             past = np.vstack([outputs[:1], outputs[:-1]])
             return cls(
-                residuals[first:], past[first:], u[first:], direct, _lost(past.T)[first:], ()
+                *(residuals[first:], past[first:], u[first:], direct, _lost(past.T, first), ())
             )
         scaled = (u - u.mean(axis=0)) / np.maximum(np.std(u, axis=0), 1e-300)
         of_powers = tuple(
@@ -131,18 +136,20 @@ class _Stretch:
         )
         simulated = record.simulated_from_rest()
         late = [u[: len(u) - d, k] for k, d in enumerate(np.maximum(np.array(delays) - LAGS, 0))]
-        lost = _lost([np.pad(v, (len(u) - len(v), 0)) for v in late])[first:]
+        lost = _lost([np.pad(v, (len(u) - len(v), 0)) for v in late], first)
         return cls(residuals[first:], simulated[first:], u[first:], direct, lost, of_powers)
 
 
-Regressors = Callable[[_Stretch, int], tuple[Array, Array]]
-"""Of an output of a stretch: known regressors, and those that are tested."""
+Rows = Callable[[slice], tuple[Array, Array]]
+"""Of some samples: known regressors, and those that are tested."""
+Regressors = Callable[[_Stretch, int], Rows]
+"""Those of an output of a stretch."""
 
 
-def _lost(signals: Sequence[Array] | Array) -> Array:
-    """Signals at as many lags as a linear model may have lost, side by side."""
+def _lost(signals: Sequence[Array] | Array, first: int) -> Sequence[Array]:
+    """Signals at as many lags as a linear model may have lost, from a first sample on."""
     lags = max(min(LOST, len(signals[0]) // FEWEST_PER_LAG) // len(signals), 1)
-    return np.hstack([_lagged(signal, lags) for signal in signals])
+    return [_lagged(signal, lags)[first:] for signal in signals]
 
 
 def _lagged(signal: Array, lags: int = LAGS) -> Array:
@@ -151,52 +158,75 @@ def _lagged(signal: Array, lags: int = LAGS) -> Array:
     return np.lib.stride_tricks.sliding_window_view(centred, lags)[:, ::-1]
 
 
-def _changing(stretch: _Stretch, output: int) -> tuple[Array, Array]:
+def _changing(stretch: _Stretch, output: int) -> Rows:
     """The response at some lags, and its products with polynomials in time."""
-    lagged = _lagged(stretch.responses[:, output])
-    time = legvander(np.linspace(-1.0, 1.0, len(lagged)), DEGREE)[:, 1:]
-    products = lagged[:, :, None] * time[:, None, :]
-    return np.hstack([lagged, time]), products.reshape(len(lagged), -1)
+    every = _lagged(stretch.responses[:, output])
+    moments = np.linspace(-1.0, 1.0, len(every))
+
+    def rows(part: slice) -> tuple[Array, Array]:
+        lagged, time = every[part], legvander(moments[part], DEGREE)[:, 1:]
+        products = lagged[:, :, None] * time[:, None, :]
+        return np.hstack([lagged, time]), products.reshape(len(lagged), -1)
+
+    return rows
 
 
-def _waves(stretch: _Stretch, output: int, *, period: float | Array) -> tuple[Array, Array]:
+def _waves(stretch: _Stretch, output: int, *, period: float | Array) -> Rows:
     """The response at some lags, and its products with waves of one period, or of each of some."""
-    lagged = _lagged(stretch.responses[:, output])
-    turns = np.arange(len(lagged))[:, None] / np.atleast_1d(period)
-    waves = np.stack([np.cos(2.0 * np.pi * turns), np.sin(2.0 * np.pi * turns)], axis=2)
-    products = waves[:, :, :, None] * lagged[:, None, None, :]
-    return np.hstack([lagged, waves.reshape(len(lagged), -1)]), products.reshape(len(lagged), -1)
+    every = _lagged(stretch.responses[:, output])
+
+    def rows(part: slice) -> tuple[Array, Array]:
+        lagged = every[part]
+        turns = np.arange(len(every))[part, None] / np.atleast_1d(period)
+        waves = np.stack([np.cos(2.0 * np.pi * turns), np.sin(2.0 * np.pi * turns)], axis=2)
+        products = (waves[:, :, :, None] * lagged[:, None, None, :]).reshape(len(lagged), -1)
+        return np.hstack([lagged, waves.reshape(len(lagged), -1)]), products
+
+    return rows
 
 
-def _nonlinear(stretch: _Stretch, output: int) -> tuple[Array, Array]:
+def _nonlinear(stretch: _Stretch, output: int) -> Rows:
     """The response at some lags, and squares and cubes of it and of the inputs."""
     y = stretch.responses[:, output]
     y = (y - y.mean()) / max(float(np.std(y)), 1e-300)
-    of_inputs = [_lagged(of_power[:, output]) for of_power in stretch.of_powers]
-    return _lagged(y), np.hstack([_lagged(y**2), _lagged(y**3), *of_inputs])
+    lagged = [_lagged(v) for v in (y, y**2, y**3, *(of[:, output] for of in stretch.of_powers))]
+    return lambda part: (lagged[0][part], np.hstack([signal[part] for signal in lagged[1:]]))
 
 
-def _steps(stretch: _Stretch, output: int) -> tuple[Array, Array]:
+def _steps(stretch: _Stretch, output: int) -> Rows:
     """The response at some lags, and from each moment on alone."""
-    lagged, time = _changing(stretch, output)[0], np.arange(len(stretch.inputs))
+    changing, time = _changing(stretch, output), np.arange(len(stretch.inputs))
     moments = np.arange(1, MOMENTS + 1) / (MOMENTS + 1) * len(time)
-    later = time[:, None, None] >= moments[:, None]
-    return lagged, (lagged[:, None, :LAGS] * later).reshape(len(time), -1)
+
+    def rows(part: slice) -> tuple[Array, Array]:
+        lagged, later = changing(part)[0], time[part, None, None] >= moments[:, None]
+        return lagged, (lagged[:, None, :LAGS] * later).reshape(len(lagged), -1)
+
+    return rows
 
 
 def _left(
     stretch: _Stretch, output: int, regressors: Regressors
-) -> tuple[Array, Array, int] | None:
-    """Whitened residuals and tested regressors without the others, and how many there are."""
-    e = stretch.residuals[:, output]
-    beside, tested = regressors(stretch, output)
+) -> tuple[Array, Array, int, int] | None:
+    """Whitened residuals and tested regressors without the others, by the rows of a triangle that
+    has all products of theirs; how many regressors there are, and how many samples."""
+    e, whitening = stretch.residuals[:, output], stretch.whitening[output]
     if not np.ptp(e) > 0.0:
         return None
-    whitening, count = autoregression(e - e.mean(), MOST_WHITENING), tested.shape[1]
-    columns = np.column_stack([np.ones(len(e)), stretch.lost, beside, tested, e])
-    basis, e = np.split(filtered(columns, whitening), [-1], axis=1)
-    others, e = basis[:, :-count], e[:, 0]
-    return left_by(others, e), left_by(others, basis[:, -count:]), basis.shape[1]
+    rows, before = regressors(stretch, output), len(whitening) - 1
+
+    def columns(first: int, stop: int) -> Array:
+        part = slice(first, stop)
+        ones, lost = np.ones(len(e[part])), [lagged[part] for lagged in stretch.lost]
+        return filtered(np.column_stack([ones, *lost, *rows(part), e[part]]), whitening)
+
+    samples, count = len(e) - before, rows(slice(1))[1].shape[1]
+    triangle = triangle_of(
+        columns(first, first + ROWS + before) for first in range(0, samples, ROWS)
+    )
+    basis, left = triangle[:, :-1], triangle[:, -1]
+    others, tested = np.split(basis, [-count], axis=1)
+    return left_by(others, left), left_by(others, tested), basis.shape[1], samples
 
 
 def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> ResidualTest:
@@ -207,9 +237,8 @@ def _of_outputs(stretches: Sequence[_Stretch], regressors: Regressors) -> Residu
         for stretch in stretches:
             if (parts := _left(stretch, output, regressors)) is None:
                 continue
-            without, tested, columns = parts
-            count, rows = tested.shape[1], len(without)
-            left = left_by(tested, without)
+            without, tested, columns, rows = parts
+            count, left = tested.shape[1], left_by(tested, without)
             before, after = float(without @ without), float(left @ left)
             if len(stretch.inputs) < FEWEST_PER_REGRESSOR * count or not after > 1e-12 * before:
                 continue
@@ -239,19 +268,21 @@ def _change(stretches: Sequence[_Stretch]) -> tuple[ResidualTest, Regressors, fl
     return replace(comes_back, p_value=min(2.0 * p_value, 1.0)), waves, period
 
 
-def _later(stretch: _Stretch, _: int) -> tuple[Array, Array]:
+def _later(stretch: _Stretch, _: int) -> Rows:
     """Nothing, and the inputs at the same sample and at later ones."""
     later = [_lagged(u, LATER + 1)[::-1] for u in stretch.inputs[::-1].T]
-    return stretch.inputs[:, :0], np.hstack(later)
+    return lambda part: (stretch.inputs[part, :0], np.hstack([u[part] for u in later]))
 
 
 def _following(stretches: Sequence[_Stretch], tests: ModelClass, changing: Regressors) -> Followed:
     """What is not found beside another: of change and nonlinearity the less likely of both."""
 
     def beside(tested: Regressors, known: Regressors) -> ResidualTest:
-        return _of_outputs(
-            stretches, lambda s, k: (np.hstack([tested(s, k)[0], *known(s, k)]), tested(s, k)[1])
-        )
+        def both(stretch: _Stretch, output: int) -> Rows:
+            of, others = tested(stretch, output), known(stretch, output)
+            return lambda part: (np.hstack([of(part)[0], *others(part)]), of(part)[1])
+
+        return _of_outputs(stretches, both)
 
     both = (changing, tests.constant), (_nonlinear, tests.linear)
     failed = [regressors for regressors, test in both if not test.passed]
@@ -274,7 +305,7 @@ def _alone(stretches: Sequence[_Stretch], regressors: Regressors, size: int = LA
         for stretch in stretches:
             if (parts := _left(stretch, output, regressors)) is None:
                 continue
-            e, tested, _ = parts
+            e, tested, *_ = parts
             groups = np.split(tested, tested.shape[1] // size, axis=1)
             explained = explained + [e @ e - np.sum(left_by(group, e) ** 2) for group in groups]
             total += float(e @ e)

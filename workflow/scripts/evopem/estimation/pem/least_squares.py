@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from evopem.arrays import Array
 
 CHUNK = 8192
-# Rows of the lags of an autoregression, of up to 50, that are reduced at a time.
-ROWS = 2**17
+# Rows of up to 200 columns that are reduced at a time: they stay in the cache of a processor.
+ROWS = 2**11
 
 
 def chunks(start: int, stop: int) -> Iterator[tuple[int, int]]:
