@@ -14,7 +14,7 @@ from evopem.automatic.cross_validation.simulation import (
     simulated,
 )
 from evopem.automatic.cross_validation.stretches import folds_of
-from evopem.automatic.fit import fit
+from evopem.automatic.fit import fit, likeliest_arx
 from evopem.config.structures import ORDER_NAMES
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.orders import Orders
@@ -124,3 +124,32 @@ def test_what_a_resting_input_cannot_tell_stays_small():
     model = fit([whole], orders).model
     resting = fit([whole.between(110, 200)], orders, models=[model], own_starts=False).model
     assert max(np.abs(resting.B[0]).max(), abs(resting.level)) < 10.0
+
+
+def test_the_likeliest_arx_model_is_that_of_one_regression_for_each_order():
+    generator, first, stretches = np.random.default_rng(2), 6, []
+    for recording, samples in enumerate((900, 9000)):  # the second in two blocks of rows
+        u, e = generator.standard_normal((samples, 2)), generator.standard_normal(samples)
+        y = lfilter([1.0], [1.0, -1.5, 0.7], u[:, 0] + 0.5 * e) + 3.0 * recording
+        stretches.append(Segment(u, y, recording))
+    fits = []
+    for order in range(1, 6):
+        rows = [
+            np.r_[
+                -stretch.output[t - order : t][::-1],
+                stretch.inputs[t - order : t + 1][::-1].ravel(),
+                *(stretch.recording == r for r in range(2)),
+            ]
+            for stretch in stretches
+            for t in range(first, stretch.samples)
+        ]
+        target = np.concatenate([stretch.output[first:] for stretch in stretches])
+        found = np.linalg.lstsq(np.array(rows), target)[0]
+        e = target - rows @ found
+        bic = len(e) * np.log(e @ e / len(e)) + len(found) * np.log(len(e))
+        fits.append((bic, e, found[:order]))
+    bic, e, a = min(fits, key=lambda each: each[0])
+    likeliest = likeliest_arx(stretches, range(1, 6), first)
+    assert likeliest.bic == pytest.approx(bic, rel=1e-12)
+    assert likeliest.model.A[1:] == pytest.approx(a, rel=1e-9)
+    assert likeliest.residuals == pytest.approx(e, abs=1e-9)

@@ -13,6 +13,7 @@ from evopem.config.structures import REGULARISED
 from evopem.errors import NoModelError
 from evopem.estimation import criteria
 from evopem.estimation.impulse_response import posterior
+from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
 from evopem.estimation.search.staged_descent import DescentStage
@@ -135,30 +136,46 @@ def likeliest_arx(
 
     With a level for each recording, or without.
     """
-    models = (_arx(stretches, order, first, levels) for order in orders)
-    known = [model for model in models if model is not None]
-    return min(known, key=lambda model: model.bic, default=None)
-
-
-def _arx(stretches: Sequence[Segment], order: int, first: int, levels: bool) -> ArxFit | None:
-    rows, targets = [], []
+    long = [stretch for stretch in stretches if stretch.samples > first]
     recordings = sorted({stretch.recording for stretch in stretches}) if levels else []
-    for stretch in (long for long in stretches if long.samples > first):
-        u, y, n = stretch.inputs, stretch.output, stretch.samples
-        columns = [-y[first - i : n - i] for i in range(1, order + 1)]
-        columns += [u[first - i : n - i] for i in range(order + 1)]
-        columns += [np.full(n - first, float(stretch.recording == r)) for r in recordings]
-        rows.append(np.column_stack(columns))
-        targets.append(y[first:])
-    count = sum(map(len, targets))
-    if not rows or count <= 2 * rows[0].shape[1]:
+    count = sum(stretch.samples - first for stretch in long)
+    parts = [(s, *part) for s in long for part in chunks(first, s.samples)]
+    # The columns of lower orders are among those of the highest: one triangle serves all.
+    most, m = max(orders, default=0), stretches[0].inputs.shape[1]
+    triangle = triangle_of(_arx_rows(*part, most, recordings) for part in parts)
+    best = None
+    for order in orders:
+        delayed = range(most, most + (order + 1) * m)
+        of_levels = range(most + (most + 1) * m, most + (most + 1) * m + len(recordings))
+        chosen = [*range(order), *delayed, *of_levels]
+        if not long or count <= 2 * len(chosen):
+            continue
+        columns, target = triangle[:, chosen], triangle[:, -1]
+        point = np.linalg.lstsq(columns, target, rcond=count * np.finfo(float).eps)[0]
+        left = target - columns @ point
+        mean_square = max(float(left @ left) / count, np.finfo(float).tiny)
+        bic = count * float(np.log(mean_square)) + len(point) * float(np.log(count))
+        if best is None or bic < best[0]:
+            best = bic, order, point
+    if best is None:
         return None
-    regressors, target = np.concatenate(rows), np.concatenate(targets)
-    point: Array = np.linalg.lstsq(regressors, target, rcond=None)[0].astype(float)
-    e = target - regressors @ point
-    mean_square = max(float(e @ e) / count, np.finfo(float).tiny)
-    bic = count * float(np.log(mean_square)) + len(point) * float(np.log(count))
-    a, unit, m = np.concatenate([[1.0], point[:order]]), np.ones(1), stretches[0].inputs.shape[1]
+    bic, order, point = best
+    residuals = []
+    for part in parts:
+        rows = _arx_rows(*part, order, recordings)
+        residuals.append(rows[:, -1] - rows[:, :-1] @ point)
+    a, unit = np.concatenate([[1.0], point[:order]]), np.ones(1)
     b = point[order : order + (order + 1) * m].reshape(order + 1, m)
     model = PolynomialModel(a, tuple(np.ascontiguousarray(b.T)), unit, unit, (unit,) * m, (0,) * m)
-    return ArxFit(bic, model, e)
+    return ArxFit(bic, model, np.concatenate(residuals))
+
+
+def _arx_rows(
+    stretch: Segment, first: int, stop: int, order: int, recordings: Sequence[int]
+) -> Array:
+    """Regressors and output of some samples, (stop - first, columns)."""
+    u, y = stretch.inputs, stretch.output
+    past = [-y[first - i : stop - i] for i in range(1, order + 1)]
+    given = [u[first - i : stop - i] for i in range(order + 1)]
+    of_levels = [np.full(stop - first, float(stretch.recording == r)) for r in recordings]
+    return np.column_stack([*past, *given, *of_levels, y[first:stop]])

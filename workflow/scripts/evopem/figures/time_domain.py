@@ -163,7 +163,8 @@ def record(results: DatasetResults) -> Chart:
     channels = [*(("input", u) for u in results.inputs), *(("output", y) for y in results.outputs)]
     half = MOST_CHANNELS // 2
     start = float(table.loc[table["stage"] == "validation", "time_s"].min())
-    stages = [stage for stage in RECORD_STAGES if stage[0] in set(table["stage"])]
+    drawn = set(table["stage"].unique())
+    stages = [stage for stage in RECORD_STAGES if stage[0] in drawn]
     marks = (Mark(start, "", "error"),) if math.isfinite(start) else ()
     panels: list[Panel] = []
     for kind, channel in [*channels[:half], *channels[half:][-half:]]:

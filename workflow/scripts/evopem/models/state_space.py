@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike
 
 from evopem.arrays import Array, Complex, columns
@@ -183,11 +184,13 @@ class StateSpaceModel:
             raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
         _, y = self._signals(inputs, outputs)
         e = self.residuals(inputs, outputs, initial)
-        predicted = y - e
-        response = self.C
-        for lag in range(1, min(horizon, len(y))):
-            predicted[lag:] -= e[:-lag] @ (response @ self.K).T
+        predicted, response, responses = y - e, self.C, []
+        for _ in range(1, min(horizon, len(y))):
+            responses.append(response @ self.K)
             response = response @ self.A
+        for k, of_output in enumerate(np.stack(responses, axis=1) if responses else ()):
+            passed = scipy.signal.oaconvolve(e[:-1], of_output, axes=0)[: len(y) - 1]
+            predicted[1:, k] -= passed.sum(axis=1)
         return predicted
 
     def prediction_state(self, inputs: ArrayLike, outputs: ArrayLike) -> Array:

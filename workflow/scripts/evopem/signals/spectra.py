@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Complex
@@ -307,8 +308,9 @@ def overlapping_correlation(signal: Array) -> Array:
     x = signal - signal.mean()
     if longest < 2 or not np.ptp(x) > 0.0:
         return np.zeros(1)
-    spectrum = np.fft.rfft(x, 2 * n)
-    products = np.fft.irfft(np.abs(spectrum) ** 2, 2 * n)[: longest + 1]
+    length = scipy.fft.next_fast_len(2 * n, real=True)
+    spectrum = np.fft.rfft(x, length)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, length)[: longest + 1]
     power = np.concatenate([[0.0], np.cumsum(x**2)])
     lags = np.arange(longest + 1)
     scale = np.sqrt(power[n - lags] * (power[n] - power[lags]))

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.typing import ArrayLike
 from scipy.special import chdtrc
 
@@ -266,7 +267,7 @@ def correlation_with_input(
     e, u = apart(e, bounds, lags), apart(u, bounds, lags)
     correlation = signals.cross_correlation(e, u, lags)
     # Parseval: the mean of the product of spectra is the sum of products of covariances.
-    length = 2 * e.size
+    length = scipy.fft.next_fast_len(2 * e.size)
     power_e = np.abs(np.fft.fft(e - e.mean(), length)) ** 2
     power_u = np.abs(np.fft.fft(u - u.mean(), length)) ** 2
     variance = np.mean(power_e * power_u) / (np.mean(power_e) * np.mean(power_u))
