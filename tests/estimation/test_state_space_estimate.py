@@ -546,6 +546,9 @@ def test_a_sweep_never_rises_with_the_order_by_much_and_finds_the_true_one():
     truth = system()
     u, y, _ = recorded(truth, 300, 0.3, 6)
     estimates = list(estimates_of_orders(record_of(u, y), range(2, 6)))
+    assert all(estimate.model.covariance is not None for estimate in estimates)
+    (bare,) = estimates_of_orders(record_of(u, y), [2], covariances=False)
+    assert bare.model.covariance is None
     assert min(estimates, key=lambda each: each.bic).model.order == 4
     objectives = [estimate.objective for estimate in estimates]
     assert all(later <= earlier * 1.001 for earlier, later in pairwise(objectives))

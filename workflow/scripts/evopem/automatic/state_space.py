@@ -88,6 +88,7 @@ def fits_in_state_space(
         width=LARGE_WIDTH if quick else WIDTH if is_one else FINAL_WIDTH,
         steps=LARGE_STEPS if quick else STEPS,
         starts=starts,
+        covariances=False,
         log=log,
     )
     first = max(delays, default=0)

@@ -169,6 +169,7 @@ def estimates_of_orders(
     width: int = FINAL_WIDTH,
     steps: int = STEPS,
     starts: Mapping[int, StateSpaceModel] = NO_MODELS,
+    covariances: bool = True,
     log: Log | None = None,
 ) -> Iterator[StateSpaceEstimate]:
     """Cheap estimates of several orders, each from estimates and from its neighbours.
@@ -186,13 +187,16 @@ def estimates_of_orders(
         slowly, and nothing depends on their last digits.
     starts : mapping
         Models of any form by their order, which are descended from as well.
+    covariances : bool
+        Whether models have them: with many channels they take as long as the rest.
     """
     options = {"level": level, "weighting": weighting, "settings": settings or QUADRATIC}
-    task = StateSpaceTask.of(recording, structure, delays, forgets=forgets, **options)
+    options |= {"forgets": forgets, "covariances": covariances}
+    task = StateSpaceTask.of(recording, structure, delays, **options)
     if structure != "ss_bj":
         yield from plain_estimates(recording, orders, task, width, steps, starts, log)
         return
-    plants = replace(task, structure="ss_oe", weighting=PLANT_WEIGHTING)
+    plants = replace(task, structure="ss_oe", weighting=PLANT_WEIGHTING, covariances=False)
     given = recording, orders, plants, min(width, WIDTH), steps, starts, log
     for plant in plain_estimates(*given):
         try:
@@ -215,6 +219,7 @@ def noise_models(
     plant: StateSpaceModel,
     recording: Recording,
     settings: SearchSettings,
+    covariances: bool = True,
 ) -> list[StateSpaceModel | None]:
     """Noise models for the residuals of a plant, the lowest BIC first; None for white ones."""
     lost = max(plant.input_delays, default=0)
@@ -229,8 +234,8 @@ def noise_models(
     ).with_segments([Segment(e[:, :0], e, number) for number, e in enumerate(residuals)])
     models: list[StateSpaceModel | None] = [None]
     criteria, rises = [log_loss(joined, settings.objective)], 0
-    given = alone, noise_orders(recording), StateSpaceTask(settings=settings), WIDTH
-    for estimate in plain_estimates(*given):
+    task = StateSpaceTask(settings=settings, covariances=covariances)
+    for estimate in plain_estimates(alone, noise_orders(recording), task, WIDTH):
         rises = 0 if estimate.bic < min(criteria) else rises + 1
         models.append(estimate.model)
         criteria.append(estimate.bic)
@@ -258,7 +263,8 @@ def estimate_beside(
     With less of its gain, else the next likely one, where no descent ends at a stable model.
     ValueError when the recording is too short, or that is so of each of them.
     """
-    for noise, share in product(noise_models(plant, recording, task.settings), GAIN_SHARES):
+    models = noise_models(plant, recording, task.settings, covariances=False)
+    for noise, share in product(models, GAIN_SHARES):
         start = _beside_noise(plant, noise)
         start = replace(start, K=share * start.K, structure="ss", covariance=None)
         with suppress(NoModelError):

@@ -64,6 +64,7 @@ class StateSpaceTask:
     settings: SearchSettings = QUADRATIC
     drift_period: float | None = None
     forgets: bool = False  # as of StateSpaceErrors
+    covariances: bool = True  # of estimates, which comparisons need none of
 
     def __post_init__(self) -> None:
         check_search_settings(self.settings)
@@ -197,7 +198,7 @@ def plain_estimates(
         errors, lost = task.errors(recording, orders[-1]), 0
         for problem, result in swept(errors, orders, task.settings, width, log, steps, starts):
             try:
-                estimate = described(problem, result)
+                estimate = described(problem, result, task.covariances)
             except LostModelError:
                 lost += 1
                 if lost == MOST_LOST:
@@ -215,7 +216,8 @@ def descend_from(
     ValueError when the recording is too short, or the descent ends at no stable model.
     """
     with one_blas_thread():
-        return described(*_descended_from(model, recording, task, POLISH_STEPS, POLISH_TOLERANCE))
+        reached = _descended_from(model, recording, task, POLISH_STEPS, POLISH_TOLERANCE)
+        return described(*reached, task.covariances)
 
 
 def refitted(
@@ -249,11 +251,13 @@ def _descended_from(
 
 
 def described(
-    problem: StateSpaceProblem | EntryProblem, result: SearchResult
+    problem: StateSpaceProblem | EntryProblem, result: SearchResult, covariance: bool = True
 ) -> StateSpaceEstimate:
-    """The model at a search's best point, with criteria, residuals and covariance."""
+    """The model at a search's best point, with criteria, residuals and, if asked, covariance."""
     scaled = problem.scaled(result.point)
-    model = replace(scaled.model(), covariance=problem.covariance(result.point))
+    model = scaled.model()
+    if covariance:
+        model = replace(model, covariance=problem.covariance(result.point))
     radius = float(np.abs(np.concatenate([model.poles(), model.noise_zeros()])).max())
     levels = scaled.levels()
     _check(problem.plain, scaled, replace(model, level=levels[0]))
