@@ -9,6 +9,9 @@ from evopem.models.polynomial import PolynomialModel
 from evopem.models.response_tables import (
     NORMAL_95,
     frequency_response_table,
+    response_interval,
+    response_slopes,
+    response_standard_errors,
     time_response_table,
 )
 from evopem.models.state_space import StateSpaceModel
@@ -98,3 +101,43 @@ def test_the_noise_responds_to_unit_innovations():
     for samples in (1, 2, 10):
         found = model.noise_impulse_response(samples)
         np.testing.assert_allclose(found, expected[:samples], atol=1e-14)
+
+
+def of_two_inputs_and_outputs():
+    generator = np.random.default_rng(3)
+    A = np.array([[0.7, 0.4, 0.0], [-0.4, 0.7, 0.1], [0.0, 0.2, 0.5]])
+    parts = [generator.standard_normal(shape) for shape in ((3, 2), (2, 3), (2, 2))]
+    K = 0.1 * generator.standard_normal((3, 2))
+    model = StateSpaceModel(A, *parts, K, 100.0, np.zeros(2), np.eye(2), input_delays=(0, 2))
+    entries = model.parameters.size
+    factor = 1e-4 * generator.standard_normal((entries, entries + 3))
+    return replace(model, covariance=ParameterCovariance(factor, np.zeros((entries, 0))))
+
+
+def test_bands_in_time_are_those_of_central_differences():
+    model = of_two_inputs_and_outputs()
+    table = time_response_table(model, ("u1", "u2"), ("y1", "y2"), model)
+    samples = len(table["time_s"]) // 4
+    for name, response in (
+        ("impulse", lambda some: some.impulse_response(samples)),
+        ("step", lambda some: some.step_response(samples)),
+        ("noise_impulse", lambda some: some.noise_impulse_response(samples)),
+    ):
+        half = (table[f"{name}_upper"] - table[name]).reshape(2, 2, samples).transpose(2, 0, 1)
+        expected = NORMAL_95 * response_standard_errors(model, response)
+        if name == "noise_impulse":
+            expected = np.einsum("tii->ti", expected)[:, :, None] * np.ones(2)
+        np.testing.assert_allclose(half, expected, rtol=1e-6, atol=1e-12)
+
+
+def test_bands_in_frequency_are_those_of_all_outputs_together():
+    model, frequencies = of_two_inputs_and_outputs(), np.linspace(1.0, 49.0, 7)
+    for noise in (False, True):
+        _, _, phases = response_interval(model, frequencies, noise)
+        response = model.noise_response(frequencies) if noise else None
+        response = model.frequency_response(frequencies) if response is None else response
+        response = np.einsum("tii->ti", response)[..., None] if noise else response
+        slopes = response_slopes(model, frequencies, noise) / response[..., None]
+        rows = slopes.imag.reshape(-1, slopes.shape[-1])
+        expected = model.covariance.standard_errors(rows).reshape(phases.shape)
+        np.testing.assert_allclose(phases, expected, rtol=1e-10)

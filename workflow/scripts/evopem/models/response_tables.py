@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from evopem.arrays import Array, Complex
 from evopem.models.modes import Mode
-from evopem.models.parameter_covariance import NORMAL_95
+from evopem.models.parameter_covariance import NORMAL_95, ParameterCovariance
 from evopem.models.polynomial import Model, state_space_of
 from evopem.models.state_space import StateSpaceModel
+from evopem.models.states import delayed, powers_times
 
 Column = list[float] | list[str] | list[int] | Array
 
@@ -86,15 +87,16 @@ def response_interval(
     gain, errors = np.abs(response), np.full((2, *response.shape), np.nan)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         form = state_space_of(model)
-        if form.covariance is not None:
+        for place in range(form.outputs if form.covariance is not None else 0):
+            part, covariance = _of_output(form, place)
             # In blocks: of many states and channels all derivatives would not fit into memory.
-            size = max(1, BLOCK // (response[:1].size * len(form.covariance) or 1))
+            size = max(1, BLOCK // (response[0, 0].size * len(covariance) or 1))
             for first in range(0, len(frequencies), size):
                 block = slice(first, first + size)
-                slopes = response_slopes(form, frequencies[block], noise)
-                rows = (slopes / response[block, ..., None]).reshape(-1, slopes.shape[-1])
-                errors[:, block] = [
-                    form.covariance.standard_errors(gradient).reshape(gain[block].shape)
+                slopes = response_slopes(part, frequencies[block], noise)[:, 0]
+                rows = (slopes / response[block, place, :, None]).reshape(-1, slopes.shape[-1])
+                errors[:, block, place] = [
+                    covariance.standard_errors(gradient).reshape(gain[block, place].shape)
                     for gradient in (rows.real, rows.imag)
                 ]
         if rivals:
@@ -105,6 +107,20 @@ def response_interval(
         errors[~np.isfinite(errors)] = np.nan
         factor = np.exp(NORMAL_95 * errors[0])
         return gain / factor, gain * factor, errors[1]
+
+
+def _of_output(model: StateSpaceModel, place: int) -> tuple[StateSpaceModel, ParameterCovariance]:
+    """The model of one output, from the inputs and its own innovations, and its covariance."""
+    assert model.covariance is not None
+    output = slice(place, place + 1)
+
+    def part(of: StateSpaceModel) -> StateSpaceModel:
+        parts = of.A, of.B, of.C[output], of.D[output], of.K[:, output]
+        noise = of.noise_covariance[output, output]
+        return StateSpaceModel(*parts, of.sampling_rate, of.level[output], noise, of.input_delays)
+
+    numbered = part(model.with_parameters(np.arange(len(model.covariance), dtype=float)))
+    return part(model), model.covariance.part(numbered.parameters.astype(np.intp))
 
 
 def response_slopes(model: StateSpaceModel, frequencies: Array, noise: bool) -> Complex:
@@ -135,6 +151,46 @@ def response_slopes(model: StateSpaceModel, frequencies: Array, noise: bool) -> 
                 slopes[:, i, column, of_direct + i * nu + j] = 1.0
     delays = np.zeros(1) if noise else np.array(model.delays)
     return slopes * (z[:, None] ** -delays)[:, None, :, None]
+
+
+def impulse_slopes(model: StateSpaceModel, samples: int, source: int | None = None) -> Array:
+    """Derivatives of the impulse response of one output by all entries but the level.
+
+    From an input, or from its innovations, ``h_(t+1) = C A^t b``; (samples, entries).  Those by A
+    are convolutions, ``sum_s C A^s dA A^(t-1-s) b``.
+    """
+    n, nu = model.order, model.inputs
+    b = model.K if source is None else model.B[:, [source]]
+    left, right = (
+        powers_times(*parts, samples)[..., 0] for parts in ((model.A.T, model.C.T), (model.A, b))
+    )
+    slopes = np.zeros((samples, n * n + n * nu + n + nu + n))
+    spectra = np.fft.rfft(right, 2 * samples, axis=0)
+    for row, spectrum in enumerate(np.fft.rfft(left, 2 * samples, axis=0).T):
+        products = np.fft.irfft(spectrum[:, None] * spectra, 2 * samples, axis=0)
+        slopes[2:, row * n : (row + 1) * n] = products[: samples - 2]
+    of_output = n * n + n * nu
+    slopes[1:, of_output : of_output + n] = right[:-1]
+    if source is None:
+        slopes[1:, of_output + n + nu :] = left[:-1]
+        return slopes
+    slopes[1:, n * n + source : of_output : nu] = left[:-1]
+    slopes[0, of_output + n + source] = 1.0
+    return delayed(slopes, [model.delays[source]] * slopes.shape[1])
+
+
+def _impulse_errors(model: StateSpaceModel, samples: int, noise: bool) -> Array:
+    """Standard errors of impulse and step responses, or of the noise filter's impulse responses."""
+    sources = [None] if noise else range(model.inputs)
+    errors = np.zeros((2 - noise, samples, model.outputs, len(sources)))
+    for place in range(model.outputs):
+        part, covariance = _of_output(model, place)
+        for column, source in enumerate(sources):
+            slopes = impulse_slopes(part, samples, source)
+            for of_kind in errors[:, :, place, column]:
+                of_kind[:] = covariance.standard_errors(slopes)
+                slopes = np.cumsum(slopes, axis=0)
+    return errors
 
 
 def response_standard_errors(model: Model, response: Callable[[Any], Array]) -> Array:
@@ -299,7 +355,10 @@ def time_response_table(
         values = response(of_part)
         errors = np.full(values.shape, np.nan)
         if of_part.covariance is not None and values.size:
-            errors = response_standard_errors(of_part, response)
+            if isinstance(of_part, StateSpaceModel):
+                errors = _impulse_errors(of_part, samples, response is of_noise)
+            else:
+                errors = response_standard_errors(of_part, response)
             if rivals and response is of_plant:
                 responses = np.array([response(rival) for rival in rivals])
                 errors = np.sqrt(errors**2 + np.mean((responses - responses[0]) ** 2, axis=0))

@@ -15,7 +15,7 @@ from evopem.config.settings import Hold
 from evopem.models.continuous import ContinuousModel, continuous_of
 from evopem.models.modes import Mode, state_space_modes
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.models.states import delayed, fitted, probable, states_of
+from evopem.models.states import delayed, fitted, powers_times, probable, states_of
 
 StateSpaceStructure = Literal["ss", "ss_oe", "ss_oe_drift", "ss_bj"]
 PlainStructure = Literal["ss", "ss_oe"]
@@ -283,9 +283,7 @@ class StateSpaceModel:
 
     def noise_impulse_response(self, samples: int) -> Array:
         """Responses of the outputs to unit innovations at sample 0, (samples, ny, ny)."""
-        states, power = self.K[None], self.A  # A^k K, twice as many at a time
-        while len(states) < samples - 1:
-            states, power = np.concatenate([states, power @ states]), power @ power
+        states = powers_times(self.A, self.K, max(samples - 1, 1))
         return np.concatenate([np.eye(self.outputs)[None], self.C @ states])[:samples]
 
     def step_response(self, samples: int) -> Array:

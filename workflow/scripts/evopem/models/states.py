@@ -105,6 +105,14 @@ def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array
     return states[:samples]
 
 
+def powers_times(matrix: Array, columns: Array, count: int) -> Array:
+    """``matrix^k columns`` of (n, n) and (n, m), k = 0 … count - 1: (count, n, m)."""
+    products, power = columns[None], matrix  # twice as many at a time
+    while len(products) < count:
+        products, power = np.concatenate([products, power @ products]), power @ power
+    return products[:count]
+
+
 def delayed(signals: Array, delays: Sequence[int]) -> Array:
     """Columns later by some samples each; 0 before the record."""
     later = np.zeros_like(signals)
