@@ -29,8 +29,9 @@ def test_against_the_definition(samples, lags, seed):
 
 def test_against_statsmodels():
     acf = pytest.importorskip("statsmodels.tsa.stattools").acf
-    x = np.random.default_rng(0).standard_normal(500)
-    np.testing.assert_allclose(autocorrelation(x, 100), acf(x, nlags=100), atol=1e-12)
+    signals = np.random.default_rng(0).standard_normal((2, 500))
+    expected = [acf(x, nlags=100) for x in signals]
+    np.testing.assert_allclose(autocorrelation(signals, 100), expected, atol=1e-12)
 
 
 def test_a_delayed_copy_peaks_at_its_delay():

@@ -267,9 +267,19 @@ REPEATS, HAS_CHANGED = 0.95, 0.5
 LONGEST_LAG = 2.0 / 3.0
 
 
-def autocorrelation(signal: Array, lags: int) -> Array:
-    """Biased sample autocorrelation at lags 0 … `lags` < N (Ljung 1999, section 6.1)."""
-    return cross_correlation(signal, signal, lags)[lags:]
+def autocorrelation(signals: Array, lags: int) -> Array:
+    """Biased sample autocorrelation at lags 0 … `lags` < N of (..., N) signals, (..., lags + 1).
+
+    As Ljung (1999, section 6.1) has it; InputError where a signal is constant.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    centred = signals - signals.mean(axis=-1, keepdims=True)
+    length = next_fast_len(signals.shape[-1] + lags, real=True)
+    products = irfft(np.abs(rfft(centred, length)) ** 2, length)[..., : lags + 1]
+    if not products[..., 0].all():
+        raise InputError("correlation", "a signal is constant", "give signals that vary")
+    return np.asarray(products / products[..., :1])
 
 
 def cross_correlation(first: Array, second: Array, lags: int) -> Array:

@@ -165,12 +165,8 @@ def fit_effects(
     for column in covariance.factor.T:
         with np.errstate(all="ignore"):
             up, down = (residuals_after(sign * STEP * column) for sign in (1.0, -1.0))
-            moved = [
-                autocorrelation_of(above, lags, bounds).values[1:]
-                - autocorrelation_of(below, lags, bounds).values[1:]
-                for above, below in zip(up.T, down.T, strict=True)
-            ]
-        effects.append(math.sqrt(len(up)) / (2.0 * STEP) * np.array(moved))
+            moved = _autocorrelations(up, lags, bounds) - _autocorrelations(down, lags, bounds)
+        effects.append(math.sqrt(len(up)) / (2.0 * STEP) * moved[:, 1:])
     if not effects:
         return np.zeros((residuals_after(np.zeros(len(covariance))).shape[1], 0, lags))
     return np.stack(effects, axis=1)
@@ -207,16 +203,27 @@ class ResidualCorrelation:
 
 
 def apart(signal: Array, bounds: Sequence[int], lags: int) -> Array:
-    """A signal of several recordings, (N,), with its mean, once for each lag, between them.
+    """Signals of several recordings, (..., N), with their mean, once for each lag, between them.
 
     Without that mean, products of samples up to ``lags`` apart are those within the recordings.
     ``bounds``: first sample of each recording, and N; none for one recording.
     """
     if len(bounds) <= 2:
         return signal
-    gap = np.full(lags, signal.mean())
-    parts = [(signal[first:stop], gap) for first, stop in pairwise(bounds)]
-    return np.concatenate([value for part in parts for value in part][:-1])
+    gap = np.repeat(signal.mean(axis=-1, keepdims=True), lags, axis=-1)
+    parts = [(signal[..., first:stop], gap) for first, stop in pairwise(bounds)]
+    return np.concatenate([value for part in parts for value in part][:-1], axis=-1)
+
+
+def _autocorrelations(residuals: Array, lags: int, bounds: Sequence[int]) -> Array:
+    """Those of (N, l) residuals, (l, lags + 1); NaN of a column that does not vary."""
+    lags = min(lags, len(residuals) - 1)
+    correlations = np.full((residuals.shape[1], lags + 1), np.nan)
+    # A model that leaves nothing at all has no residuals to correlate.
+    varying = np.ptp(residuals, axis=0) > 0
+    series = apart(residuals[:, varying].T, bounds, lags)
+    correlations[varying] = signals.autocorrelation(series, lags)
+    return correlations
 
 
 def autocorrelation_of(
@@ -227,14 +234,10 @@ def autocorrelation_of(
     The 95 % bound of a white sequence is 1.96/√N, 0 at lag 0 (Ljung 1999, section 16.6).
     """
     e = np.asarray(residuals, dtype=float)
-    lags = min(lags, e.size - 1)
-    # A model that leaves nothing at all has no residuals to correlate.
-    correlation = np.full(lags + 1, np.nan)
-    if np.ptp(e) > 0:
-        correlation = signals.autocorrelation(apart(e, bounds, lags), lags)
-    bound = np.full(lags + 1, NORMAL_95 / math.sqrt(e.size))
+    correlation = _autocorrelations(e[:, None], lags, bounds)[0]
+    bound = np.full(correlation.size, NORMAL_95 / math.sqrt(e.size))
     bound[0] = 0.0
-    return ResidualCorrelation(np.arange(lags + 1), correlation, bound)
+    return ResidualCorrelation(np.arange(correlation.size), correlation, bound)
 
 
 def ljung_box_lags(samples: int, parameters: int, largest: int) -> int:
