@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.estimation.pem import least_squares
-from evopem.estimation.pem.least_squares import autoregression
+from evopem.signals import least_squares
+from evopem.signals.least_squares import autoregression
 
 
 def test_a_resonance_is_found():

@@ -13,12 +13,12 @@ from evopem.config.structures import REGULARISED
 from evopem.errors import NoModelError
 from evopem.estimation import criteria
 from evopem.estimation.impulse_response import posterior
-from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.search.polynomial_problem import SWEEP_STAGES, PolynomialProblem
 from evopem.estimation.search.staged_descent import DescentStage
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel, model_of
+from evopem.signals.least_squares import chunks, triangle_of
 from evopem.signals.recording import Segment
 
 # Poles as slow as this act as integrators in any record; closer to the circle nothing changes.  In

@@ -12,9 +12,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from evopem.arrays import Array
 from evopem.blas_threads import one_blas_thread
 from evopem.estimation.impulse_response import LAGS, PAST, delay_evidence
-from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
+from evopem.signals.least_squares import chunks, triangle_of
 from evopem.signals.recording import Recording, Segment, total_samples
 
 # Orders of the ARX models.  A disturbance at the output needs many lags in an ARX model; with few

@@ -16,12 +16,12 @@ import scipy  # whose parts load on first use
 from evopem.arrays import Array
 from evopem.estimation.criteria import criteria_of
 from evopem.estimation.pem.covariance import filtered_backwards, innovations_of, is_coloured
-from evopem.estimation.pem.least_squares import triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import PolynomialEstimate
 from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import model_of
+from evopem.signals.least_squares import triangle_of
 
 Kernel = Callable[[Array, int], tuple[Array, list[Array]]]
 """P (n, n) of hyper-parameters, and its derivatives by each of them."""

@@ -22,13 +22,13 @@ from evopem.estimation.pem.covariance import (
     pseudo_inverse_factor,
     scores_of,
 )
-from evopem.estimation.pem.least_squares import triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.prediction_errors import scaled_errors
 from evopem.estimation.search.problem import SAME_OPTIMUM, SearchResult
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel, model_of
 from evopem.models.polynomial_roots import max_root_radius
+from evopem.signals.least_squares import triangle_of
 
 # Structures that claim nothing of the noise, or whose noise model may be chosen too small.
 WITHOUT_NOISE_MODEL = ("fir", "oe", "general")

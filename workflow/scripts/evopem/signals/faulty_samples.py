@@ -16,6 +16,7 @@ from scipy.special import chdtri
 
 from evopem.arrays import Array, Flags
 from evopem.errors import InputError
+from evopem.signals.least_squares import chunks, triangle_of
 from evopem.signals.recording import Recording, Segment
 
 OVERFLOW_CODES = (9.9e37, 9.91e37, float(np.finfo(np.float32).max), 9.969209968386869e36)
@@ -231,7 +232,8 @@ def _arx(parts: Sequence[Part], lags: int, weightings: int) -> _Arx:
     size = np.maximum(np.linalg.norm(x, axis=0), np.finfo(float).tiny)
     columns, weights = np.column_stack([x / size, y]), np.ones((len(y), 1))
     for left in range(weightings, -1, -1):
-        triangle: Array = np.asarray(np.linalg.qr(columns * weights, mode="r"))
+        parts_of_rows = (slice(*rows) for rows in chunks(0, len(y)))
+        triangle = triangle_of(columns[rows] * weights[rows] for rows in parts_of_rows)
         solved = np.linalg.lstsq(triangle[:, :-1], triangle[:, -1], rcond=1e-10)[0]
         residuals = y - columns[:, :-1] @ solved
         scale = NORMAL_MAD * float(np.median(np.abs(residuals)))

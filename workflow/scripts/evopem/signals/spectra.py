@@ -7,6 +7,7 @@ Piersol (2010), "Random Data", section 7.4 and chapter 9; Carter (1987).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -212,6 +213,7 @@ def _spectra(
     return _Spectra(averaged, variances, freedom, frequencies, tapers, segments, halfbandwidth)
 
 
+@lru_cache(4)
 def _tapers(length: int, time_halfbandwidth: float) -> tuple[Array, Array]:
     """2NW - 1 sequences of unit energy, (K, length), and the share of each within its band."""
     from scipy.signal.windows import dpss

@@ -19,13 +19,13 @@ from typing import Literal, Self
 import numpy as np
 
 from evopem.arrays import Array, Complex
-from evopem.estimation.pem.least_squares import autoregression
 from evopem.signals.best_linear_approximation import (
     excited_lines,
     realisations_of,
     same_realisation,
     spectra_of_periods,
 )
+from evopem.signals.least_squares import autoregression
 from evopem.validation.error_parts import (
     FEWEST_LINES,
     ErrorParts,

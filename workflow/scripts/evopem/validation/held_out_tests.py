@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import chdtrc, ndtri, stdtr
 
 from evopem.arrays import Array
-from evopem.estimation.pem.least_squares import autoregression
+from evopem.signals.least_squares import autoregression
 
 # Level of each test.  At 5 %, one of a dozen would fail in half of all good models.
 SIGNIFICANCE = 0.01

@@ -14,7 +14,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.special import chdtrc
 
 from evopem.arrays import Array, Flags
-from evopem.estimation.pem.least_squares import ROWS, autoregression, triangle_of
+from evopem.signals.least_squares import ROWS, autoregression, triangle_of
 from evopem.signals.spectra import REPEATS as REPEATED
 from evopem.signals.spectra import cross_correlation, repetition_lag
 from evopem.validation.held_out_tests import MOST_WHITENING, SIGNIFICANCE, filtered, left_by

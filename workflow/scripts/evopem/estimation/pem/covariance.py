@@ -11,8 +11,8 @@ import numpy as np
 import scipy  # whose parts load on first use
 
 from evopem.arrays import Array, Indices
-from evopem.estimation.pem.least_squares import autoregression
 from evopem.models.parameter_covariance import ParameterCovariance
+from evopem.signals.least_squares import autoregression
 
 # Singular values of the Jacobian, its columns scaled to unit length, below this share of the
 # largest one count as zero: they come from rounding, and their directions are unidentifiable.

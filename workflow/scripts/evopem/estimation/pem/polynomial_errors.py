@@ -16,11 +16,11 @@ from evopem.errors import NoModelError
 from evopem.estimation.pem.kernels.gradient import GRADIENTS, VALUES
 from evopem.estimation.pem.kernels.polynomials import stability_barriers
 from evopem.estimation.pem.kernels.record import Objective
-from evopem.estimation.pem.least_squares import triangle_of
 from evopem.estimation.pem.stretch_errors import PLANT_WEIGHT, STATE_WEIGHT, Passes, StretchErrors
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import reflect_into_disc
+from evopem.signals.least_squares import triangle_of
 from evopem.signals.recording import Segment
 
 # Roots are moved this share of the radius inside it.

@@ -24,8 +24,8 @@ from evopem.estimation.pem.kernels.record import (
     record_of,
     workspace_for,
 )
-from evopem.estimation.pem.least_squares import chunks
 from evopem.models.orders import Orders
+from evopem.signals.least_squares import chunks
 
 # What the square of a noise state weighs against that of a residual: a prior of ten standard
 # deviations of the innovations.  Where C forgets its start before the first scored residual, a

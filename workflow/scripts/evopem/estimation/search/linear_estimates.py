@@ -10,10 +10,10 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.estimation.pem.kernels.polynomials import filter_rows
-from evopem.estimation.pem.least_squares import chunks, triangle_of
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.models.orders import Orders
 from evopem.models.polynomial_roots import reflect_into_disc, roots
+from evopem.signals.least_squares import chunks, triangle_of
 
 STEIGLITZ_MCBRIDE_STEPS = 20
 # Rows of block Hankel matrices, in orders of the model, and the most of them.
