@@ -6,7 +6,7 @@ shaped by, and the variance of the noise, have the largest marginal likelihood, 
 decomposition of the regressors (Chen & Ljung 2013).
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -48,19 +48,21 @@ APART, NEAR = 16, 10.0
 def tuned_correlated(h: Array, n: int) -> tuple[Array, list[Array]]:
     """TC: ``c λ^max(i, j)``; ``h`` the logarithms of c and of the time constant ``-1/ln λ``."""
     lags, decay = np.arange(1.0, n + 1.0), -np.exp(-h[1])
-    last = np.maximum.outer(lags, lags)
-    p = np.exp(h[0] + decay * last)
-    return p, [p, -decay * last * p]
+    power = np.exp(h[0] + decay * lags)
+    p = np.minimum.outer(power, power)
+    slope = -decay * lags
+    return p, [p, np.maximum.outer(slope, slope) * p]
 
 
 def diagonal_correlated(h: Array, n: int) -> tuple[Array, list[Array]]:
     """DC: ``c λ^((i + j)/2) ρ^|i - j|``; the third of ``h`` is ``artanh ρ``."""
     lags, decay, rho = np.arange(1.0, n + 1.0), -np.exp(-h[1]), np.tanh(h[2])
-    mean, apart = 0.5 * np.add.outer(lags, lags), np.abs(np.subtract.outer(lags, lags))
-    size = np.exp(h[0] + decay * mean)
-    p = size * rho**apart
-    by_rho = size * apart * rho ** np.maximum(apart - 1.0, 0.0)
-    return p, [p, -decay * mean * p, (1.0 - rho**2) * by_rho]
+    root = np.exp(0.5 * (h[0] + decay * lags))
+    size, half = np.multiply.outer(root, root), -0.5 * decay * lags
+    powers = rho ** (lags - 1.0)
+    by_rho = size * scipy.linalg.toeplitz((lags - 1.0) * np.append(0.0, powers[: n - 1]))
+    p = size * scipy.linalg.toeplitz(powers)
+    return p, [p, np.add.outer(half, half) * p, (1.0 - rho**2) * by_rho]
 
 
 def stable_spline(h: Array, n: int) -> tuple[Array, list[Array]]:
@@ -91,32 +93,51 @@ class Evidence:
     target: Array
     samples: int
 
-    def value(self, kernel: Kernel, hyper: Array) -> tuple[float, Array]:
-        """Minus twice the logarithm of the likelihood but for a constant, and its gradient.
+    def value(self, kernel: Kernel, hyper: Array) -> float:
+        """Minus twice the logarithm of the likelihood but for a constant.
 
         ``hyper``: rows of the inputs one after the other, scales relative to the noise variance,
         which has its likeliest value.
         """
-        priors = [
-            kernel(h, x.shape[1]) for h, x in zip(self._rows(hyper), self.blocks, strict=True)
-        ]
-        covariance = np.eye(len(self.target))
-        for x, (p, _) in zip(self.blocks, priors, strict=True):
-            covariance += x @ p @ x.T
-        try:
-            lower = np.linalg.cholesky(covariance)
-        except np.linalg.LinAlgError:  # of such a scale that rounding leaves nothing
+        likelihood = self._whitened([p for p, _ in self._priors(kernel, hyper)])
+        return likelihood[0] if likelihood else SPOILT
+
+    def value_and_gradient(self, kernel: Kernel, hyper: Array) -> tuple[float, Array]:
+        """:meth:`value` and its gradient."""
+        priors = self._priors(kernel, hyper)
+        likelihood = self._whitened([p for p, _ in priors])
+        if likelihood is None:
             return SPOILT, np.zeros(hyper.size)
-        inverse = np.linalg.inv(lower)
-        whitened = inverse @ self.target
+        value, lower, whitened = likelihood
+        inverse = scipy.linalg.lapack.dtrtri(lower, lower=1)[0]
         power = float(whitened @ whitened)
-        value = self.samples * np.log(power) + 2.0 * float(np.sum(np.log(np.diag(lower))))
         weighted, gradient = inverse.T @ whitened, []
         for x, (_, derivatives) in zip(self.blocks, priors, strict=True):
             half, b = inverse @ x, x.T @ weighted
             by_p = half.T @ half - np.outer(b, b) * (self.samples / power)
-            gradient += [float(np.sum(by_p * by_hyper)) for by_hyper in derivatives]
+            gradient += [float(np.vdot(by_p, by_hyper)) for by_hyper in derivatives]
         return value, np.array(gradient)
+
+    def _priors(self, kernel: Kernel, hyper: Array) -> list[tuple[Array, list[Array]]]:
+        rows = zip(self._rows(hyper), self.blocks, strict=True)
+        return [kernel(h, x.shape[1]) for h, x in rows]
+
+    def _whitened(self, priors: Iterable[Array]) -> tuple[float, Array, Array] | None:
+        """The value, the Cholesky factor of the target's covariance, and the target whitened.
+
+        None for priors of such a scale that rounding leaves nothing.
+        """
+        covariance = np.eye(len(self.target))
+        for x, p in zip(self.blocks, priors, strict=True):
+            covariance += x @ p @ x.T
+        try:
+            lower = np.linalg.cholesky(covariance)
+        except np.linalg.LinAlgError:
+            return None
+        whitened = scipy.linalg.lapack.dtrtrs(lower, self.target, lower=1)[0]
+        power = float(whitened @ whitened)
+        value = self.samples * np.log(power) + 2.0 * float(np.sum(np.log(np.diag(lower))))
+        return value, np.asarray(lower, dtype=float), whitened
 
     def _rows(self, hyper: Array) -> Array:
         return np.reshape(hyper, (len(self.blocks), -1))
@@ -145,7 +166,7 @@ class Evidence:
         """The lowest value of a descent from the best of some starts, and where it is."""
         first = starts[0]
         if len(starts) > 1:
-            first = min(starts, key=lambda start: self.value(kernel, start.ravel())[0])
+            first = min(starts, key=lambda start: self.value(kernel, start.ravel()))
         bounds = [
             limits
             for x in self.blocks
@@ -156,7 +177,7 @@ class Evidence:
             )[: first.shape[1]]
         ]
         ended = scipy.optimize.minimize(
-            lambda hyper: self.value(kernel, hyper),
+            lambda hyper: self.value_and_gradient(kernel, hyper),
             np.clip(first.ravel(), *np.transpose(bounds)),
             jac=True,
             method="L-BFGS-B",
@@ -347,8 +368,7 @@ def _lowest_values(evidences: Sequence[Evidence]) -> Array:
         search(k, [*evidences[k].starts(), *list(searched.values())[-1:]])
     for k, evidence in enumerate(evidences):
         for end in (end for end in ends if abs(end - k) < APART):
-            value, _ = evidence.value(tuned_correlated, searched[end].ravel())
-            values[k] = min(value, values[k])
+            values[k] = min(evidence.value(tuned_correlated, searched[end].ravel()), values[k])
     while True:
         near = [k for k in np.argsort(values).tolist() if values[k] < values.min() + NEAR]
         waiting = [k for k in near if k not in searched]

@@ -151,8 +151,7 @@ class StateSpaceModel:
         """
         u = self._delayed(inputs)
         states = states_of(self.A, u @ self.B.T, initial)
-        simulated: Array = states @ self.C.T + u @ self.D.T + self.level
-        return simulated
+        return np.asarray(states @ self.C.T + u @ self.D.T + self.level)
 
     def residuals(
         self, inputs: ArrayLike, outputs: ArrayLike, initial: ArrayLike | None = None
@@ -164,8 +163,7 @@ class StateSpaceModel:
         u, y = self._signals(inputs, outputs)
         drive = u @ (self.B - self.K @ self.D).T + (y - self.level) @ self.K.T
         states = states_of(self.predictor, drive, initial)
-        errors: Array = y - self.level - states @ self.C.T - u @ self.D.T
-        return errors
+        return np.asarray(y - self.level - states @ self.C.T - u @ self.D.T)
 
     def predict(
         self,
@@ -245,19 +243,26 @@ class StateSpaceModel:
         normal states with the second moments of a simulation from rest, in noise of the size that
         the least-squares state leaves over them.  A state that they hardly determine stays small.
         """
+        return self.simulations(inputs, outputs, (fit_level,), robust, known)[0]
+
+    def simulations(
+        self, u: ArrayLike, y: ArrayLike, levels: Sequence[bool], robust: bool, known: int | None
+    ) -> list[Array]:
+        """:meth:`simulate_from_fitted_state` with a fitted constant or without, for each level."""
         form = self.without_delays()
-        u, y = form._signals(inputs, outputs)
+        u, y = form._signals(u, y)
         with np.errstate(all="ignore"):
             driven = states_of(form.A, u @ form.B.T, None)
             rest = driven @ form.C.T + u @ form.D.T + form.level
-            free = form.free_responses(form.A, len(y), fit_level)
+            free = form.free_responses(form.A, len(y), True)
             power = driven.T @ driven / len(driven)
         if not all(np.isfinite(part).all() for part in (rest, free, power)):
-            return np.full(y.shape, np.inf)
-        target, columns, spread = (y - rest)[:known], free[:known], np.std(y[:known], axis=0)
+            return [np.full(y.shape, np.inf)] * len(levels)
+        given = (y - rest)[:known], np.std(y[:known], axis=0), robust
+        columns = (free if fit_level else free[:, :, : form.order] for fit_level in levels)
         if known is None:
-            return np.asarray(rest + free @ fitted(columns, target, spread, robust))
-        return np.asarray(rest + free @ probable(columns, target, spread, power, robust))
+            return [rest + c @ fitted(c, *given) for c in columns]
+        return [rest + c @ probable(c[:known], *given, power) for c in columns]
 
     def frequency_response(self, frequencies: ArrayLike) -> Complex:
         """``G = C (zI - A)^-1 B + D`` with its delays at frequencies in Hz, (..., ny, nu)."""

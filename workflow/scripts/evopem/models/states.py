@@ -58,9 +58,7 @@ def fitted(
     return np.asarray(coefficients)
 
 
-def probable(
-    columns: Array, target: Array, spread: Array, moments: Array, robust: bool = False
-) -> Array:
+def probable(columns: Array, target: Array, spread: Array, robust: bool, moments: Array) -> Array:
     """The most probable coefficients, (k,), of columns, (N, ny, k), that leave noise of a target.
 
     The first n are normal with second moments (n, n), and the noise has the size of what

@@ -1,5 +1,6 @@
 """Simulation and prediction of stretches, from the initial state that fits what is known."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,24 +31,31 @@ def simulated_on(
     ``fitted_level`` a constant is fitted to the scored samples; ``robust`` takes its median, and
     the state that fits best.
     """
+    return _simulations(model, before, held_out, (fitted_level,), robust)[0]
+
+
+def _simulations(
+    model: Model, before: Segment, held_out: Segment, fitted_levels: Sequence[bool], robust: bool
+) -> list[Array]:
+    """:func:`simulated_on` with the model's level or a fitted one, each as asked for."""
     known = before.samples or first_samples(held_out.samples)
     both = _joined(before, held_out)
     inputs, outputs, states = both.inputs, both.outputs, simulated_form(model)
+    measured = outputs[known:]
+    simulated = [np.full(measured.shape, np.inf)] * len(fitted_levels)
     with np.errstate(all="ignore"):
-        computed = np.full(outputs.shape, np.inf)
         if np.abs(states.poles()).max(initial=0.0) < STABLE:
             if _continues(model, before, robust):
                 form = state_space_of(replace(model, covariance=None))
-                computed[known:] = form.simulate_on(inputs, outputs, known)
+                simulated = [form.simulate_on(inputs, outputs, known)] * len(fitted_levels)
             else:
-                computed = states.simulate_from_fitted_state(
-                    inputs, outputs, fitted_level, robust, known
-                )
-        computed, measured = computed[known:], outputs[known:]
-        if fitted_level:
-            centre = np.median if robust else np.mean
-            computed = computed + centre(measured - computed, axis=0)
-    return np.asarray(computed)
+                given = inputs, outputs, fitted_levels, robust, known
+                simulated = [whole[known:] for whole in states.simulations(*given)]
+        centre = np.median if robust else np.mean
+        return [
+            computed + centre(measured - computed, axis=0) if fitted_level else computed
+            for computed, fitted_level in zip(simulated, fitted_levels, strict=True)
+        ]
 
 
 def _continues(model: Model, before: Segment, robust: bool) -> bool:
@@ -83,11 +91,13 @@ def errors_with_both_levels(
     model: Model, before: Segment, held_out: Segment, robust: bool
 ) -> tuple[Array, Array]:
     """Errors of :func:`simulated_on` with the model's level, and with one that is fitted."""
-    errors = errors_simulated_on(model, before, held_out, robust=robust)
-    if _continues(model, before, robust):
-        with np.errstate(all="ignore"):
-            return errors, np.asarray(errors - errors.mean(axis=0))
-    return errors, errors_simulated_on(model, before, held_out, True, robust)
+    simulations = _simulations(model, before, held_out, (False, True), robust)
+    with np.errstate(all="ignore"):
+        constant, fitted = (
+            computed - held_out.outputs[held_out.samples - len(computed) :]
+            for computed in simulations
+        )
+    return constant, fitted
 
 
 def simulated(model: Model, stretch: Segment, fitted_level: bool = False) -> Array:
