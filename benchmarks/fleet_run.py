@@ -47,7 +47,10 @@ KEYS = {
     "chapter": {"file": "data/*.csv", "sampling_rate": 100},
     "auto": {"file": "data/*.csv", "input": 1, "output": 2, "sampling_rate": 100},
 }
-SEARCHES = ("estimate_candidates", "select_candidate", "search_structure", "choose")
+SEARCHES = (
+    *("estimate_candidates", "select_candidate"),
+    *("search_polynomials", "search_state_space", "choose"),
+)
 
 # Where in the fleet recordings cannot be used, as shares of it, and what is done to their samples.
 BAD = {0.05: "a text cell", 0.45: "a constant output", 0.85: "too few samples"}

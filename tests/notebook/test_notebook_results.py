@@ -329,7 +329,7 @@ def test_a_line_of_progress_is_overwritten_and_removed(listed):
 
 
 def test_the_time_left_is_that_of_jobs_done_by_the_weight_of_their_stages():
-    done, left = ["prepare", "search_structure"], ["choose", "report"]
+    done, left = ["prepare", "search_polynomials"], ["choose", "report"]
     seconds = {stage.name: stage.seconds for stage in STAGES}
     weight = {True: sum(map(seconds.get, done)), False: sum(map(seconds.get, left))}
     # As fast as those measured until enough is done, then as slow as it was.

@@ -19,7 +19,7 @@ from evopem.pipeline.identification import identify_dataset, jobs
 from evopem.results.layout import DatasetFiles
 
 STAGES = (
-    *("read_recording", "prepare", "estimate_spectrum", "search_structure/arx", "choose"),
+    *("read_recording", "prepare", "estimate_spectrum", "search_polynomials", "choose"),
     *("complete_model", "estimate_varying", "validate", "report"),
 )
 POLES = [1.0, -1.5, 0.7]

@@ -16,7 +16,7 @@ SYNTHETIC = {"synthesis": "armax", "samples": 700, "recipe": "chapter"}
 PREPARED = {"prepare", "estimate_spectrum"}
 COMPLETED = {"complete_model", "estimate_varying"}
 PHASES = {"estimate_candidates", "select_candidate"}
-SEARCHES = {"search_structure", "choose"}
+SEARCHES = {"search_polynomials", "search_state_space", "choose"}
 
 
 def redone(keys, changed):
@@ -41,7 +41,12 @@ def redone(keys, changed):
         (RECORDED, {"purpose": "prediction"}, {*PREPARED, *SEARCHES}),
         (RECORDED, {"search": {"seed": 2}}, PREPARED),
         (RECORDED, {"focus": "prediction"}, {*PREPARED, *SEARCHES, *COMPLETED}),
-        (RECORDED, {"focus": "simulation"}, {*PREPARED, "search_structure"}),
+        (
+            RECORDED,
+            {"focus": "simulation"},
+            {*PREPARED, "search_polynomials", "search_state_space"},
+        ),
+        (RECORDED, {"orders": {"nx": [1, 4]}}, {*PREPARED, "search_polynomials"}),
         (RECORDED, {"delay": {"nk": 1}}, set()),
         (RECORDED, {"split": {"discard": 10}}, set()),
         (SEVERAL, {"search": {"evaluations": 9}}, {*PREPARED, *SEARCHES}),

@@ -100,10 +100,11 @@ def test_the_graph_is_known_before_it_runs(folder):
     write_recording(folder.path / "pump.csv")
     folder.configure(configuration())
     planned = folder.planned()
-    assert planned["search_structure"] == 9
+    assert (planned["search_polynomials"], planned["search_state_space"]) == (1, 1)
     assert "estimate_candidates" not in planned
     folder.configure(configuration(structure="oe"))
-    assert folder.planned()["search_structure"] == 3
+    planned = folder.planned()
+    assert (planned["search_polynomials"], "search_state_space" in planned) == (1, False)
 
 
 def test_one_job_for_all_stages_gives_the_same_files(staged, folder):

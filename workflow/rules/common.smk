@@ -32,7 +32,7 @@ from evopem.pipeline.planning.constraint_plan import check_planned_fits
 from evopem.pipeline.planning.provider import FILES, LIST, Provider, modules_of
 from evopem.pipeline.planning.stages import WHOLE
 from evopem.pipeline.planning.stage import module_of
-from evopem.config.structures import PHASES
+from evopem.config.structures import PHASES, STATE_SPACE_FORMS
 from evopem.results.layout import BATCH, BATCH_CHECKSUMS, DAMAGE, FOLDER
 from evopem.results.layout import OVERVIEW, SETUPS
 from evopem.results.layout import DatasetFiles, check_folders, lists_of
@@ -282,5 +282,5 @@ def collect_unfinished():
 wildcard_constraints:
     dataset=provider.one_of(provider.config.datasets),
     phase="|".join(PHASES),
-    structure=r"\w+",
+    structure="|".join(STATE_SPACE_FORMS),
     part=r"\d+",

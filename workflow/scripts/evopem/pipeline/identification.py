@@ -104,7 +104,7 @@ def jobs(
 ) -> list[StageJob]:
     """Every job of a data set, each behind those whose results it reads."""
     stages = stages_of(settings, with_report)
-    waiting = [job for stage in stages for job in stage.jobs(settings, files)]
+    waiting = [job for stage in stages for job in stage.jobs(settings, files) if job.made]
     listed = []
     missing = {path for job in waiting for path in job.made}
     while waiting:

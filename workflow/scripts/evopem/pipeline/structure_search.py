@@ -20,6 +20,7 @@ from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import compare_structures
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings
+from evopem.config.structures import NESTED
 from evopem.errors import InputError
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
@@ -100,6 +101,19 @@ def search_structure(
     save(without_covariances(result), files.search(structure))
     models = order_models(result, scored.record, scored.prepared.estimation)
     save(models, files.models_of_orders(structure))
+
+
+def search_polynomials(
+    files: DatasetFiles,
+    polynomials: tuple[str, ...],
+    settings: AutomaticSettings,
+    fits: CommonSettings,
+    log: Log | None = None,
+) -> None:
+    """Search the orders of structures of polynomials, each behind those nested in it."""
+    for structure in polynomials:
+        nested = tuple(s for s in NESTED.get(structure, ()) if s in polynomials)
+        search_structure(files, structure, settings, fits, nested, log)
 
 
 def choose(

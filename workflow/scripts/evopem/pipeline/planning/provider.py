@@ -77,7 +77,9 @@ class Provider:
             return
         for stage in stages_of(settings, self.with_report):
             wildcards = {wildcard: f"{{{wildcard}}}" for wildcard in stage.wildcards}
-            yield stage, sorted(StageJob(stage, settings, FILES, wildcards, self.config.run).made)
+            made = StageJob(stage, settings, FILES, wildcards, self.config.run).made
+            if made:
+                yield stage, sorted(made)
 
     @property
     def with_report(self) -> bool:

@@ -98,6 +98,14 @@ def wanted(job: StageJob) -> tuple[str, ...]:
     return (structure,) if structure in searched else searched
 
 
+def _polynomials(job: StageJob) -> tuple[str, ...]:
+    return tuple(filter(is_polynomial, searched_forms(job.settings)))
+
+
+def _forms(job: StageJob) -> tuple[str, ...]:
+    return tuple(form for form in searched_forms(job.settings) if not is_polynomial(form))
+
+
 def _nested(job: StageJob) -> tuple[str, ...]:
     """The structures whose models are starts of a search."""
     nested = NESTED.get(job.values["structure"], ())
@@ -136,6 +144,8 @@ def _resonances(job: StageJob) -> list[str]:
 
 LISTS: Mapping[str, Callable[[StageJob], Sequence[str]]] = {
     "structures": lambda job: searched_forms(job.settings),
+    "polynomials": _polynomials,
+    "forms": _forms,
     "wanted": wanted,
     "nested": _nested,
     "purposes": purposes,
@@ -171,11 +181,14 @@ def choices(*names: str) -> Callable[[StageJob], AutomaticSettings]:
     return lambda job: AutomaticSettings(**{name: getattr(automatic(job), name) for name in names})
 
 
-def orders_of_structure(job: StageJob) -> AutomaticSettings:
-    """The ranges that the search over the orders of a structure depends on."""
-    orders = automatic(job).orders
-    of_states = not is_polynomial(job.values["structure"])
-    return AutomaticSettings(orders=OrderRanges(orders.nx) if of_states else orders.of_polynomials)
+def orders_of_polynomials(job: StageJob) -> AutomaticSettings:
+    """The ranges that the search over the orders of polynomials depends on."""
+    return AutomaticSettings(orders=automatic(job).orders.of_polynomials)
+
+
+def orders_of_states(job: StageJob) -> AutomaticSettings:
+    """The range that the search over numbers of states depends on."""
+    return AutomaticSettings(orders=OrderRanges(automatic(job).orders.nx))
 
 
 def _fits(job: StageJob) -> dict[str, object]:
@@ -194,6 +207,7 @@ ARGUMENTS: Mapping[str, Value] = {
     "given": lambda job: job.settings.automatic and job.settings.automatic.preparation,
     "requirements": _of_chapter(order_grid.sample_requirements),
     "nested": _nested,
+    "polynomials": _polynomials,
     "structures": LISTS["structures"],
     "phases": LISTS["phases"],
     "parts": _part_count,
