@@ -34,6 +34,8 @@ VARIABLES = {
 }
 # Keep the report below 3 MB, however long the recording and however many its channels.
 MOST_ROWS, MOST_CELLS = 5000, 40_000
+# What an address cannot hold as it is; ends of lines are replaced all at once.
+ESCAPED = re.compile(r"[^\w.,+()/~\n-]+", re.ASCII)
 
 
 def drawn_figure(
@@ -148,9 +150,8 @@ def csv_download(
     return {
         "file": re.sub(r"[^\w.-]+", "_", f"{dataset}-{figure}.csv"),
         # Without escapes for commas and digits this is shorter than base64.
-        # Line by line: most have nothing to escape, which `quote` sees at once.
         "address": "data:text/csv;charset=utf-8,"
-        + "%0A".join(quote(line, safe=",.+-()/") for line in text.split("\n")),
+        + ESCAPED.sub(lambda at: quote(at[0]), text).replace("\n", "%0A"),
         "rows": len(kept),
         "rows_of": len(table),
     }
