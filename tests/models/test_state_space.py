@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import dlsim
 
 from evopem.files.json_form import from_json, to_json
+from evopem.models import states
 from evopem.models.modes import assurance, mean_phase, phase_collinearity, plane_assurance
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.state_space import StateSpaceModel
@@ -325,3 +326,34 @@ def test_plane_assurance_does_not_depend_on_the_mixture():
     assert plane_assurance(shapes, mixed) == pytest.approx(1.0)
     one, other = shapes[:, :1], shapes[:, 1:]
     assert plane_assurance(one, other) == pytest.approx(assurance(one[:, 0], other[:, 0]))
+
+
+def test_a_state_is_fitted_to_the_samples_that_it_is_seen_in(monkeypatch):
+    """Rows after it has decayed change nothing, and are not decomposed."""
+    generator, rows, solve = np.random.default_rng(3), [], states._least_squares
+
+    def counted(columns, goal):
+        rows.append(len(columns))
+        return solve(columns, goal)
+
+    columns = (0.9 ** np.arange(20_000.0))[:, None, None] * np.array([1.0, -2.0])
+    columns[:, :, 1] *= np.cos(np.arange(20_000.0))[:, None]
+    target = generator.standard_normal((20_000, 1))
+    expected = np.linalg.lstsq(columns[:, 0], target[:, 0])[0]
+    monkeypatch.setattr(states, "_least_squares", counted)
+    assert states.fitted(columns, target, np.ones(1)) == pytest.approx(expected, rel=1e-12)
+    robust = states.fitted(columns, target, np.ones(1), robust=True)
+    assert np.isfinite(robust).all()
+    assert rows[0] < 500
+    assert rows[1:] == [20_000] * len(rows[1:])
+
+
+@pytest.mark.parametrize("samples", [1, 2, states.PART - 1, states.PART, 3 * states.PART + 5])
+def test_states_are_those_of_the_recursion(samples):
+    dynamics, drive = np.array([[0.9, 0.4], [-0.3, 0.8]]), np.ones((samples, 2))
+    x, expected = np.array([1.0, -1.0]), []
+    for each in drive:
+        expected.append(x)
+        x = dynamics @ x + each
+    found = states.states_of(dynamics, drive, expected[0])
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)

@@ -11,6 +11,8 @@ from evopem.arrays import Array
 # Singular values of the response to an initial state below this share of the largest one say
 # nothing about the state.
 STATE_RANK = 1e-11
+# Share of the largest response to a state below which it has decayed.
+DECAYED = 1e-20
 # Weight of samples that count where others say nothing.
 FAINT = 1e-8
 FIRST_SHARE = 0.1
@@ -18,7 +20,7 @@ FIRST_SHARE = 0.1
 # Iterations of reweighted least squares towards least absolute deviations.
 REWEIGHTINGS = 5
 # Samples whose states one substitution finds.
-PART = 64
+PART = 128
 
 
 def first_samples(samples: int) -> int:
@@ -45,6 +47,9 @@ def fitted(
     rows = (columns * scale[:, :, None]).reshape(-1, columns.shape[2])
     goal = (target * scale).ravel()
     further = np.zeros((0, rows.shape[1])) if prior is None else prior
+    if not robust:  # what is left of states long after they have decayed says nothing
+        said = np.flatnonzero(np.any(np.abs(rows) > DECAYED * np.abs(rows).max(axis=0), axis=1))
+        rows, goal = (part[: said[-1] + 1 if len(said) else None] for part in (rows, goal))
     weights = np.ones(len(goal))
     for _ in range(REWEIGHTINGS + 1 if robust else 1):
         weighted = np.vstack([rows * weights[:, None], further])
@@ -91,13 +96,14 @@ def states_of(dynamics: Array, drive: Array, initial: ArrayLike | None) -> Array
     of slow poles rise before they fall: their rounding is that of poles outside the circle.
     """
     samples, n = drive.shape
-    matrix = np.zeros((2 * n, PART * n), order="F")
+    size = min(PART, max(samples, 2))
+    matrix = np.zeros((2 * n, size * n), order="F")
     for column in range(n):
         matrix[n - column : 2 * n - column, column::n] = -dynamics[:, column, None]
     states = np.vstack([np.zeros(n) if initial is None else initial, drive[:-1]])
     substituted = scipy.linalg.blas.dtbsv
-    for first in range(0, samples, PART - 1):
-        part = states[first : first + PART]  # whose first state is known
+    for first in range(0, samples, size - 1):
+        part = states[first : first + size]  # whose first state is known
         solution = substituted(2 * n - 1, matrix[:, : part.size], part.ravel(), lower=1, diag=1)
         part[:] = solution.reshape(part.shape)
     return states[:samples]
