@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from evopem.arrays import Array
 from evopem.models.polynomial import Model, PolynomialModel, simulated_form, state_space_of
+from evopem.models.state_space import StateSpaceModel
 from evopem.models.states import first_samples
 from evopem.signals.recording import Segment
 from evopem.validation.responses import unscored_samples
@@ -40,13 +42,13 @@ def _simulations(
     """:func:`simulated_on` with the model's level or a fitted one, each as asked for."""
     known = before.samples or first_samples(held_out.samples)
     both = _joined(before, held_out)
-    inputs, outputs, states = both.inputs, both.outputs, simulated_form(model)
-    measured = outputs[known:]
+    inputs, outputs = both.inputs, both.outputs
+    measured, (states, is_stable) = outputs[known:], _plant_of(model)
     simulated = [np.full(measured.shape, np.inf)] * len(fitted_levels)
     with np.errstate(all="ignore"):
-        if np.abs(states.poles()).max(initial=0.0) < STABLE:
+        if is_stable:
             if _continues(model, before, robust):
-                form = state_space_of(replace(model, covariance=None))
+                form = _predictor_of(model)
                 simulated = [form.simulate_on(inputs, outputs, known)] * len(fitted_levels)
             else:
                 given = inputs, outputs, fitted_levels, robust, known
@@ -56,6 +58,20 @@ def _simulations(
             computed + centre(measured - computed, axis=0) if fitted_level else computed
             for computed, fitted_level in zip(simulated, fitted_levels, strict=True)
         ]
+
+
+# One model after the other is simulated on the held-out parts of a fold, and predicted there.
+@lru_cache(maxsize=1)
+def _plant_of(model: Model) -> tuple[StateSpaceModel, bool]:
+    """The plant in state space, and whether it is stable."""
+    states = simulated_form(model)
+    return states, bool(np.abs(states.poles()).max(initial=0.0) < STABLE)
+
+
+@lru_cache(maxsize=1)
+def _predictor_of(model: Model) -> StateSpaceModel:
+    """The model in innovations form, without covariance."""
+    return state_space_of(replace(model, covariance=None))
 
 
 def _continues(model: Model, before: Segment, robust: bool) -> bool:
@@ -105,9 +121,9 @@ def simulated(model: Model, stretch: Segment, fitted_level: bool = False) -> Arr
 
     With ``fitted_level`` the level is fitted to the stretch as well.
     """
-    states = simulated_form(model)
+    states, is_stable = _plant_of(model)
     with np.errstate(all="ignore"):
-        if np.abs(states.poles()).max(initial=0.0) >= STABLE:
+        if not is_stable:
             return np.full(stretch.outputs.shape, np.inf)
         return states.simulate_from_fitted_state(stretch.inputs, stretch.outputs, fitted_level)
 
@@ -120,7 +136,7 @@ def prediction_errors(model: Model, stretch: Segment, before: Segment | None = N
     first tenth, which are not.  A state of the predictor that were fitted to what is scored would
     draw slow waves through the noise with roots near the unit circle.
     """
-    form = state_space_of(replace(model, covariance=None))
+    form = _predictor_of(model)
     first = unscored_samples(form, stretch.samples)
     known = stretch.samples
     if before is not None:
