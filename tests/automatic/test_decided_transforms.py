@@ -56,6 +56,17 @@ def test_the_slope_of_an_output_that_drifts_is_found(record):
     assert min(removed) < 0.9 * none
 
 
+def test_a_transform_without_a_gain_in_a_part_is_not_scored_on_the_others(record):
+    u, y = record
+    plan = plan_of(u, y + SLOPE * np.maximum(np.arange(600) - 300, 0))
+    none, *left = (each.score for each in decision(plan).alternatives)
+    assert np.isfinite(none)
+    assert left
+    assert np.isnan(left).all()
+    assert decision(plan).choice == "none"
+    assert "is not scored on the others" in decision(plan).sentence
+
+
 def test_an_output_of_two_inputs_is_transformed_as_one_of_one_input_is(record):
     u = np.column_stack([record[0], np.random.default_rng(9).standard_normal(600)])
     y = record[1] + lfilter([0.0, 0.6], [1.0, -0.7], u[:, 1])

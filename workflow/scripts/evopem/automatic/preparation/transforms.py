@@ -6,7 +6,6 @@ is not safe as a rule: a transform is taken only where every fold gains by it.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -105,12 +104,16 @@ def decide_transforms(
         bent, sentence = _box_cox(kept)
         tried += bent
         sentences.append(sentence)
-    errors = [_errors(folds, plan_of) for _, plan_of in tried] if tried[1:] else []
+    errors: list[Array] = []
+    for _, plan_of in tried if tried[1:] else []:
+        errors.append(_errors(folds, plan_of, errors[0] if errors else None))
     better = [k for k, of_transform in enumerate(errors) if _gains(of_transform, errors[0])]
     chosen = min(better, key=lambda k: _together(errors[k]), default=0)
     if errors:
         simulated = "every part of the held-out samples is simulated better, in recorded units."
         sentences.append(f"With this transform {simulated}" if chosen else f"With none {simulated}")
+        if np.isnan(errors).any():
+            sentences.append("One that gains nothing in a part is not scored on the others.")
     alternatives = tuple(
         Alternative(name, _together(errors[k]) if errors else np.nan)
         for k, (name, _) in enumerate(tried)
@@ -224,36 +227,57 @@ def _transformed(stretch: Segment, plan: TransformPlan = TransformPlan()) -> Seg
     return replace(stretch, inputs=u, outputs=y)
 
 
-def _errors(folds: Sequence[Fold], plan_of: PlanOf) -> Array:
+def _errors(folds: Sequence[Fold], plan_of: PlanOf, plain: Array | None) -> Array:
     """Error of each probe in each fold, (probes, folds), as a share of the output's deviation.
+
+    NaN behind a fold without a gain over the ``plain`` errors: no such transform is taken.
+    """
+    errors = np.full((len(PROBES), len(folds)), np.nan)
+    for column, fold in enumerate(folds):
+        errors[:, column] = _errors_of(fold, plan_of)
+        if plain is not None and not _ratios(errors, plain)[column] < 0.0:
+            break
+    return errors
+
+
+def _errors_of(fold: Fold, plan_of: PlanOf) -> Array:
+    """Error of each probe, (probes,).
 
     Slopes of the training samples are taken from the held-out ones, too.
     """
-    errors = np.full((len(PROBES), len(folds)), LARGEST_ERROR)
-    for (column, fold), (row, (na, nb, nf)) in product(enumerate(folds), enumerate(PROBES)):
-        inputs = fold.training[0].inputs.shape[1] - 1  # beside the time
-        orders = Orders(na=na, nb=(nb,) * inputs, nf=(nf,) * inputs)
-        outputs = [stretch.output - stretch.output.mean() for stretch in fold.held_out]
-        power = float(np.mean(np.concatenate(outputs) ** 2))
+    errors = np.full(len(PROBES), LARGEST_ERROR)
+    inputs = fold.training[0].inputs.shape[1] - 1  # beside the time
+    outputs = [stretch.output - stretch.output.mean() for stretch in fold.held_out]
+    power = float(np.mean(np.concatenate(outputs) ** 2))
+    try:
+        plan = plan_of(fold.training)
+        fitted = [_transformed(stretch, plan) for stretch in fold.training]
+        pasts = [_transformed(stretch, plan) for stretch in fold.before]
+        held_out = [_transformed(stretch, plan) for stretch in fold.held_out]
+    except InputError:
+        return errors
+    for row, (na, nb, nf) in enumerate(PROBES):
+        orders, left = Orders(na=na, nb=(nb,) * inputs, nf=(nf,) * inputs), []
         try:
-            plan = plan_of(fold.training)
-            fitted = [_transformed(stretch, plan) for stretch in fold.training]
             model = fit(fitted, orders, stages=FOLD_STAGES).model
-            left = []
-            for parts in zip(fold.before, fold.held_out, strict=True):
-                past, stretch = (_transformed(part, plan) for part in parts)
+            for whole, past, stretch in zip(fold.held_out, pasts, held_out, strict=True):
                 simulated = simulated_on(model, past, stretch, fitted_level=True)[:, 0]
                 if plan.box_cox is not None:
                     simulated = invert_box_cox(simulated, plan.box_cox, plan.shift)
-                t, y = (x[-len(simulated) :] for x in (parts[1].inputs[:, -1], parts[1].output))
+                t, y = (x[-len(simulated) :] for x in (whole.inputs[:, -1], whole.output))
                 left.append(simulated + plan.output_trend * t - y)
         except (NoModelError, InputError):
             continue
         with np.errstate(all="ignore"):
             error = float(np.sqrt(np.mean(np.concatenate(left) ** 2) / power))
         if np.isfinite(error):
-            errors[row, column] = min(error, LARGEST_ERROR)
+            errors[row] = min(error, LARGEST_ERROR)
     return np.maximum(errors, np.finfo(float).tiny)
+
+
+def _ratios(errors: Array, plain: Array) -> Array:
+    """Mean logarithms over the probes of the ratios of errors in each fold, (folds,)."""
+    return np.asarray(np.mean(np.log(errors / plain), axis=0))
 
 
 def _together(errors: Array) -> float:
@@ -266,7 +290,7 @@ def _gains(errors: Array, plain: Array) -> bool:
 
     The best models alone would not tell: poles near 1 stand in for a level or a trend.
     """
-    ratios = np.mean(np.log(errors / plain), axis=0)
+    ratios = _ratios(errors, plain)
     best = np.mean(np.log(errors.min(axis=0) / plain.min(axis=0)))
     gain = np.log(1.0 - LEAST_GAIN)
     return bool(np.all(ratios < 0.0) and np.mean(ratios) < gain and best <= 0.0)
