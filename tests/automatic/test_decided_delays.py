@@ -154,3 +154,16 @@ def test_a_response_that_comes_back_late_is_inside_folds_and_regularised_lengths
         scorer = Scorer((Segment(u, y),), plan, CommonSettings(), delays=(1,))
         search = search_structure(scorer, "impulse", {})
         assert (plan.late_response in search.orders) == (expected > 0)
+
+
+def test_weak_feedback_does_not_hide_a_response_to_the_same_sample():
+    """Past residuals explain 3 % of the input, the same sample nearly all that is new."""
+    g = np.random.default_rng(2)
+    r, e = g.standard_normal((2, 1500))
+    u = r + 0.17 * np.concatenate([[0.0], e[:-1]])
+    y = lfilter([1.0, -0.5], [1.0, -0.9], u) + 0.05 * lfilter([1.0], [1.0, -0.9], e)
+    choice = decide_delays([Segment(u, y)], ["u"])
+    assert (choice.delays, choice.shortest) == ((0,), 0)
+    # Of a direct response that does not prevail feedback may be the cause.
+    late = lfilter([0.03, 0.5], [1.0, -0.9], u) + lfilter([1.0], [1.0, -0.9], e)
+    assert decide_delays([Segment(u, late)], ["u"]).shortest == 1

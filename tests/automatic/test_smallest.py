@@ -15,10 +15,11 @@ from evopem.automatic.fold_errors import (
     coloured_bic,
     gain_of_nothing,
     never_behind,
+    regularised_unless_worse,
     simplest,
 )
 from evopem.automatic.revisions import _is_allowed
-from evopem.automatic.structures import Choice, _smallest_as_good
+from evopem.automatic.structures import Choice, _misses_response, _smallest_as_good
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
@@ -188,3 +189,29 @@ def test_the_simplest_are_gain_small_output_error_models_arx_and_regularised_res
     arx = [replace(candidate(n), structure="arx", bic=float(n)) for n in (4, 2)]
     candidates = [gain, *responses, *arx, candidate(1), candidate(2), candidate(3)]
     assert set(simplest(candidates)) == {gain, *responses, arx[1], *candidates[5:7]}
+
+
+@pytest.mark.parametrize(
+    ("effect", "is_taken"),
+    [
+        ((0.01,) * 5, True),  # behind by 1 %
+        ((0.2, -0.1, 0.2, -0.1, 0.0), True),  # behind by chance
+        ((0.06, 0.05, 0.07, 0.06, 0.05), False),
+    ],
+)
+def test_a_regularised_response_stands_for_a_system_that_has_no_orders(effect, is_taken):
+    chosen, response = candidate(8), replace(candidate(60, effect), structure="impulse")
+    short = replace(candidate(16, (0.5,) * 5), structure="impulse")
+    found, sentence = regularised_unless_worse(
+        [chosen, response, short], "simulation", chosen, "It is likely."
+    )
+    assert found is (response if is_taken else chosen)
+    assert ("no orders are those of the system" in sentence) == is_taken
+
+
+def test_sizes_of_residuals_that_follow_the_input_are_what_a_linear_model_misses():
+    u, e = np.random.default_rng(4).standard_normal((2, SAMPLES))
+    for y, misses in ((u + e, False), (u + e * np.abs(np.diff(u, prepend=0.0)), True)):
+        late = np.concatenate([np.zeros(1), y[:-1]])
+        scorer = SimpleNamespace(stretches=[Segment(u, late)])
+        assert _misses_response(scorer, candidate(1)) is misses

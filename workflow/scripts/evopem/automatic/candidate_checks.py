@@ -31,6 +31,7 @@ from evopem.validation.checks.roots import (
     INSIDE_BOUND,
     cancelling_pairs,
 )
+from evopem.validation.model_class import ResidualTest
 from evopem.validation.residual_tests import (
     autocorrelation_of,
     correlation_with_input,
@@ -221,26 +222,27 @@ def heaviness(model: Model, stretches: Sequence[Segment]) -> float:
     return 0.5 * (log_loss(e, "quadratic") - log_loss(e, "absolute"))
 
 
-def feedback_probability(model: Model, stretches: Sequence[Segment]) -> float:
-    """Probability that an input depends so much on past residuals by chance.
+def feedback_test(model: Model, stretches: Sequence[Segment]) -> ResidualTest:
+    """Test that no input depends on past residuals, and the share of it that they explain.
 
     Each input is regressed on its own past without and with past residuals (an F test; Granger
-    1969), in the longest stretch; of several inputs the lowest one counts, times their number.  Its
-    past comes with squares and cubes: of these, too, are the residuals of a nonlinear system.
+    1969), in the longest stretch; of several inputs the lowest p-value counts, times their number.
+    Its past comes with squares and cubes: of these, too, are the residuals of a nonlinear system.
+    The share is that of what its own past leaves, beyond what unrelated residuals explain.
     """
     stretch = max(stretches, key=lambda stretch: stretch.samples)
     e = prediction_errors(model, stretch)
     inputs = stretch.inputs[stretch.samples - len(e) :]
-    lowest = min(_of_input(u, e) for u in inputs.T)
-    return min(1.0, lowest * inputs.shape[1])
+    lowest = min((_of_input(u, e) for u in inputs.T), key=lambda test: test.p_value)
+    return replace(lowest, p_value=min(1.0, lowest.p_value * inputs.shape[1]))
 
 
-def _of_input(u: Array, e: Array) -> float:
+def _of_input(u: Array, e: Array) -> ResidualTest:
     from scipy.stats import f
 
     n, lags = len(e), min(10, len(e) // (15 * e.shape[1]))
     if lags < 1:
-        return 1.0
+        return ResidualTest(1.0, 0.0)
     u = (u - u.mean()) / max(float(np.std(u)), 1e-300)
     past = [u[lags - k : n - k] for k in range(1, lags + 1)]
     past_inputs = [np.ones(n - lags), *(x**power for power in (1, 2, 3) for x in past)]
@@ -252,6 +254,7 @@ def _of_input(u: Array, e: Array) -> float:
     (without, known), (with_residuals, rank) = left
     added, freedom = rank - known, len(target) - rank
     if not with_residuals > 0.0 or freedom < 1 or added < 1:
-        return 1.0
+        return ResidualTest(1.0, 0.0)
     statistic = (without - with_residuals) / added / (with_residuals / freedom)
-    return float(f.sf(statistic, added, freedom))
+    beyond = max(1.0 - with_residuals / without - added / len(target), 0.0)
+    return ResidualTest(float(f.sf(statistic, added, freedom)), beyond)

@@ -163,3 +163,20 @@ def never_behind(
         f" {score(best):.3g} % instead of the {score(chosen):.3g} % of {chosen.name}: better by"
         " more than a standard error."
     )
+
+
+def regularised_unless_worse(
+    candidates: Sequence[Candidate], kind: Kind, chosen: Candidate, sentence: str
+) -> tuple[Candidate, str]:
+    """The best regularised response, unless what was chosen does clearly better.
+
+    Where no linear model describes the system, none has its orders: they follow the one record.
+    """
+    responses = [c for c in candidates if c.structure in REGULARISED and c.is_scored]
+    best = min(responses, key=score_of(kind), default=chosen)
+    if best is chosen or is_clearly_better(chosen, best, kind):
+        return chosen, sentence
+    return best, (
+        f"The sizes of the residuals of {chosen.name} follow the input: no orders are those of the"
+        f" system. {best.name}, which assumes none, simulates held-out samples as well."
+    )

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from evopem.automatic.candidate_checks import BY_CHANCE, feedback_probability, heaviness
+from evopem.automatic.candidate_checks import BY_CHANCE, feedback_test, heaviness
 from evopem.automatic.candidates import (
     BIC,
     SIMULATION_BIC,
@@ -15,7 +15,7 @@ from evopem.automatic.candidates import (
     Scorer,
     StructureSearch,
 )
-from evopem.automatic.cross_validation.simulation import noise_moves_plant
+from evopem.automatic.cross_validation.simulation import noise_moves_plant, prediction_errors
 from evopem.automatic.decision import Alternative, Decision
 from evopem.automatic.fold_errors import (
     CLEAR_GAIN,
@@ -26,10 +26,12 @@ from evopem.automatic.fold_errors import (
     gain_of_nothing,
     never_behind,
     parametric,
+    regularised_unless_worse,
     score_of,
     simplest,
 )
-from evopem.automatic.orders import refine_orders
+from evopem.automatic.orders import WEAK, refine_orders
+from evopem.automatic.preparation.disturbance import follow_input
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import NoModelError
 from evopem.validation.checks.residuals import INDEPENDENT_OF_INPUT
@@ -202,6 +204,8 @@ def _for_simulation(
         choice = _by_likelihood(scorer, searched, kind, lowest)
         choice = choice or _smallest_as_good(scorer, searched, kind)
         choice = never_behind(candidates, kind, *choice, lambda c: len(scorer.checks(c).failed))
+        if _misses_response(scorer, min(searched, key=BIC)):
+            choice = regularised_unless_worse(candidates, kind, *choice)
     chosen, sentence = gain_of_nothing(scorer, candidates, kind, choice[0]) or choice
     criterion = "simulation error on held-out samples, %"
     return chosen, _named(
@@ -238,12 +242,13 @@ def _despite_simulations(
     largest = max(_largest_ratio(scorer, likeliest), MOST_UNDER_FEEDBACK)
     if not (ratio < largest and scorer.checks(likeliest).whiteness >= BY_CHANCE):
         return None
-    feedback = feedback_probability(likeliest.model, scorer.stretches)
-    if feedback >= BY_CHANCE:
+    feedback = feedback_test(likeliest.model, scorer.stretches)
+    weak = feedback.share < WEAK and _misses_response(scorer, likeliest)
+    if weak or feedback.p_value >= BY_CHANCE:
         return None
     return likeliest, (
-        f"The input depends on past residuals (p = {feedback:.1g}): the record was made under "
-        f"feedback, where simulation errors are biased. {likeliest.name} has the lowest BIC "
+        f"The input depends on past residuals (p = {feedback.p_value:.1g}): the record was made "
+        f"under feedback, where simulation errors are biased. {likeliest.name} has the lowest BIC "
         "and white residuals."
     )
 
@@ -284,6 +289,12 @@ def _by_likelihood(
             "samples as well, and fails fewer checks or has fewer parameters."
         )
     return chosen, sentence
+
+
+def _misses_response(scorer: Scorer, candidate: Candidate) -> bool:
+    """Whether the sizes of the residuals of a model follow changes of the inputs."""
+    stretch = max(scorer.stretches, key=lambda stretch: stretch.samples)
+    return any(follow_input(stretch, e) for e in prediction_errors(candidate.model, stretch).T)
 
 
 def _passes_through_plant(candidate: Candidate) -> bool:

@@ -177,7 +177,7 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     evidence = total_samples(stretches) * (lowest["quadratic"] - lowest["absolute"])
     is_heavy = evidence > LEAST_EVIDENCE
     longest = max(stretches, key=lambda stretch: stretch.samples)
-    is_absolute = is_heavy and not any(_follow_input(longest, e) for e in left)
+    is_absolute = is_heavy and not any(follow_input(longest, e) for e in left)
     said = "Outliers do not call for the absolute objective."
     if is_heavy:
         said = "The large ones follow changes of the input: they are what a linear model misses."
@@ -193,11 +193,12 @@ def decide_objective(stretches: Sequence[Segment]) -> tuple[str, Decision]:
     return objective, Decision("objective", objective, alternatives, criterion, sentence)
 
 
-def _follow_input(stretch: Segment, residuals: Array) -> bool:
-    """Whether the sizes of residuals, of the last samples of a stretch, follow earlier changes.
+def follow_input(stretch: Segment, residuals: Array) -> bool:
+    """Whether sizes of residuals, of the last samples of a stretch, follow changes of the inputs.
 
-    By a regression of ranks, on those of the changes of the inputs at earlier samples, which
-    outliers under feedback have no part in; its share by chance is taken off.
+    Then they are what a linear model misses, and no disturbance.  By a regression of ranks, on
+    those of the changes at earlier samples, which outliers under feedback have no part in; its
+    share by chance is taken off.
     """
     from scipy.stats import rankdata
 
