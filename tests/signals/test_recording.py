@@ -119,6 +119,10 @@ def test_a_channel_cut_off_shows_in_its_saturated_share():
     # An input at 0 is switched off, an output there may be cut off.
     switched = np.maximum(signal, 0.0)
     assert saturated_share(switched, is_input=True) == 0.0 < saturated_share(switched)
+    # A rudder that is put over from one side to the other is not saturated at both.
+    rudder = np.clip(4.0 * signal, -1.0, 1.0)
+    assert saturated_share(rudder, is_input=True) == 0.0 < saturated_share(rudder)
+    assert saturated_share(clipped, is_input=True) > 0.3
 
 
 def test_a_signal_of_a_few_levels_is_not_called_saturated():

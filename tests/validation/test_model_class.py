@@ -121,6 +121,18 @@ def test_of_change_and_nonlinearity_the_one_that_is_not_there_follows(system, ki
     assert found.follows == follows
 
 
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_gain_that_follows_the_level_is_no_change(seed):
+    """It looks like one as the level moves; squares and cubes do not explain it."""
+    g = np.random.default_rng([seed, 3])
+    u = 0.5 * g.standard_normal(SAMPLES) + np.repeat(g.standard_normal(15), SAMPLES // 15)
+    y = resonance(u, gain=1.0 + 0.5 * np.tanh(lfilter([0.03], [1.0, -0.97], u)))
+    y += 0.15 * np.std(y) * g.standard_normal(SAMPLES)
+    found = model_class(divided(arx(u[:CUT], y[:CUT]), Recording(u, y, 1.0), CUT))
+    assert not found.constant.passed
+    assert found.follows == "constant"
+
+
 @pytest.mark.parametrize(("changes", "seed"), [(False, 19), (True, 0), (True, 1)])
 def test_what_is_not_found_beside_feedback_follows_from_it(changes, seed):
     """The residuals of a response too short hold noise, which comes back through a controller."""

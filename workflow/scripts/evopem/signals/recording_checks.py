@@ -16,6 +16,9 @@ that are ten digits smaller, and the gain between two such signals, then stay fi
 MAX_DESIGNED_LEVELS = 16
 """A signal of at most this many levels, such as a random telegraph, was made of levels."""
 
+SWITCHED = 1.0 / 3.0
+"""An input with more than this share of its samples at each limit is switched between them."""
+
 MIN_SATURATED_RUN = 3
 """This many equal samples in sequence at a signal's limit count as saturated."""
 
@@ -87,9 +90,12 @@ def saturated_share(signal: Array, is_input: bool = False) -> float:
 
     0 for a signal of at most `MAX_DESIGNED_LEVELS` levels, and for one that is held at most of its
     other values, such as random steps.  Coarse steps of an instrument hold two other values or more
-    for as long, and the first run is rest before something acts.  An input at 0 is switched off.
+    for as long, and the first run is rest before something acts.  An input at 0 is switched off,
+    and one that spends most of its time at both limits is switched between them, over ramps.
     """
-    if np.unique(signal).size <= MAX_DESIGNED_LEVELS:
+    at_limits = [np.mean(signal == limit) for limit in (signal.min(), signal.max())]
+    switched = is_input and min(at_limits) > SWITCHED
+    if switched or np.unique(signal).size <= MAX_DESIGNED_LEVELS:
         return 0.0
     starts = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0.0)
     lengths = np.diff(np.append(starts, signal.size))

@@ -313,6 +313,18 @@ def repetition_lag(signal: Array) -> int:
     return first + int(np.argmax(np.abs(correlation[first:last])))
 
 
+def goes_on(signal: Array, lag: int) -> bool:
+    """Whether a signal that repeats after a lag does so over three quarters of its samples.
+
+    Narrow-band noise is like itself a period later, but not many.
+    """
+    longest = 3 * len(signal) // (4 * lag) * lag
+    if longest < 2 * lag:
+        return False
+    alike = np.corrcoef(signal[longest:], signal[: len(signal) - longest])[0, 1]
+    return bool(abs(alike) >= REPEATS)
+
+
 def overlapping_correlation(signal: Array) -> Array:
     """Correlation of what overlaps at each lag; 0 before it first falls below HAS_CHANGED."""
     n = len(signal)

@@ -167,6 +167,12 @@ def filtered(signals: Array, coefficients: Array) -> Array:
     return np.column_stack([np.convolve(column, coefficients, "valid") for column in signals.T])
 
 
+def whitened(signal: Array) -> Array:
+    """A signal without its mean and what its own past predicts, of the last samples."""
+    centred = signal - signal.mean()
+    return np.convolve(centred, autoregression(centred, MOST_WHITENING), mode="valid")
+
+
 def _vanishes(remainder: Array, signal: Array) -> bool:
     """Whether what is left of a signal is rounding error."""
     return bool(np.linalg.norm(remainder) <= 1e-10 * np.linalg.norm(signal))

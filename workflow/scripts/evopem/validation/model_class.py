@@ -11,13 +11,19 @@ from typing import Literal, Self
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
+from scipy.signal import lfilter
 from scipy.special import chdtrc
 
 from evopem.arrays import Array, Flags
 from evopem.signals.least_squares import ROWS, autoregression, triangle_of
-from evopem.signals.spectra import REPEATS as REPEATED
-from evopem.signals.spectra import cross_correlation, repetition_lag
-from evopem.validation.held_out_tests import MOST_WHITENING, SIGNIFICANCE, filtered, left_by
+from evopem.signals.spectra import cross_correlation, goes_on, repetition_lag
+from evopem.validation.held_out_tests import (
+    MOST_WHITENING,
+    SIGNIFICANCE,
+    filtered,
+    left_by,
+    whitened,
+)
 from evopem.validation.responses import HeldOut, unscored_samples
 
 # Degree of the polynomial in time that a change of the system is sought as, and how many times one
@@ -32,6 +38,7 @@ LAGS = 4
 LOST, FEWEST_PER_LAG = 30, 20
 # Share of the variance of whitened residuals below which a dependence matters to no use of a model.
 SMALL_SHARE = 0.01
+SLOW = 0.01, 0.05  # memory of means that a gain may follow, in shares of a stretch
 # Moments at which a change is sought.
 MOMENTS = 39
 # Later samples of an input that residuals may act on.
@@ -193,6 +200,18 @@ def _nonlinear(stretch: _Stretch, output: int) -> Rows:
     return lambda part: (lagged[0][part], np.hstack([signal[part] for signal in lagged[1:]]))
 
 
+def _operating_point(stretch: _Stretch, output: int) -> Rows:
+    """As :func:`_nonlinear`, and the response times slow means of it and of its size: what
+    friction or an outflow adds from one level to another, which squares and cubes lack."""
+    known, y, means = _nonlinear(stretch, output), stretch.responses[:, output], []
+    y = (y - y.mean()) / max(float(np.std(y)), 1e-300)
+    for pole in np.exp(-1.0 / np.maximum(len(y) * np.array(SLOW), 10.0)):
+        means += [lfilter([1.0 - pole], [1.0, -pole], v - v.mean()) for v in (y, np.abs(y))]
+    slow = np.column_stack(means)
+    gain = np.hstack([slow, (_lagged(y)[:, :, None] * slow[:, None]).reshape(len(y), -1)])
+    return lambda part: (known(part)[0], np.hstack([known(part)[1], gain[part]]))
+
+
 def _steps(stretch: _Stretch, output: int) -> Rows:
     """The response at some lags, and from each moment on alone."""
     changing, time = _changing(stretch, output), np.arange(len(stretch.inputs))
@@ -291,7 +310,7 @@ def _following(stretches: Sequence[_Stretch], tests: ModelClass, changing: Regre
         return "feedback"
     if len(failed) < 2:
         return ""
-    change, nonlinearity = beside(changing, _nonlinear), beside(_nonlinear, changing)
+    change, nonlinearity = beside(changing, _operating_point), beside(_nonlinear, changing)
     if change.passed and not change.share > nonlinearity.share:
         return "constant"
     return "linear" if nonlinearity.passed else "constant" if change.passed else ""
@@ -351,7 +370,7 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                     periodic.append(False)
                     continue
                 if lag := repetition_lag(u):
-                    periodic.append(_goes_on(u, lag))
+                    periodic.append(goes_on(u, lag))
                     continue
                 e, u = whitened(e), _innovations(u)
                 n = min(len(e), len(u))
@@ -369,24 +388,6 @@ def _feedback(stretches: Sequence[_Stretch]) -> ResidualTest:
                 tests.append(ResidualTest(p_value, beyond))
     nothing = REPEATS if periodic and all(periodic) else NOT_TESTED
     return min(tests, key=lambda test: test.p_value, default=nothing)
-
-
-def _goes_on(signal: Array, lag: int) -> bool:
-    """Whether a signal that repeats after a lag does so over three quarters of its samples.
-
-    Narrow-band noise is like itself a period later, but not many.
-    """
-    longest = 3 * len(signal) // (4 * lag) * lag
-    if longest < 2 * lag:
-        return False
-    alike = np.corrcoef(signal[longest:], signal[: len(signal) - longest])[0, 1]
-    return bool(abs(alike) >= REPEATED)
-
-
-def whitened(signal: Array) -> Array:
-    """A signal without its mean and what its own past predicts, of the last samples."""
-    centred = signal - signal.mean()
-    return np.convolve(centred, autoregression(centred, MOST_WHITENING), mode="valid")
 
 
 def _innovations(signal: Array) -> Array:

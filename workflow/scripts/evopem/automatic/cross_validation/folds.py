@@ -18,7 +18,7 @@ from evopem.automatic.fit import likeliest_arx
 from evopem.errors import NoModelError
 from evopem.signals.recording import Segment, total_samples
 from evopem.signals.spectra import LONGEST_LAG, cross_correlation, repetition_lag
-from evopem.validation.model_class import whitened
+from evopem.validation.held_out_tests import whitened
 
 # Orders of the ARX models whose residuals are judged, with SAMPLES_PER_ORDER samples for each.
 ARX_ORDERS, SAMPLES_PER_ORDER = (2, 4, 8, 12, 16), 25
