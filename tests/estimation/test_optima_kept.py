@@ -12,6 +12,7 @@ from evopem.errors import InputError
 from evopem.estimation import polynomial_estimate
 from evopem.estimation.pem.polynomial_errors import PolynomialErrors
 from evopem.estimation.polynomial_estimate import describe, searched_objective
+from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.state_space.point_model import ScaledModel
 from evopem.models.orders import orders_of
 from evopem.models.polynomial import PolynomialModel
@@ -63,6 +64,23 @@ def test_states_that_hardly_decay_are_fitted_without_harm():
     point = errors.completed_by_states(model)
     fitted, rest = errors.values(np.array([point, at_rest]))
     assert fitted <= rest
+
+
+def test_states_of_finely_sampled_poles_leave_the_noise_alone():
+    """Their response from rest is larger than the noise by eight digits, and rounding with it."""
+    generator = np.random.default_rng(4)
+    poles = np.array([0.979, 0.992, 0.995]) * np.exp(1j * np.array([0.06, 0.04, 0.02]))
+    f = np.real(np.poly([*poles, *poles.conj()]))
+    model = PolynomialModel(ONE, (f[::-1],), ONE, ONE, (f,), (1,))  # of gain 1 at all frequencies
+    u = generator.standard_normal(2400)
+    y = lfilter([0.0, *f[::-1]], f, u) + 0.01 * generator.standard_normal(2400)
+    stretch = [Segment(u[1400:, None], y[1400:, None])]
+    errors = PolynomialErrors(stretch, model.orders, "quadratic", 1.0, 1.0, level=True)
+    residuals = errors.residuals(errors.completed_by_states(model))
+    assert np.std(residuals) == pytest.approx(0.01, rel=0.05)
+    # A descent begins there as well: products of columns do not tell B.
+    start = PolynomialProblem(errors, [model], own_starts=False).starts()[0]
+    assert np.std(errors.residuals(start)) == pytest.approx(0.01, rel=0.05)
 
 
 @pytest.mark.parametrize("structure", OF_STRUCTURE)

@@ -25,8 +25,8 @@ from evopem.signals.recording import Segment
 
 # Roots are moved this share of the radius inside it.
 MARGIN = 1e-6
-# Relative singular values from which on directions of states count.
-RANKS = (1e-10, 1e-6)
+# Relative singular values from which on directions of states count, and steps towards them.
+RANKS, STATE_STEPS = (1e-13, 1e-10, 1e-6), 2
 
 
 class PolynomialErrors:
@@ -306,19 +306,29 @@ class PolynomialErrors:
                 yield block
 
     def completed_by_states(self, model: PolynomialModel) -> Array:
-        """The point of a model, with the levels and states of least squared residuals.  Never worse
-        than states at rest: columns of states that hardly decay depend on each other."""
-        point = np.zeros(self.dimension)
+        """The point of a model, with the levels and states of least squared residuals, beside their
+        weak squares.  Never worse than states at rest: columns of states that hardly decay depend
+        on each other.  A second step takes back the rounding of the first (Björck 1967)."""
+        point, linear = np.zeros(self.dimension), slice(self.orders.parameters, None)
         point[: self.orders.parameters] = model.parameters
-        linear = slice(self.orders.parameters, None)
-        columns, residuals = self.jacobian(point)[:, linear], self.residuals(point)
-        best, lowest = point, float(residuals @ residuals)
+        weights = PLANT_WEIGHT * self.linear("plant") + STATE_WEIGHT * self.linear("noise")
+        weak = np.sqrt(weights[linear])
+
+        def left_of(completed: Array) -> Array:
+            return np.concatenate([self.residuals(completed), weak * completed[linear]])
+
+        columns = np.concatenate([self.jacobian(point)[:, linear], np.diag(weak)])
+        best, at_rest = point, left_of(point)
+        least = float(at_rest @ at_rest)
+        left, sizes, right = np.linalg.svd(columns, full_matrices=False)
         for rcond in RANKS if columns.shape[1] else ():
-            completed = point.copy()
-            completed[linear] = np.linalg.lstsq(columns, -residuals, rcond=rcond)[0]
-            reached = self.residuals(completed)
-            if reached @ reached < lowest:
-                best, lowest = completed, float(reached @ reached)
+            known = sizes > rcond * sizes[0]
+            completed, reached = point.copy(), at_rest
+            for _ in range(STATE_STEPS):
+                completed[linear] -= right[known].T @ (left[:, known].T @ reached / sizes[known])
+                reached = left_of(completed)
+                if reached @ reached < least:
+                    best, least = completed.copy(), float(reached @ reached)
         return best
 
     def feasible(self, points: Array) -> Flags:

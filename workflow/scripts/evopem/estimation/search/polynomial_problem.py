@@ -33,6 +33,8 @@ from evopem.estimation.search.staged_descent import (
     LINEAR_STEPS,
     DescentStage,
     coarse_descent,
+    damped_inverses,
+    nearly_dependent,
     polish,
     promised_values,
     solve_linear,
@@ -176,12 +178,22 @@ class PolynomialProblem(BasinHoppingProblem):
             begins.append(self.estimates[0])
         for model in self._models:
             begins.append(self.completed(self.adapted(model))[0])
+            if model.orders == self.errors.orders and self._is_lost_in_products(begins[-1]):
+                itself = self.errors.completed_by_states(model)
+                begins.append(self.errors.repair(itself[None]))
             begins.append(self._with_further_poles(model))
         points = np.concatenate(begins)
         values = self.values(points)
         finite = np.isfinite(values)
         points, values = points[finite], values[finite]
         return points[np.argsort(values, kind="stable")]
+
+    def _is_lost_in_products(self, points: Array) -> bool:
+        """Whether B and states of a point may be: columns of finely sampled poles hardly differ."""
+        states = self.errors.linear("b", "plant")
+        matrices = self.errors.curvatures_of(points, np.ones(len(points)), states)
+        dependent = nearly_dependent(matrices, damped_inverses(matrices))
+        return any(self.errors.orders.nf) and bool(dependent.any())
 
     def lowest_estimates(self, count: int, slow: bool = False) -> tuple[Array, int]:
         """Points of the lowest of the estimates by linear algebra, and their evaluations; of those
