@@ -32,16 +32,30 @@ def candidate():
     return recording, record, scorer, Choice("simulation", found, "constant")
 
 
-@pytest.mark.parametrize(("worse", "taken"), [(1.0, True), (1.3, False)])
-def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, worse, taken):
+# Held-out errors and objective over those of the compared model, the deviation of the folds, and
+# the p-value of white residuals.
+@pytest.mark.parametrize(
+    ("worse", "lower", "spread", "whiteness", "taken"),
+    [
+        (1.0, 0.9, 0.0, 0.5, True),
+        (1.3, 0.9, 0.0, 0.5, False),
+        (1.3, 0.9, 0.3, 0.5, True),
+        (1.3, 0.999, 0.3, 0.5, False),
+        (1.3, 0.9, 0.3, 1e-4, False),
+    ],
+    ids=["as good", "worse", "worse by chance", "without evidence", "coloured residuals"],
+)
+def test_a_searched_model_that_simulates_worse_is_left(
+    candidate, monkeypatch, worse, lower, spread, whiteness, taken
+):
     recording, record, scorer, choice = candidate
     compared = chosen_model.estimate_candidate(
         replace(choice.candidate, model=record.in_its_units(choice.candidate.model)),
         *(recording, scorer, SearchSettings(evaluations=0)),
     )
     estimate = compared.estimate
-    lower = replace(estimate, search=replace(estimate.search, value=0.9 * estimate.search.value))
-    searched = replace(compared, estimate=lower)
+    found_lower = replace(estimate.search, value=lower * estimate.search.value)
+    searched = replace(compared, estimate=replace(estimate, search=found_lower))
     monkeypatch.setattr(
         *(chosen_model, "estimate_candidate"),
         lambda *given: compared if given[3].evaluations == 0 else searched,
@@ -49,17 +63,22 @@ def test_a_searched_model_that_simulates_worse_is_left(candidate, monkeypatch, w
 
     def scored(self, candidate):
         known = choice.candidate.scores
-        folds = tuple(each + np.log(worse) for each in known.simulation_folds)
+        folds = tuple(
+            each + np.log(worse) + spread * (-1) ** k
+            for k, each in enumerate(known.simulation_folds)
+        )
         scores = replace(known, simulation=worse * known.simulation, simulation_folds=folds)
         return replace(candidate, scores=scores)
 
+    checks = replace(scorer.checks(choice.candidate), whiteness=whiteness)
     monkeypatch.setattr(Scorer, "scored", scored)
+    monkeypatch.setattr(Scorer, "checks", lambda *_: checks)
     found, about = chosen_model.estimate_choice(
         *(choice, scorer, record, recording, SearchSettings(evaluations=100))
     )
     assert (found is searched) == taken
     assert about.choice == (chosen_model.SEARCHED if taken else chosen_model.COMPARED)
-    assert ("worse by more than chance" in about.sentence) != taken
+    assert about.sentence.endswith("the compared model is kept.") != taken
 
 
 def test_the_searched_model_is_taken_where_no_descent_leads_from_the_compared_one(

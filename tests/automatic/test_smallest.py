@@ -14,9 +14,11 @@ from evopem.automatic.fold_errors import (
     as_good,
     coloured_bic,
     gain_of_nothing,
+    may_be_chance,
     never_behind,
     regularised_unless_worse,
     simplest,
+    standard_error,
 )
 from evopem.automatic.revisions import _is_allowed
 from evopem.automatic.structures import Choice, _misses_response, _smallest_as_good
@@ -157,6 +159,27 @@ def test_the_standard_error_is_that_of_the_difference():
     assert np.std(NOISE) > 0.05
     assert not as_good(candidate(8, (0.03, 0.031, 0.029, 0.03, 0.03)), candidate(9), "simulation")
     assert as_good(candidate(8, (0.03, -0.03, 0.03, -0.02, 0.0)), candidate(9), "simulation")
+
+
+@pytest.mark.parametrize(("folds", "t"), [(2, 12.706), (3, 4.303), (4, 3.182), (5, 3.182)])
+def test_few_folds_say_little_of_chance(folds, t):
+    """Of more than four the rest is not independent; quantiles of Student's t from a table."""
+    effect = np.array([0.1, -0.1, 0.05, 0.02, -0.04])[:folds]
+    error = np.std(effect, ddof=1) / np.sqrt(min(folds, 4))
+    best = candidate(9)
+    of_folds = tuple(NOISE[:folds])
+    best = replace(best, scores=replace(best.scores, simulation_folds=of_folds))
+    for ratio, is_chance in ((np.exp(0.99 * t * error), True), (np.exp(1.01 * t * error), False)):
+        scores = replace(
+            best.scores,
+            simulation=ratio * best.scores.simulation,
+            simulation_folds=tuple(effect + of_folds),
+        )
+        rival = replace(best, scores=scores)
+        assert standard_error(rival, best, "simulation") == pytest.approx(error)
+        assert may_be_chance(rival, best, "simulation") == is_chance
+    lost = replace(best, scores=replace(best.scores, simulation=np.inf, simulation_folds=()))
+    assert not may_be_chance(lost, best, "simulation")
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from scipy.special import stdtrit
 
 from evopem.automatic.candidates import BIC, SIMULATION_BIC, Candidate, Score, Scorer
 from evopem.automatic.cross_validation.folds import held_out_scores
@@ -18,8 +19,10 @@ from evopem.signals.spectra import autocorrelation
 Kind = Literal["simulation", "fitted_level", "prediction"]
 # Models within so many standard errors of the lowest error, and within this share, are as good.
 STANDARD_ERRORS, AS_GOOD = 2.0, 0.1
-# Folds that are independent of each other, of those in all designs.
+# Most folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
+# Probability of a larger mean difference of the folds that is chance.
+LARGER_BY_CHANCE = 0.025
 # Share by which a simulation error must fall to overrule a choice without strong evidence.
 CLEAR_GAIN = 0.02
 # A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995).
@@ -64,7 +67,16 @@ def standard_error(candidate: Candidate, best: Candidate, kind: Kind) -> float:
     folds = [getattr(model.scores, f"{kind}_folds") for model in (candidate, best)]
     if len(folds[0]) != len(folds[1]) or len(folds[0]) < 2:
         return np.inf
-    return float(np.std(np.subtract(*folds), ddof=1)) / float(np.sqrt(INDEPENDENT_FOLDS))
+    independent = min(len(folds[0]), INDEPENDENT_FOLDS)
+    return float(np.std(np.subtract(*folds), ddof=1)) / float(np.sqrt(independent))
+
+
+def may_be_chance(candidate: Candidate, best: Candidate, kind: Kind) -> bool:
+    """Whether a ratio of errors may be chance, of 2.5 %, by their spread (Student 1908)."""
+    folds = max(len(getattr(best.scores, f"{kind}_folds")), 2)
+    quantile = -stdtrit(min(folds, INDEPENDENT_FOLDS) - 1, LARGER_BY_CHANCE)
+    logarithm = np.log(score_of(kind)(candidate) / score_of(kind)(best))
+    return bool(logarithm < quantile * standard_error(candidate, best, kind))
 
 
 def coloured_bic(scorer: Scorer, candidate: Candidate) -> Score:
