@@ -77,9 +77,10 @@ def filtered(columns: Array, coefficients: Array, bounds: Indices) -> Array:
     """
     samples, m = coefficients.shape
     bands = np.zeros((m + 1, samples))
-    known = lagged(np.ones(samples), range(1, m + 1), bounds)
     for lag in range(1, m + 1):
-        bands[lag, : samples - lag] = (coefficients * known)[lag:, lag - 1]
+        bands[lag, : samples - lag] = coefficients[lag:, lag - 1]
+        for first in bounds[1:-1]:
+            bands[lag, max(first - lag, 0) : first] = 0.0
     return np.asarray(scipy.linalg.lapack.dtbtrs(bands, columns, uplo="L", diag="U")[0])
 
 
