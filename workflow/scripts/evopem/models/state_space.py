@@ -174,20 +174,22 @@ class StateSpaceModel:
     ) -> Array:
         """Prediction from inputs, and from outputs ``horizon`` samples ago, (N, ny).
 
-        ``y_t`` less the innovations of the last ``horizon`` samples through the noise filter
-        (Ljung 1999, eq. 3.29).  The first predictions rest on the initial state alone.  Arguments
-        as of :meth:`residuals`; the horizon is 1 sample at least.
+        ``y_t`` less the innovations of the last ``horizon`` samples, 1 at least, through the noise
+        filter (Ljung 1999, eq. 3.29); the first rest on the initial state of :meth:`residuals`.
         """
         if horizon < 1:
             raise ValueError(f"horizon must be at least 1 sample, not {horizon}")
-        _, y = self._signals(inputs, outputs)
-        e = self.residuals(inputs, outputs, initial)
-        predicted, response, responses = y - e, self.C, []
-        for _ in range(1, min(horizon, len(y))):
+        return self.predict_with(outputs, self.residuals(inputs, outputs, initial), horizon)
+
+    def predict_with(self, outputs: ArrayLike, errors: Array, horizon: int) -> Array:
+        """The same from known errors of the prediction one sample ahead, (N, ny)."""
+        predicted = columns(outputs, self.outputs, "outputs") - errors
+        response, responses = self.C, []
+        for _ in range(1, min(horizon, len(errors))):
             responses.append(response @ self.K)
             response = response @ self.A
         for k, of_output in enumerate(np.stack(responses, axis=1) if responses else ()):
-            passed = scipy.signal.oaconvolve(e[:-1], of_output, axes=0)[: len(y) - 1]
+            passed = scipy.signal.oaconvolve(errors[:-1], of_output, axes=0)[: len(errors) - 1]
             predicted[1:, k] -= passed.sum(axis=1)
         return predicted
 

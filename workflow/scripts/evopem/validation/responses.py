@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import zip_longest
 
 import numpy as np
@@ -51,7 +52,11 @@ class HeldOut:
 
     def predicted_from_start(self, horizon: int = 1) -> Array:
         """Predictions of all samples that are known, (N, l)."""
-        return self.model.predict(self.inputs, self.outputs, horizon, self.state)
+        return self.model.predict_with(self.outputs, self._errors, horizon)
+
+    @cached_property
+    def _errors(self) -> Array:
+        return self.model.residuals(self.inputs, self.outputs, self.state)
 
     def predicted(self, horizon: int = 1) -> Array:
         """Predictions of the validation samples, (N, l)."""
