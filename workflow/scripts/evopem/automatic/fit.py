@@ -140,42 +140,37 @@ def likeliest_arx(
     recordings = sorted({stretch.recording for stretch in stretches}) if levels else []
     count = sum(stretch.samples - first for stretch in long)
     parts = [(s, *part) for s in long for part in chunks(first, s.samples)]
-    # The columns of lower orders are among those of the highest: one triangle serves all.
-    most, m = max(orders, default=0), stretches[0].inputs.shape[1]
-    triangle = triangle_of(_arx_rows(*part, most, recordings) for part in parts)
-    best = None
+    # The first columns are those of lower orders: one triangle serves all.
+    m, constants = stretches[0].inputs.shape[1], len(recordings)
+    triangle = triangle_of(_arx_rows(*part, max(orders, default=0), recordings) for part in parts)
+    fits = []
     for order in orders:
-        delayed = range(most, most + (order + 1) * m)
-        of_levels = range(most + (most + 1) * m, most + (most + 1) * m + len(recordings))
-        chosen = [*range(order), *delayed, *of_levels]
-        if not long or count <= 2 * len(chosen):
-            continue
-        columns, target = triangle[:, chosen], triangle[:, -1]
-        point = np.linalg.lstsq(columns, target, rcond=count * np.finfo(float).eps)[0]
-        left = target - columns @ point
-        mean_square = max(float(left @ left) / count, np.finfo(float).tiny)
-        bic = count * float(np.log(mean_square)) + len(point) * float(np.log(count))
-        if best is None or bic < best[0]:
-            best = bic, order, point
-    if best is None:
+        size = constants + m + order * (1 + m)
+        if long and count > 2 * size:
+            columns, target = triangle[:, :size], triangle[:, -1]
+            point = np.linalg.lstsq(columns, target, rcond=count * np.finfo(float).eps)[0]
+            left = target - columns @ point
+            mean_square = max(float(left @ left) / count, np.finfo(float).tiny)
+            fits.append((count * np.log(mean_square) + size * np.log(count), order, point))
+    if not fits:
         return None
-    bic, order, point = best
-    residuals = []
-    for part in parts:
-        rows = _arx_rows(*part, order, recordings)
-        residuals.append(rows[:, -1] - rows[:, :-1] @ point)
-    a, unit = np.concatenate([[1.0], point[:order]]), np.ones(1)
-    b = point[order : order + (order + 1) * m].reshape(order + 1, m)
-    model = PolynomialModel(a, tuple(np.ascontiguousarray(b.T)), unit, unit, (unit,) * m, (0,) * m)
-    return ArxFit(bic, model, np.concatenate(residuals))
+    bic, order, point = min(fits, key=lambda fit: fit[0])
+    every = (_arx_rows(*part, order, recordings) for part in parts)
+    residuals = np.concatenate([rows[:, -1] - rows[:, :-1] @ point for rows in every])
+    lagged, unit = point[constants + m :].reshape(order, 1 + m), np.ones(1)
+    b = np.ascontiguousarray(np.vstack([point[constants : constants + m], lagged[:, 1:]]).T)
+    a = np.concatenate([[1.0], lagged[:, 0]])
+    model = PolynomialModel(a, tuple(b), unit, unit, (unit,) * m, (0,) * m)
+    return ArxFit(float(bic), model, residuals)
 
 
 def _arx_rows(
     stretch: Segment, first: int, stop: int, order: int, recordings: Sequence[int]
 ) -> Array:
-    """Regressors and output of some samples, (stop - first, columns)."""
+    """Levels, inputs and earlier samples by lag, and output of some samples, (N, columns)."""
     u, y = stretch.inputs, stretch.output
-    past = [-y[first - i : stop - i] for i in range(1, order + 1)]
-    given = [u[first - i : stop - i] for i in range(order + 1)]
-    of_levels = [np.full(stop - first, float(stretch.recording == r)) for r in recordings]
-    return np.column_stack([*past, *given, *of_levels, y[first:stop]])
+    columns = [np.full(stop - first, float(stretch.recording == r)) for r in recordings]
+    columns.append(u[first:stop])
+    for i in range(1, order + 1):
+        columns += [-y[first - i : stop - i], u[first - i : stop - i]]
+    return np.column_stack([*columns, y[first:stop]])

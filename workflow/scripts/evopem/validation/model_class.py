@@ -234,15 +234,13 @@ def _left(
         return None
     rows, before = regressors(stretch, output), len(whitening) - 1
 
-    def columns(first: int, stop: int) -> Array:
-        part = slice(first, stop)
-        ones, lost = np.ones(len(e[part])), [lagged[part] for lagged in stretch.lost]
-        return filtered(np.column_stack([ones, *lost, *rows(part), e[part]]), whitening)
+    def columns(part: slice) -> Array:
+        known = [np.ones(len(e[part])), *(lagged[part] for lagged in stretch.lost)]
+        return filtered(np.column_stack([*known, *rows(part), e[part]]), whitening)
 
     samples, count = len(e) - before, rows(slice(1))[1].shape[1]
-    triangle = triangle_of(
-        columns(first, first + ROWS + before) for first in range(0, samples, ROWS)
-    )
+    parts = (slice(first, first + ROWS + before) for first in range(0, samples, ROWS))
+    triangle = triangle_of(map(columns, parts))
     basis, left = triangle[:, :-1], triangle[:, -1]
     others, tested = np.split(basis, [-count], axis=1)
     return left_by(others, left), left_by(others, tested), basis.shape[1], samples
