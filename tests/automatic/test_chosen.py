@@ -13,6 +13,7 @@ from evopem.automatic.cross_validation.folds import decide_folds
 from evopem.automatic.cross_validation.simulation import prediction_errors, simulated
 from evopem.automatic.fit import CommonSettings, Fit
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
+from evopem.automatic.state_space import fits_in_state_space
 from evopem.automatic.structures import Choice
 from evopem.config.settings import SearchSettings
 from evopem.errors import LostModelError, NoModelError
@@ -58,7 +59,7 @@ def test_a_searched_model_that_simulates_worse_is_left(
     searched = replace(compared, estimate=replace(estimate, search=found_lower))
     monkeypatch.setattr(
         *(chosen_model, "estimate_candidate"),
-        lambda *given: compared if given[3].evaluations == 0 else searched,
+        lambda *given, **_: compared if given[3].evaluations == 0 else searched,
     )
 
     def scored(self, candidate):
@@ -87,10 +88,10 @@ def test_the_searched_model_is_taken_where_no_descent_leads_from_the_compared_on
     recording, record, scorer, choice = candidate
     estimate_candidate = chosen_model.estimate_candidate
 
-    def of_searches_alone(*given):
+    def of_searches_alone(*given, **options):
         if given[3].evaluations == 0:
             raise NoModelError("the descent found no stable model")
-        return estimate_candidate(*given)
+        return estimate_candidate(*given, **options)
 
     monkeypatch.setattr(chosen_model, "estimate_candidate", of_searches_alone)
     found, about = chosen_model.estimate_choice(
@@ -98,6 +99,20 @@ def test_the_searched_model_is_taken_where_no_descent_leads_from_the_compared_on
     )
     assert about.choice == chosen_model.SEARCHED
     assert found.model.poles() == pytest.approx(np.roots([1.0, -1.5, 0.8]), abs=0.05)
+
+
+def test_an_estimate_that_is_compared_has_its_minimum_alone(candidate):
+    recording, record, scorer, _ = candidate
+    settings = CommonSettings()
+    ((_, fitted),) = fits_in_state_space(record.stretches, "ss_oe", (2,), (1,), settings)
+    assert fitted.model.covariance is None
+    described = replace(scorer.described("ss_oe", fitted, 2), delays=(1,))
+    of_recording = replace(described, model=record.in_its_units(described.model))
+    given = of_recording, recording, scorer, SearchSettings(evaluations=0)
+    whole = chosen_model.estimate_candidate(*given)
+    bare = chosen_model.estimate_candidate(*given, bare=True)
+    assert bare.estimate.search.value == whole.estimate.search.value
+    assert bare.model.covariance is None is not whole.model.covariance
 
 
 def test_the_search_begins_with_the_candidate_in_the_units_of_the_recording(candidate):

@@ -77,10 +77,12 @@ def estimate_candidate(
     search: SearchSettings,
     fit: FitSettings | None = None,
     log: Log | None = None,
+    bare: bool = False,
 ) -> ChosenModel:
     """A candidate, in the units of a recording, with its covariance and noise model.
 
-    Its own model is among the starts; without evaluations and anything to fit it for the only one.
+    Its own model is among the starts; without evaluations and anything to fit it for the only one,
+    in state space ``bare`` of covariance and noise model, where only its minimum counts.
 
     InputError when no model of the order meets the constraints, NoModelError of a short record.
     """
@@ -92,7 +94,8 @@ def estimate_candidate(
     start = of_signals(candidate.model, estimation)
     given = candidate.structure, candidate.delays
     if search.evaluations == 0 and fit is None:
-        fitted = descend_from(start, estimation, task_of(estimation, *given, scorer.settings))
+        task = task_of(estimation, *given, scorer.settings)
+        fitted = descend_from(start, estimation, replace(task, covariances=not bare))
     else:
         fitted = estimate_state_space(
             estimation,
@@ -108,7 +111,7 @@ def estimate_candidate(
             log=log,
         )
     states = fitted.model
-    if states.structure == "ss_oe":
+    if states.structure == "ss_oe" and not bare:
         states = with_noise_model(states, estimation, search)
     return ChosenModel(fitted, states)
 
@@ -238,8 +241,9 @@ def estimate_choice(
         searched_model = estimate_candidate(candidate, estimation, scorer, search)
     if fit is not None or search.evaluations == 0:
         return searched_model, _about_search(choice, searched_model, searched_model)
+    known_one = candidate, estimation, scorer, replace(search, evaluations=0)
     try:
-        compared = estimate_candidate(candidate, estimation, scorer, replace(search, evaluations=0))
+        compared = estimate_candidate(*known_one, bare=True)
     except NoModelError:
         # With its outputs fitted anew, the compared model may have a pole beyond the bound.
         return searched_model, _about_search(choice, searched_model, searched_model)
@@ -253,7 +257,7 @@ def estimate_choice(
     judged = scorer.scored(replace(choice.candidate, model=searched))
     likelier = _is_strong_evidence(scorer, judged, value / known)
     about = _about_search(choice, searched_model, compared, judged, likelier)
-    return (compared if about.choice == COMPARED else searched_model), about
+    return (estimate_candidate(*known_one) if about.choice == COMPARED else searched_model), about
 
 
 def described_by_search(

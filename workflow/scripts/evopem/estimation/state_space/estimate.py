@@ -219,9 +219,12 @@ def noise_models(
     plant: StateSpaceModel,
     recording: Recording,
     settings: SearchSettings,
-    covariances: bool = True,
+    starts: bool = False,
 ) -> list[StateSpaceModel | None]:
-    """Noise models for the residuals of a plant, the lowest BIC first; None for white ones."""
+    """Noise models for the residuals of a plant, the lowest BIC first; None for white ones.
+
+    ``starts``: which are descended from, so that one estimate of each order is enough.
+    """
     lost = max(plant.input_delays, default=0)
     residuals = []
     for segment in recording.segments:
@@ -234,8 +237,8 @@ def noise_models(
     ).with_segments([Segment(e[:, :0], e, number) for number, e in enumerate(residuals)])
     models: list[StateSpaceModel | None] = [None]
     criteria, rises = [log_loss(joined, settings.objective)], 0
-    task = StateSpaceTask(settings=settings, covariances=covariances)
-    for estimate in plain_estimates(alone, noise_orders(recording), task, WIDTH):
+    task = StateSpaceTask(settings=settings, covariances=not starts)
+    for estimate in plain_estimates(alone, noise_orders(recording), task, 1 if starts else WIDTH):
         rises = 0 if estimate.bic < min(criteria) else rises + 1
         models.append(estimate.model)
         criteria.append(estimate.bic)
@@ -263,7 +266,7 @@ def estimate_beside(
     With less of its gain, else the next likely one, where no descent ends at a stable model.
     ValueError when the recording is too short, or that is so of each of them.
     """
-    models = noise_models(plant, recording, task.settings, covariances=False)
+    models = noise_models(plant, recording, task.settings, starts=True)
     for noise, share in product(models, GAIN_SHARES):
         start = _beside_noise(plant, noise)
         start = replace(start, K=share * start.K, structure="ss", covariance=None)
