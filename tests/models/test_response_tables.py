@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
@@ -10,7 +11,6 @@ from evopem.models.response_tables import (
     NORMAL_95,
     frequency_response_table,
     response_interval,
-    response_slopes,
     response_standard_errors,
     time_response_table,
 )
@@ -130,14 +130,18 @@ def test_bands_in_time_are_those_of_central_differences():
         np.testing.assert_allclose(half, expected, rtol=1e-6, atol=1e-12)
 
 
-def test_bands_in_frequency_are_those_of_all_outputs_together():
+@pytest.mark.parametrize("noise", [False, True])
+def test_bands_in_frequency_are_those_of_central_differences(noise):
     model, frequencies = of_two_inputs_and_outputs(), np.linspace(1.0, 49.0, 7)
-    for noise in (False, True):
-        _, _, phases = response_interval(model, frequencies, noise)
-        response = model.noise_response(frequencies) if noise else None
-        response = model.frequency_response(frequencies) if response is None else response
-        response = np.einsum("tii->ti", response)[..., None] if noise else response
-        slopes = response_slopes(model, frequencies, noise) / response[..., None]
-        rows = slopes.imag.reshape(-1, slopes.shape[-1])
-        expected = model.covariance.standard_errors(rows).reshape(phases.shape)
-        np.testing.assert_allclose(phases, expected, rtol=1e-10)
+
+    def response(some):
+        if noise:
+            return np.einsum("tii->ti", some.noise_response(frequencies))[..., None]
+        return some.frequency_response(frequencies)
+
+    now = response(model)
+    _, upper, phases = response_interval(model, frequencies, noise)
+    expected = response_standard_errors(model, lambda some: np.log(response(some) / now).imag)
+    np.testing.assert_allclose(phases, expected, rtol=1e-5)
+    expected = response_standard_errors(model, lambda some: np.log(response(some) / now).real)
+    np.testing.assert_allclose(np.log(upper / np.abs(now)), NORMAL_95 * expected, rtol=1e-5)

@@ -93,7 +93,7 @@ def response_interval(
             size = max(1, BLOCK // (response[0, 0].size * len(covariance) or 1))
             for first in range(0, len(frequencies), size):
                 block = slice(first, first + size)
-                slopes = response_slopes(part, frequencies[block], noise)[:, 0]
+                slopes = response_slopes(part, frequencies[block], noise)
                 rows = (slopes / response[block, place, :, None]).reshape(-1, slopes.shape[-1])
                 errors[:, block, place] = [
                     covariance.standard_errors(gradient).reshape(gain[block, place].shape)
@@ -124,52 +124,44 @@ def _of_output(model: StateSpaceModel, place: int) -> tuple[StateSpaceModel, Par
 
 
 def response_slopes(model: StateSpaceModel, frequencies: Array, noise: bool) -> Complex:
-    """Derivatives of ``G``, or of the diagonal of ``H``, by all entries but the level.
+    """Derivatives of ``G``, or of ``H``, of one output by all entries but the level.
 
-    ``dG = C R dA R B + dC R B + C R dB + dD`` with ``R = (zI - A)^-1``, turned by the delays;
-    (M, l, m, entries), or (M, l, 1, entries).
+    ``dG = C R dA R B + dC R B + C R dB + dD`` with ``R = (zI - A)^-1``, turned by the delays; (M,
+    m, entries), or (M, 1, entries).
     """
-    n, ny, nu = model.order, model.outputs, model.inputs
+    n, nu = model.order, model.inputs
     z = np.exp(2j * np.pi * frequencies / model.sampling_rate)
-    left = model.resolvent(z, np.eye(n))
+    left = model.resolvent(z, np.eye(n))[:, 0]
     right = model.state_response(z, model.K if noise else model.B)
-    sources = right.shape[2]
-    columns = 1 if noise else sources
-    slopes = np.zeros((len(z), ny, columns, n * n + n * nu + ny * n + ny * nu + n * ny), complex)
-    of_input = n * n + n * (nu + ny) + ny * nu if noise else n * n
-    of_output = n * n + n * nu
-    of_direct = of_output + ny * n
-    for j in range(sources):
-        rows, column = (slice(j, j + 1), 0) if noise else (slice(ny), j)
-        of_pairs, of_states = slopes[:, rows, column], right[:, :, j]
-        products = left[:, rows, :, None] * of_states[:, None, None, :]
-        of_pairs[..., : n * n] = products.reshape(*of_pairs.shape[:2], n * n)
-        of_pairs[..., of_input + j : of_input + n * sources : sources] = left[:, rows]
-        for i in range(ny)[rows]:
-            slopes[:, i, column, of_output + i * n : of_output + (i + 1) * n] = of_states
-            if not noise:
-                slopes[:, i, column, of_direct + i * nu + j] = 1.0
+    sources, of_output = right.shape[2], n * n + n * nu
+    slopes = np.zeros((len(z), sources, of_output + n + nu + n), complex)
+    of_source = of_output + n + nu if noise else n * n
+    for j, of_pair in enumerate(slopes.transpose(1, 0, 2)):
+        of_pair[:, : n * n] = (left[:, :, None] * right[:, None, :, j]).reshape(len(z), n * n)
+        of_pair[:, of_source + j : of_source + n * sources : sources] = left
+        of_pair[:, of_output : of_output + n] = right[:, :, j]
+        if not noise:
+            of_pair[:, of_output + n + j] = 1.0
     delays = np.zeros(1) if noise else np.array(model.delays)
-    return slopes * (z[:, None] ** -delays)[:, None, :, None]
+    return slopes * (z[:, None] ** -delays)[:, :, None]
 
 
 def impulse_slopes(model: StateSpaceModel, samples: int, source: int | None = None) -> Array:
-    """Derivatives of the impulse response of one output by all entries but the level.
+    """Those of the impulse response ``h_(t+1) = C A^t b`` of one output, (samples, entries).
 
-    From an input, or from its innovations, ``h_(t+1) = C A^t b``; (samples, entries).  Those by A
-    are convolutions, ``sum_s C A^s dA A^(t-1-s) b``.
+    From an input, or from its innovations; by A the convolutions ``sum_s C A^s dA A^(t-1-s) b``.
     """
     n, nu = model.order, model.inputs
     b = model.K if source is None else model.B[:, [source]]
     left, right = (
         powers_times(*parts, samples)[..., 0] for parts in ((model.A.T, model.C.T), (model.A, b))
     )
-    slopes = np.zeros((samples, n * n + n * nu + n + nu + n))
+    of_output = n * n + n * nu
+    slopes = np.zeros((samples, of_output + n + nu + n))
     spectra = np.fft.rfft(right, 2 * samples, axis=0)
     for row, spectrum in enumerate(np.fft.rfft(left, 2 * samples, axis=0).T):
         products = np.fft.irfft(spectrum[:, None] * spectra, 2 * samples, axis=0)
         slopes[2:, row * n : (row + 1) * n] = products[: samples - 2]
-    of_output = n * n + n * nu
     slopes[1:, of_output : of_output + n] = right[:-1]
     if source is None:
         slopes[1:, of_output + n + nu :] = left[:-1]
