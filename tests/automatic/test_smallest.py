@@ -21,7 +21,7 @@ from evopem.automatic.fold_errors import (
     standard_error,
 )
 from evopem.automatic.revisions import _is_allowed
-from evopem.automatic.structures import Choice, _misses_response, _smallest_as_good
+from evopem.automatic.structures import Choice, _by_likelihood, _misses_response, _smallest_as_good
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
@@ -41,18 +41,21 @@ def candidate(parameters, effect=(0.0,) * 5, evidence=0.0):
     return Candidate("oe", parameters, (1,), parameters, bic, bic, scores, MODEL)
 
 
-def chosen(*candidates, failed=None, of_all=()):
+def scorer_of(candidates, failed=None, of_all=()):
     checks = {id(each): SimpleNamespace(failed=of_all, whiteness=0.5) for each in candidates}
     if failed is not None:
         checks[id(failed)] = SimpleNamespace(failed=("Excitation adequate",), whiteness=0.5)
-    scorer = SimpleNamespace(
+    return SimpleNamespace(
         independent_samples=SAMPLES,
         checks=lambda each: checks[id(each)],
         stretches=[Segment(np.ones(SAMPLES), np.random.default_rng(1).standard_normal(SAMPLES))],
         absolute=False,
         penalty=lambda _: 0.0,
     )
-    return _smallest_as_good(scorer, candidates, "simulation")
+
+
+def chosen(*candidates, failed=None, of_all=()):
+    return _smallest_as_good(scorer_of(candidates, failed, of_all), candidates, "simulation")
 
 
 def test_of_models_that_are_as_good_the_smallest_is_taken():
@@ -180,6 +183,22 @@ def test_few_folds_say_little_of_chance(folds, t):
         assert may_be_chance(rival, best, "simulation") == is_chance
     lost = replace(best, scores=replace(best.scores, simulation=np.inf, simulation_folds=()))
     assert not may_be_chance(lost, best, "simulation")
+
+
+@pytest.mark.parametrize(
+    ("effect", "is_taken"),
+    [
+        ((0.9, -0.1, 0.1, 0.3, 0.2), True),  # by 32 %, which so few folds may differ by
+        ((0.3, 0.26, 0.29, 0.25, 0.3), False),
+        ((1.9, 0.1, 0.9, 1.6, 1.8), False),  # by a factor of more than three
+    ],
+)
+def test_a_valid_model_simulates_worse_by_no_more_than_chance(effect, is_taken):
+    """One whose residuals are white, though it has more coefficients than the input excites."""
+    likeliest, best = candidate(12, effect), candidate(8, evidence=40.0)
+    scorer = scorer_of((likeliest, best), failed=likeliest)
+    choice = _by_likelihood(scorer, (likeliest, best), "simulation", best)
+    assert (choice is not None and choice[0] is likeliest) == is_taken
 
 
 @pytest.mark.parametrize(

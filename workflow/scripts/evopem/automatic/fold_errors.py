@@ -21,8 +21,7 @@ Kind = Literal["simulation", "fitted_level", "prediction"]
 STANDARD_ERRORS, AS_GOOD = 2.0, 0.1
 # Most folds that are independent of each other, of those in all designs.
 INDEPENDENT_FOLDS = 4
-# Probability of a larger mean difference of the folds that is chance.
-LARGER_BY_CHANCE = 0.025
+LARGER_BY_CHANCE = 0.025  # probability of a larger mean difference of the folds
 # Share by which a simulation error must fall to overrule a choice without strong evidence.
 CLEAR_GAIN = 0.02
 # A difference of BIC, not divided by the samples, that is strong evidence (Kass & Raftery 1995).
@@ -67,8 +66,8 @@ def standard_error(candidate: Candidate, best: Candidate, kind: Kind) -> float:
     folds = [getattr(model.scores, f"{kind}_folds") for model in (candidate, best)]
     if len(folds[0]) != len(folds[1]) or len(folds[0]) < 2:
         return np.inf
-    independent = min(len(folds[0]), INDEPENDENT_FOLDS)
-    return float(np.std(np.subtract(*folds), ddof=1)) / float(np.sqrt(independent))
+    spread = float(np.std(np.subtract(*folds), ddof=1))
+    return spread / float(np.sqrt(min(len(folds[0]), INDEPENDENT_FOLDS)))
 
 
 def may_be_chance(candidate: Candidate, best: Candidate, kind: Kind) -> bool:

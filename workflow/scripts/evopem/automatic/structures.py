@@ -24,6 +24,7 @@ from evopem.automatic.fold_errors import (
     as_good,
     coloured_bic,
     gain_of_nothing,
+    may_be_chance,
     never_behind,
     parametric,
     regularised_unless_worse,
@@ -198,10 +199,10 @@ def _for_simulation(
     scorer: Scorer, candidates: Sequence[Candidate], kind: Kind
 ) -> tuple[Candidate, Decision]:
     score, searched = score_of(kind), parametric(candidates)
-    lowest = score(min(candidates, key=score))
-    choice = _despite_simulations(scorer, searched, score, lowest)
+    best = min(candidates, key=score)
+    choice = _despite_simulations(scorer, searched, score, score(best))
     if choice is None:
-        choice = _by_likelihood(scorer, searched, kind, lowest)
+        choice = _by_likelihood(scorer, searched, kind, best)
         choice = choice or _smallest_as_good(scorer, searched, kind)
         choice = never_behind(candidates, kind, *choice, lambda c: len(scorer.checks(c).failed))
         if _misses_response(scorer, min(searched, key=BIC)):
@@ -259,18 +260,19 @@ def _largest_ratio(scorer: Scorer, likeliest: Candidate) -> float:
 
 
 def _by_likelihood(
-    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, lowest: float
+    scorer: Scorer, candidates: Sequence[Candidate], kind: Kind, lowest: Candidate
 ) -> tuple[Candidate, str] | None:
-    """A model by its likelihood, where it is valid.
+    """A model by its likelihood, where it is valid; ``lowest`` simulates best of all.
 
     Maximum likelihood is efficient where the residuals are white and independent of the input.
     Simulation errors contain the noise as a whole; where it is narrow in frequency, they differ by
     chance by far more than the models do.
     """
     score, likeliest = score_of(kind), min(candidates, key=BIC)
-    checks = scorer.checks(likeliest)
+    checks, by_chance = scorer.checks(likeliest), may_be_chance(likeliest, lowest, kind)
+    largest = MOST_WHEN_ALL_HOLD if by_chance else _largest_ratio(scorer, likeliest)
     if not (
-        score(likeliest) / lowest < _largest_ratio(scorer, likeliest)
+        score(likeliest) / score(lowest) < largest
         and checks.whiteness >= BY_CHANCE
         and INDEPENDENT_OF_INPUT not in checks.failed
     ):
