@@ -200,6 +200,9 @@ def test_orders_of_outputs_alone_begin_below_the_states_of_their_modes():
     errors = task_of(recording_of(alone), "ss", (), CommonSettings()).errors
     assert is_heavy(errors(recording_of(alone), 22))
     assert not is_heavy(errors(recording_of(alone), 20))
+    # So are orders of many outputs, whose search would take longest.
+    of_many = recording_of([Segment(y[:, :0], np.tile(y, 5))])
+    assert is_heavy(task_of(of_many, "ss", (), CommonSettings()).errors(of_many, 10))
     few = [Segment(y[:, :0], noise(1200, ny=6)[0].outputs)]
     assert numbers_of_states(scorer_of(few))[0] == 2
 

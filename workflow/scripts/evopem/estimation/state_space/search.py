@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from types import MappingProxyType
 
 import numpy as np
@@ -195,9 +196,9 @@ def rungs(
     yield from reached[yielded:]
 
 
-# Multiplications of one evaluation from which on a search only descends from estimates, and those
-# that a whole search may take.
-HEAVY, BUDGET = 1e9, 1e11
+# Multiplications of one evaluation from which on a search only descends from estimates, with an
+# input and without one, and those that a whole search may take.
+HEAVY, HEAVY_ALONE, BUDGET = 1e9, 1e8, 1e11
 LEAST_EVALUATIONS, MOST_EVALUATIONS = 500, 8000
 # Estimates of each order that are descended from on the way to a larger order, and for the order
 # itself.
@@ -221,7 +222,8 @@ def generator_of(
 def is_heavy(errors: StateSpaceErrors) -> bool:
     """Whether a search only descends from estimates, which are good ones of outputs alone."""
     alone = errors.data.inputs.shape[1] == 0
-    return errors.cost > HEAVY or (alone and errors.order > USUAL_ORDER)
+    heavy = errors.cost > (HEAVY_ALONE if alone else HEAVY)
+    return heavy or (alone and errors.order > USUAL_ORDER)
 
 
 def _evaluations(problem: StateSpaceProblem, settings: SearchSettings) -> int:
@@ -326,16 +328,13 @@ def _other_form(errors: StateSpaceErrors) -> tuple[StateSpaceErrors, ...]:
 def likeliest_order(errors: StateSpaceErrors, orders: Sequence[int]) -> int:
     """That of the lowest BIC of estimates by linear algebra, before any descent."""
     models, samples = StartingModels(errors, orders[-1], thorough=False), errors.data.samples
-    criteria = {}
+    criteria = dict.fromkeys(orders, np.inf)
     for order in orders:
         problem = replace(errors, order=order)
-        values = [
-            problem.criterion(problem.projection(start).covariance)
-            for start in lowest(problem, list(models.points(problem)), 1)
-        ]
-        criteria[order] = min(values, default=np.inf) + (
-            problem.parameters * np.log(samples) / samples
-        )
+        # The first point costs nothing next to inputs that fit poles.
+        for start in lowest(problem, list(islice(models.points(problem), 1)), 1):
+            value = problem.criterion(problem.projection(start).covariance)
+            criteria[order] = value + problem.parameters * np.log(samples) / samples
     return min(criteria, key=lambda order: criteria[order])
 
 
