@@ -75,7 +75,7 @@ def _doubts(mode: Mode, fit: ResponseFit) -> Iterator[str]:
         if not error < most:
             yield f"has a {name} that the responses do not determine"
     if not _by_chance(mode, fit) < SIGNIFICANCE:
-        yield "may be made of errors: it explains no more of the responses than chance does"
+        yield "may describe measurement errors: a mode fitted to these alone could explain as much"
 
 
 def _by_chance(mode: Mode, fit: ResponseFit) -> float:

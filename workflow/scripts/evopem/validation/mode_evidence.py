@@ -350,7 +350,7 @@ def doubts(
     ):
         reasons.append("hardly decays within the record")
     if finite:
-        reasons.append("may be one of those that a finite impulse response is made up of")
+        reasons.append("may describe a finite impulse response, which has no modes")
     if evidence.power_share < LEAST_POWER:
         reasons.append(f"carries less than {100 * LEAST_POWER:g} % of the power of any output")
     if evidence.origin == "neither":
