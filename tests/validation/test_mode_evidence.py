@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter, residuez
+from scipy.signal import chirp, lfilter, residuez
 
 from evopem import SearchSettings, estimate
 from evopem.models.mode_matching import OrderModel
@@ -273,6 +273,32 @@ def test_a_response_that_outlasts_no_finite_one_has_no_modes(lines, finite, doub
     said = ["finite" in " ".join(each.doubts) for each in table.modes]
     assert said == [doubted] * len(said)
     assert len(said) == 6
+
+
+@pytest.mark.parametrize(
+    ("finite", "sweep", "damping_se", "doubted"),
+    [
+        (False, (0.5, 2.0), 0.001, False),
+        (False, (0.5, 2.0), 0.5, True),  # it may decay within the samples of a finite response
+        (True, (20.0, 3.0), None, True),
+    ],
+)
+def test_a_sweep_tells_a_slow_mode_from_a_finite_response(finite, sweep, damping_se, doubted):
+    """It is almost one frequency at a time, which a few coefficients answer as a mode does."""
+    times = np.arange(500) / RATE
+    u, e = chirp(times, sweep[0], times[-1], sweep[1]), np.random.default_rng(1).normal(size=500)
+    b, a = ([1.0, -0.3, 0.5, 0.4], 1.0) if finite else ([1.0, 0.5], factor(pole(3.3, 0.02)))
+    y = lfilter([0.0, *b], a, u)
+    recording = Recording(u, y + 0.05 * np.std(y) * e, RATE)
+    known = recording.between(0, 400)
+    model = estimate(known, orders=(2, 2, 1), structure="oe", settings=SEARCH).model
+    own = model.modes()
+    modes = tuple(replace(mode, damping_se=damping_se or mode.damping_se) for mode in own)
+    (judged,) = table_of_models(
+        *([OrderModel.of(2, 0.0, model, modes)], 2, lambda each: divided(each, recording, 400)),
+        lambda each: stretches_of(each, known),
+    ).modes
+    assert ("finite" in " ".join(judged.doubts)) == doubted
 
 
 @pytest.mark.parametrize(("highest", "reached"), [(14.0, None), (30.0, True)])

@@ -29,9 +29,11 @@ from evopem.models.response_tables import Column, shaped_modes_table
 from evopem.signals.recording import Recording
 from evopem.validation.held_out_tests import NO_TEST, SIGNIFICANCE, HeldOutTest
 from evopem.validation.modal_parts import (
+    KNOWN_DAMPING,
     ModeTests,
     held_out_mode_tests,
     is_short,
+    keeps_half,
     outlasting_test,
     pole_count,
 )
@@ -50,10 +52,6 @@ LEAST_POWER = EXCITED
 WIDEST_INTERVAL = 0.1
 # Decay in a sample, relative to the amplitude, that no record of usual length shows.
 NO_DECAY = 1e-6
-# Standard errors of a damping ratio at which a mode that inputs reach may outlast the record.  Of
-# such modes on 175 random records, most of them with tones or drifts, 14 of 37 with less than two
-# were false, 1 of 3 with two to three, none of 6 with more; of 178 others, 8 of 46 and none of 8.
-KNOWN_DAMPING = 3.0
 # Level of the test that tells two poles apart, and smallest assurance (MAC) that a known shape is
 # expected to have with the true one: that of well correlated shapes (Ewins 2000).
 POLES_APART, KNOWN_SHAPE = 0.01, 0.9
@@ -138,10 +136,9 @@ class ModeTable:
 
     def rows(self, input_names: Sequence[str], output_names: Sequence[str]) -> dict[str, Column]:
         """One row for each mode and output, as ``modes.csv`` has them."""
-        modes = [mode.mode for mode in self.modes]
-        columns = shaped_modes_table(modes, input_names, output_names)
+        columns = shaped_modes_table([row.mode for row in self.modes], input_names, output_names)
         judged = [mode for mode in self.modes for _ in output_names]
-        evidence: dict[str, Column] = {
+        return columns | {
             "order": [judged_mode.order for judged_mode in judged],
             "recurrence": [judged_mode.recurrence for judged_mode in judged],
             "origin": [judged_mode.origin for judged_mode in judged],
@@ -152,7 +149,6 @@ class ModeTable:
             "shape_doubt": [judged_mode.shape_doubt for judged_mode in judged],
             "plane_with_mode": ["" if j.pair is None else str(j.pair + 1) for j in judged],
         }
-        return columns | evidence
 
 
 def mode_table(
@@ -191,7 +187,7 @@ def table_of_models(
     """
     by_order = {model.order: model for model in models}
     tests: dict[int, list[ModeTests]] = {}
-    of_model: dict[int, tuple[float, bool | None]] = {}  # most samples, and the outlasting test
+    of_model: dict[int, tuple[float, HeldOutTest]] = {}  # most samples, and the outlasting test
     squares: dict[int, Array] = {}  # of one-step errors of each output, their means
     judged: list[ModeEvidence] = []
     row_of: dict[tuple[int, int], int] = {}
@@ -204,8 +200,7 @@ def table_of_models(
             records, known = held_out(nearby.model), estimation(nearby.model)
             tests[order] = held_out_mode_tests(nearby.modes, records, known)
             lengths = (len(record.outputs) for record in (*records, *known))
-            outlasts = outlasting_test(records, known).significant(SIGNIFICANCE)
-            of_model[order] = max(lengths, default=math.inf), outlasts
+            of_model[order] = max(lengths, default=math.inf), outlasting_test(records, known)
         of_mode = tests[order][group[order]]
         mode, without = nearby.modes[group[order]], None
         lacking = [model for model in models if model.order < order and _lacks(model, mode, group)]
@@ -261,15 +256,13 @@ def _judged(
     tests: ModeTests,
     by_order: Mapping[int, OrderModel],
     samples: float,
-    outlasts: bool | None,
+    outlasts: HeldOutTest,
     without: float | None,
     chosen: int,
 ) -> ModeEvidence:
-    """A mode judged; ``without``: squared errors of the best smaller model without it to its own.
-
-    A superfluous pole seems needed beside those that it took the place of: predictions of a smaller
-    model without it must be worse as well.  ``outlasts``: :func:`outlasting_test` of its model.
-    """
+    """A mode judged.  ``outlasts``: :func:`outlasting_test` of its model.  ``without``: squared
+    errors of the best smaller model without it to its own, since a superfluous pole seems needed
+    beside those that it took the place of."""
     mode, model = order_model.modes[group[order_model.order]], order_model.model
     of_input, of_noise, power_share = tests
     in_noise = bool(np.any(mode.noise_participation))
@@ -296,7 +289,8 @@ def _judged(
         needed_by_noise=needed if in_noise else False,
         power_share=power_share,
     )
-    behind = outlasts is not False or judged.needed_by_noise
+    slow = keeps_half(model, mode) and not outlasts.would_show(SIGNIFICANCE)
+    behind = outlasts.significant(SIGNIFICANCE) is not False or judged.needed_by_noise or slow
     finite = not behind or is_short(model, order_model.modes)
     reasons = tuple(doubts(judged, model.sampling_rate, samples, finite))
     return replace(judged, doubts=reasons, shape_doubt=shape_doubt(mode))
