@@ -1,5 +1,6 @@
 """The global search of the chosen model, and what held-out samples say of it."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,7 @@ from evopem.config.settings import SearchSettings
 from evopem.errors import LostModelError, NoModelError
 from evopem.files.json_form import from_json, to_json
 from evopem.models.orders import Orders
-from evopem.models.polynomial import PolynomialModel
+from evopem.models.polynomial import PolynomialModel, state_space_of
 from evopem.signals.recording import Recording, Segment
 
 
@@ -113,6 +114,15 @@ def test_an_estimate_that_is_compared_has_its_minimum_alone(candidate):
     bare = chosen_model.estimate_candidate(*given, bare=True)
     assert bare.estimate.search.value == whole.estimate.search.value
     assert bare.model.covariance is None is not whole.model.covariance
+
+
+def test_a_logarithm_of_errors_as_objective_has_no_ratio(candidate):
+    """The determinant of the errors' covariance, of state-space models, may be below 1."""
+    *_, scorer, choice = candidate
+    of_states = replace(choice.candidate, model=state_space_of(choice.candidate.model))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not chosen_model._is_strong_evidence(scorer, of_states, -0.5)
 
 
 def test_the_search_begins_with_the_candidate_in_the_units_of_the_recording(candidate):

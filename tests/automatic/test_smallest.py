@@ -185,6 +185,21 @@ def test_few_folds_say_little_of_chance(folds, t):
     assert not may_be_chance(lost, best, "simulation")
 
 
+def test_one_fold_alone_excuses_nothing_by_chance():
+    """Its spread is not known; large records of several channels and short ones have one."""
+
+    def of_one_fold(ratio, structure):
+        one = candidate(9)
+        scores = replace(one.scores, simulation=ratio, simulation_folds=(float(np.log(ratio)),))
+        return replace(one, structure=structure, scores=scores)
+
+    best, worse = of_one_fold(10.0, "oe"), of_one_fold(13.0, "impulse")
+    assert not may_be_chance(worse, best, "simulation")
+    assert regularised_unless_worse([best, worse], "simulation", best, "")[0] is best
+    near = of_one_fold(10.1, "impulse")
+    assert regularised_unless_worse([best, near], "simulation", best, "")[0] is near
+
+
 @pytest.mark.parametrize(
     ("effect", "is_taken"),
     [
@@ -249,6 +264,7 @@ def test_a_regularised_response_stands_for_a_system_that_has_no_orders(effect, i
     )
     assert found is (response if is_taken else chosen)
     assert ("no orders are those of the system" in sentence) == is_taken
+    assert sentence.endswith(f"not clearly worse than {chosen.name}.") == is_taken
 
 
 def test_sizes_of_residuals_that_follow_the_input_are_what_a_linear_model_misses():

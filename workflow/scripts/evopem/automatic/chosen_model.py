@@ -213,9 +213,9 @@ def estimate_choice(
     """The model of a choice, searched globally unless held-out samples speak against what is found.
 
     A lower minimum of the errors of estimation samples may be one of their noise alone: it is left
-    where held-out samples are simulated, or predicted, worse with it by more than chance, of few
-    folds where it is much likelier.  With ``plant_kept`` the plant is searched without its noise
-    model, which stays as it was.
+    where held-out samples are simulated, or predicted, worse with it by more than chance; that of
+    :func:`.may_be_chance` where it is much likelier.  With ``plant_kept`` the plant is searched
+    without its noise model, which stays as it was.
 
     Raises InputError when no model of the order meets the constraints, or the model has roots
     beyond the largest radius, and NoModelError when the record is too short.
@@ -277,9 +277,10 @@ def described_by_search(
 
 def _is_strong_evidence(scorer: Scorer, candidate: Candidate, ratio: float) -> bool:
     """Whether polynomials with white residuals are likelier, by the ratio of their objective."""
+    if candidate.polynomials is None:  # in state space the objective may be a logarithm
+        return False
     gain = -(1 + scorer.absolute) * scorer.independent_samples * float(np.log(ratio))
-    is_strong = candidate.polynomials is not None and gain > STRONG
-    return is_strong and scorer.checks(candidate).whiteness >= BY_CHANCE
+    return gain > STRONG and scorer.checks(candidate).whiteness >= BY_CHANCE
 
 
 def _about_search(

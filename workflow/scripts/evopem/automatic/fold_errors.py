@@ -71,11 +71,11 @@ def standard_error(candidate: Candidate, best: Candidate, kind: Kind) -> float:
 
 
 def may_be_chance(candidate: Candidate, best: Candidate, kind: Kind) -> bool:
-    """Whether a ratio of errors may be chance, of 2.5 %, by their spread (Student 1908)."""
-    folds = max(len(getattr(best.scores, f"{kind}_folds")), 2)
-    quantile = -stdtrit(min(folds, INDEPENDENT_FOLDS) - 1, LARGER_BY_CHANCE)
+    """Whether chance of 2.5 % makes errors so much larger (Student 1908); False of one fold."""
+    freedom = min(len(getattr(best.scores, f"{kind}_folds")), INDEPENDENT_FOLDS) - 1
+    error = standard_error(candidate, best, kind)
     logarithm = np.log(score_of(kind)(candidate) / score_of(kind)(best))
-    return bool(logarithm < quantile * standard_error(candidate, best, kind))
+    return bool(np.isfinite(error) and logarithm < -stdtrit(freedom, LARGER_BY_CHANCE) * error)
 
 
 def coloured_bic(scorer: Scorer, candidate: Candidate) -> Score:
@@ -181,13 +181,14 @@ def regularised_unless_worse(
 ) -> tuple[Candidate, str]:
     """The best regularised response, unless what was chosen does clearly better.
 
-    Where no linear model describes the system, none has its orders: they follow the one record.
+    Where no linear model describes the system, none has its orders.  Of one fold 2 % are clear.
     """
     responses = [c for c in candidates if c.structure in REGULARISED and c.is_scored]
-    best = min(responses, key=score_of(kind), default=chosen)
-    if best is chosen or is_clearly_better(chosen, best, kind):
+    best, score = min(responses, key=score_of(kind), default=chosen), score_of(kind)
+    most = max(CLEAR_GAIN, np.nan_to_num(standard_error(chosen, best, kind), posinf=0.0))
+    if best is chosen or np.log(score(best) / score(chosen)) > most:
         return chosen, sentence
     return best, (
-        f"The sizes of the residuals of {chosen.name} follow the input: no orders are those of the"
-        f" system. {best.name}, which assumes none, simulates held-out samples as well."
+        "The sizes of residuals follow the input: no orders are those of the system."
+        f" {best.name} has none, and simulates not clearly worse than {chosen.name}."
     )

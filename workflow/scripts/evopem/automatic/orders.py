@@ -369,6 +369,5 @@ def _left_by_same_sample(segment: Segment, arx: ArxFit) -> float:
     """What the same sample of the inputs leaves of what is new in the output, by mean squares."""
     late = Segment(segment.inputs[:-1], segment.outputs[1:])
     without = likeliest_arx([late], ORDERS, max(ORDERS))
-    return (
-        1.0 if without is None else float(np.mean(arx.residuals**2) / np.mean(without.residuals**2))
-    )
+    left = 1.0 if without is None else np.mean(arx.residuals**2) / np.mean(without.residuals**2)
+    return float(left)

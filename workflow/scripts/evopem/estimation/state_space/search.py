@@ -331,7 +331,7 @@ def likeliest_order(errors: StateSpaceErrors, orders: Sequence[int]) -> int:
     criteria = dict.fromkeys(orders, np.inf)
     for order in orders:
         problem = replace(errors, order=order)
-        # The first point costs nothing next to inputs that fit poles.
+        # The first point alone: those whose inputs are fitted to poles take far longer.
         for start in lowest(problem, list(islice(models.points(problem), 1)), 1):
             value = problem.criterion(problem.projection(start).covariance)
             criteria[order] = value + problem.parameters * np.log(samples) / samples

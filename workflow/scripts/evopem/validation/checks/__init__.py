@@ -38,7 +38,7 @@ NOT_THE_MODEL = (
 
 # What is not found beside what: the checks that follow, their cause, and what was shown.
 FOLLOWS = {
-    "constant": ((CONSTANT,), LINEAR, "beside squares and cubes the data show no change"),
+    "constant": ((CONSTANT,), LINEAR, "beside nonlinear terms the data show no change"),
     "linear": ((LINEAR,), CONSTANT, "beside the change the data show no nonlinearity"),
     "feedback": ((CONSTANT, LINEAR), residuals.FEEDBACK, "not found beside later inputs"),
 }
