@@ -21,7 +21,13 @@ from evopem.automatic.fold_errors import (
     standard_error,
 )
 from evopem.automatic.revisions import _is_allowed
-from evopem.automatic.structures import Choice, _by_likelihood, _misses_response, _smallest_as_good
+from evopem.automatic.structures import (
+    Choice,
+    _by_likelihood,
+    _for_simulation,
+    _misses_response,
+    _smallest_as_good,
+)
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.recording import Segment
@@ -273,3 +279,28 @@ def test_sizes_of_residuals_that_follow_the_input_are_what_a_linear_model_misses
         late = np.concatenate([np.zeros(1), y[:-1]])
         scorer = SimpleNamespace(stretches=[Segment(u, late)])
         assert _misses_response(scorer, candidate(1)) is misses
+
+
+@pytest.mark.parametrize(
+    ("gain", "follows", "is_response"),
+    [
+        (0.0, False, False),
+        (0.0, True, True),
+        (0.1, True, True),
+        (0.1, False, False),
+        (0.6, True, False),
+    ],
+    ids=["noise", "missed", "missed under weak feedback", "weak feedback", "strong feedback"],
+)
+def test_what_a_linear_model_misses_calls_for_a_regularised_response(gain, follows, is_response):
+    r, noise = np.random.default_rng(4).standard_normal((2, 3000))
+    u, e = np.zeros((2, 3000))
+    for t in range(2, 3000):
+        e[t] = noise[t] * (abs(u[t - 1] - u[t - 2]) if follows else 1.0)
+        u[t] = r[t] + gain * e[t - 1]
+    chosen, response = candidate(8), replace(candidate(60), structure="impulse", bic=1.0)
+    scorer = scorer_of((chosen, response))
+    scorer.settings = SimpleNamespace(objective="quadratic")
+    scorer.stretches = [Segment(u, np.concatenate([[0.0], u[:-1]]) + e)]
+    found, _ = _for_simulation(scorer, [chosen, response], "simulation")
+    assert found is (response if is_response else chosen)
