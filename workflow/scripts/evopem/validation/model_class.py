@@ -10,8 +10,8 @@ from functools import cached_property, partial
 from typing import Literal, Self
 
 import numpy as np
+import scipy  # whose parts load on first use
 from numpy.polynomial.legendre import legvander
-from scipy.signal import lfilter
 from scipy.special import chdtrc
 
 from evopem.arrays import Array, Flags
@@ -206,7 +206,9 @@ def _operating_point(stretch: _Stretch, output: int) -> Rows:
     known, y, means = _nonlinear(stretch, output), stretch.responses[:, output], []
     y = (y - y.mean()) / max(float(np.std(y)), 1e-300)
     for pole in np.exp(-1.0 / np.maximum(len(y) * np.array(SLOW), 10.0)):
-        means += [lfilter([1.0 - pole], [1.0, -pole], v - v.mean()) for v in (y, np.abs(y))]
+        means += [
+            scipy.signal.lfilter([1.0 - pole], [1.0, -pole], v - v.mean()) for v in (y, np.abs(y))
+        ]
     slow = np.column_stack(means)
     gain = np.hstack([slow, (_lagged(y)[:, :, None] * slow[:, None]).reshape(len(y), -1)])
     return lambda part: (known(part)[0], np.hstack([known(part)[1], gain[part]]))

@@ -191,9 +191,10 @@ class PolynomialProblem(BasinHoppingProblem):
     def _is_lost_in_products(self, points: Array) -> bool:
         """Whether B and states of a point may be: columns of finely sampled poles hardly differ."""
         states = self.errors.linear("b", "plant")
+        if not any(self.errors.orders.nf) or not states.any():
+            return False
         matrices = self.errors.curvatures_of(points, np.ones(len(points)), states)
-        dependent = nearly_dependent(matrices, damped_inverses(matrices))
-        return any(self.errors.orders.nf) and bool(dependent.any())
+        return bool(nearly_dependent(matrices, damped_inverses(matrices)).any())
 
     def lowest_estimates(self, count: int, slow: bool = False) -> tuple[Array, int]:
         """Points of the lowest of the estimates by linear algebra, and their evaluations; of those

@@ -219,12 +219,9 @@ def noise_models(
     plant: StateSpaceModel,
     recording: Recording,
     settings: SearchSettings,
-    starts: bool = False,
+    covariances: bool = True,
 ) -> list[StateSpaceModel | None]:
-    """Noise models for the residuals of a plant, the lowest BIC first; None for white ones.
-
-    ``starts``: which are descended from, so that one estimate of each order is enough.
-    """
+    """Noise models for the residuals of a plant, the lowest BIC first; None for white ones."""
     lost = max(plant.input_delays, default=0)
     residuals = []
     for segment in recording.segments:
@@ -237,8 +234,8 @@ def noise_models(
     ).with_segments([Segment(e[:, :0], e, number) for number, e in enumerate(residuals)])
     models: list[StateSpaceModel | None] = [None]
     criteria, rises = [log_loss(joined, settings.objective)], 0
-    task = StateSpaceTask(settings=settings, covariances=not starts)
-    for estimate in plain_estimates(alone, noise_orders(recording), task, 1 if starts else WIDTH):
+    task = StateSpaceTask(settings=settings, covariances=covariances)
+    for estimate in plain_estimates(alone, noise_orders(recording), task, WIDTH):
         rises = 0 if estimate.bic < min(criteria) else rises + 1
         models.append(estimate.model)
         criteria.append(estimate.bic)
@@ -266,7 +263,7 @@ def estimate_beside(
     With less of its gain, else the next likely one, where no descent ends at a stable model.
     ValueError when the recording is too short, or that is so of each of them.
     """
-    models = noise_models(plant, recording, task.settings, starts=True)
+    models = noise_models(plant, recording, task.settings, covariances=False)
     for noise, share in product(models, GAIN_SHARES):
         start = _beside_noise(plant, noise)
         start = replace(start, K=share * start.K, structure="ss", covariance=None)
