@@ -33,8 +33,7 @@ from evopem.models.mode_matching import OrderModel  # noqa: E402
 from evopem.models.orders import armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording, Segment  # noqa: E402
-from evopem.synthesis.armax import armax  # noqa: E402
-from evopem.synthesis.flexible_arm import flexible_arm  # noqa: E402
+from evopem.synthesis import armax, flexible_arm  # noqa: E402
 from evopem.validation.mode_evidence import table_of_models  # noqa: E402
 from evopem.validation.residual_tests import (  # noqa: E402
     ljung_box_lags,

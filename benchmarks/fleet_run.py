@@ -30,7 +30,7 @@ from evopem.config.defaults import complete
 from evopem.config.settings import DatasetSettings
 from evopem.pipeline.identification import jobs
 from evopem.results.layout import DatasetFiles
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = 2_000

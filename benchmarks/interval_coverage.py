@@ -25,7 +25,7 @@ sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem import SearchSettings, estimate  # noqa: E402
 from evopem.models.response_tables import NORMAL_95, response_interval  # noqa: E402
-from evopem.synthesis.armax import true_model  # noqa: E402
+from evopem.synthesis import true_model  # noqa: E402
 
 NOISES = ("Gaussian", "heavy-tailed")
 FREQUENCIES = np.linspace(1.0, 49.0, 25)

@@ -47,7 +47,7 @@ from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noq
 from evopem.models.orders import Orders, armax_orders  # noqa: E402
 from evopem.models.polynomial import PolynomialModel  # noqa: E402
 from evopem.signals.recording import Recording, Segment  # noqa: E402
-from evopem.synthesis.armax import armax  # noqa: E402
+from evopem.synthesis import armax  # noqa: E402
 
 Array = NDArray[np.float64]
 

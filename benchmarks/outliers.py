@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "workflow" / "scripts"))
 
 from evopem import SearchSettings, estimate  # noqa: E402
-from evopem.synthesis.armax import true_model  # noqa: E402
+from evopem.synthesis import true_model  # noqa: E402
 
 Array = NDArray[np.float64]
 

@@ -35,7 +35,7 @@ MODES = (5.36, 16.65, 37.0)  # Hz: those of the records; others come and go with
 def search() -> list[dict]:
     """Objective, BIC and modes of a few orders on known records, with the built-in settings."""
     from evopem import estimate
-    from evopem.synthesis.armax import armax
+    from evopem.synthesis import armax
 
     found = []
     for seed in RECORDS:

@@ -38,8 +38,7 @@ from evopem.models.modes import Mode  # noqa: E402
 from evopem.models.orders import Orders, armax_orders  # noqa: E402
 from evopem.signals.preparation import prepare  # noqa: E402
 from evopem.signals.recording import Recording  # noqa: E402
-from evopem.synthesis import synthesize  # noqa: E402
-from evopem.synthesis.armax import armax  # noqa: E402
+from evopem.synthesis import armax, synthesize  # noqa: E402
 
 PHASES = phases_of("armax")
 

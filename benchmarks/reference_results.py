@@ -22,8 +22,7 @@ from scipy.signal import lfilter
 sys.path.insert(0, str(Path(__file__).parents[1] / "workflow" / "scripts"))
 
 import evopem
-from evopem.synthesis.armax import armax
-from evopem.synthesis.flexible_arm import flexible_arm
+from evopem.synthesis import armax, flexible_arm
 
 POLYNOMIALS = {
     "fir": {"nb": 12},

@@ -52,7 +52,7 @@ from evopem.estimation.search.global_search import global_search  # noqa: E402
 from evopem.estimation.search.polynomial_problem import PolynomialProblem  # noqa: E402
 from evopem.models.orders import Orders, armax_orders, orders_of  # noqa: E402
 from evopem.notebook.estimate import estimate  # noqa: E402
-from evopem.synthesis.armax import armax  # noqa: E402
+from evopem.synthesis import armax  # noqa: E402
 
 Array = NDArray[np.float64]
 
@@ -346,7 +346,7 @@ import sys, time, tracemalloc
 sys.path.insert(0, {scripts!r})
 import numpy as np
 from evopem import SearchSettings, estimate
-from evopem.synthesis.armax import armax  # noqa: E402
+from evopem.synthesis import armax  # noqa: E402
 record = armax(1, {samples})[0]
 settings = SearchSettings(objective="quadratic")
 u, y = record.input, record.output

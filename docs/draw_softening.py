@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from evopem import Orders, Recording, SearchSettings, estimate, estimate_varying
 from evopem.figures.style import styled, svg_text
 from evopem.signals.transforms import box_cox, difference, likeliest_box_cox, positive_shift
-from evopem.synthesis.flexible_arm import flexible_arm
+from evopem.synthesis import flexible_arm
 
 ORDERS = Orders(na=9, nb=9, nk=3)
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from evopem.arrays import Array
 from evopem.models.polynomial import PolynomialModel
-from evopem.synthesis.armax import WARM_UP
+from evopem.synthesis import WARM_UP
 
 
 def polynomial_record(

@@ -12,7 +12,7 @@ from evopem.automatic.preparation.plan import decide_preparation, prepare
 from evopem.config.settings import GivenPreparation
 from evopem.errors import InputError
 from evopem.signals.recording import Recording, Segment
-from evopem.synthesis.flexible_arm import flexible_arm
+from evopem.synthesis import flexible_arm
 
 
 def choices(plan):

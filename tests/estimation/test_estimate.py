@@ -22,7 +22,7 @@ from evopem.estimation.search.linear_estimates import arx
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.models.orders import Orders
 from evopem.signals.recording import Segment, recording_of
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 QUADRATIC = SearchSettings(objective="quadratic")
 

@@ -17,7 +17,7 @@ from evopem.estimation.order_candidate import first_pass
 from evopem.estimation.order_selection import OrderSearch, estimate_candidates, select_candidate
 from evopem.models.orders import orders_of
 from evopem.notebook.estimate import estimate
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 BASELINE = Path(__file__).with_name("evaluation_counts.json")
 ALLOWED = 1.5

@@ -23,7 +23,7 @@ from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.problem import descended, pooled, same_optimum
 from evopem.models.orders import armax_orders, orders_of
 from evopem.signals.recording import Recording
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 
 def problem(orders, samples=600, objective="quadratic"):

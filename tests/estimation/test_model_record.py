@@ -12,7 +12,7 @@ from evopem.estimation.model_record import ModelRecord
 from evopem.files.json_form import load, save
 from evopem.notebook.estimate import estimate
 from evopem.signals.preparation import prepare
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 SETTINGS = SearchSettings(objective="quadratic", evaluations=500, seed=3)
 

@@ -38,8 +38,7 @@ from evopem.models.orders import armax_orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.signals.preparation import prepare
 from evopem.signals.recording import Recording
-from evopem.synthesis import synthesize
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax, synthesize
 
 SEARCH = SearchSettings(objective="quadratic", evaluations=8000)
 WINDOW = ScoringWindow(18, 38)

@@ -11,7 +11,7 @@ from evopem.estimation.search.polynomial_problem import PolynomialProblem
 from evopem.estimation.search.root_sections import in_sections
 from evopem.models.orders import armax_orders, orders_of
 from evopem.signals.recording import Segment
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 RADIUS = 0.9999
 

@@ -20,7 +20,7 @@ from evopem.estimation.search.section_replacement import (
 )
 from evopem.models.orders import armax_orders, orders_of
 from evopem.signals.recording import Segment
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 CASES = [
     ("armax", (6, 6, 6, 3)),

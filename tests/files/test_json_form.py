@@ -36,7 +36,7 @@ from evopem.results.identity import MadeFrom
 from evopem.signals.peaks import SpectrumSummary
 from evopem.signals.prepared_data import Transforms
 from evopem.signals.recording_info import RecordingInfo
-from evopem.synthesis.armax import Truth
+from evopem.synthesis import Truth
 from evopem.validation.validation import Validation
 
 SCRIPTS = Path(__file__).parents[2] / "workflow" / "scripts"

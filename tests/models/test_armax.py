@@ -5,7 +5,7 @@ import pytest
 
 from evopem.models.orders import armax_orders
 from evopem.models.polynomial import PolynomialModel
-from evopem.synthesis.armax import true_model
+from evopem.synthesis import true_model
 
 
 @pytest.fixture

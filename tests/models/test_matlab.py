@@ -12,7 +12,7 @@ from evopem.errors import InputError
 from evopem.files.json_form import save
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import save_model_mat
-from evopem.synthesis.armax import true_model
+from evopem.synthesis import true_model
 
 
 @pytest.fixture

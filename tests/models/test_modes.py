@@ -7,7 +7,7 @@ import pytest
 
 from evopem.models.modes import modes_of
 from evopem.models.parameter_covariance import ParameterCovariance
-from evopem.synthesis.armax import true_model
+from evopem.synthesis import true_model
 
 NUMBERS = ("frequency_hz", "damping_ratio")
 

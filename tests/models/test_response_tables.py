@@ -15,7 +15,7 @@ from evopem.models.response_tables import (
     time_response_table,
 )
 from evopem.models.state_space import StateSpaceModel
-from evopem.synthesis.armax import true_model
+from evopem.synthesis import true_model
 
 
 def test_the_response_runs_from_zero_to_half_the_rate():

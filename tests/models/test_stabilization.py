@@ -3,7 +3,7 @@
 import pytest
 
 from evopem.models.mode_matching import persistent_frequencies, stabilization
-from evopem.synthesis.armax import true_mode
+from evopem.synthesis import true_mode
 
 
 def modes(frequencies, damping=0.05):

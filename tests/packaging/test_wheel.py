@@ -20,7 +20,7 @@ TEMPLATES = ROOT / "workflow" / "templates"
 SCHEMAS = ROOT / "workflow" / "schemas"
 # The example's `input` and `output`: a record of the model whose orders the example gives.
 RECORD = """
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 recording, _ = armax(seed=3, samples=2000)
 input, output = recording.input, recording.output
 """

@@ -67,7 +67,7 @@ say "evopem data.csv --input u --output y --rate 100"
 mkdir -p recorded
 python - <<'PYTHON'
 import numpy as np
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 recording, _ = armax(seed=1, samples=700)
 columns = np.column_stack([recording.input, recording.output])

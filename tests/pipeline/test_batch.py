@@ -17,7 +17,7 @@ from evopem.pipeline import identification
 from evopem.pipeline.identification import identify_dataset
 from evopem.results.identity import forget_incomplete_batches, is_finished
 from evopem.results.layout import DatasetFiles
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 DEFAULTS = {
     "recipe": "chapter",

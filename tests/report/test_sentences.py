@@ -24,7 +24,7 @@ from evopem.report.verdict import verdict
 from evopem.signals.peaks import SpectralPeak
 from evopem.signals.recording_info import FileOrigin
 from evopem.signals.timestamps import Unevenness
-from evopem.synthesis.armax import true_mode
+from evopem.synthesis import true_mode
 
 
 def mode(frequency, damping=0.01, frequency_error=0.1, damping_error=0.005):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, dlsim
 
-from evopem import Orders, Recording
+from evopem import Orders, Recording, synthesis
 from evopem.automatic.varying import Moves, Varying
 from evopem.config.channels import SyntheticSource
 from evopem.config.settings import PreparationSettings, SplitSettings, TransformSettings
@@ -12,9 +12,15 @@ from evopem.estimation.varying import Scheduled, fit_varying
 from evopem.figures.moving import moving_modes
 from evopem.models.varying import MovingMode
 from evopem.signals.preparation import prepare
-from evopem.synthesis import synthesize
-from evopem.synthesis.armax import armax, true_model
-from evopem.synthesis.flexible_arm import ARM_MODES, SERVO, arm_dynamics, flexible_arm
+from evopem.synthesis import (
+    ARM_MODES,
+    SERVO,
+    arm_dynamics,
+    armax,
+    flexible_arm,
+    synthesize,
+    true_model,
+)
 
 
 def simulated(kind, **keys):
@@ -43,13 +49,11 @@ def test_the_arm_has_the_modes_it_states():
 
 def test_the_arms_record_is_that_of_an_exact_hold(monkeypatch):
     """Noise aside, the record is scipy's zero-order-hold simulation, two samples late."""
-    from evopem.synthesis import flexible_arm as arm
-
     for name in ("DISTURBANCE", "SENSOR_NOISE", "DRIFT_STEP"):
-        monkeypatch.setattr(arm, name, 0.0)
-    monkeypatch.setattr(arm, "WARM_UP_SECONDS", 0.0)
-    monkeypatch.setattr(arm, "TRANSPORT_SAMPLES", 0)
-    recording, _ = arm.flexible_arm(seed=1, samples=400)
+        monkeypatch.setattr(synthesis, name, 0.0)
+    monkeypatch.setattr(synthesis, "WARM_UP_SECONDS", 0.0)
+    monkeypatch.setattr(synthesis, "TRANSPORT_SAMPLES", 0)
+    recording, _ = flexible_arm(seed=1, samples=400)
     a, b, c = arm_dynamics()
     held = StateSpace(a, b[:, :1], c[None, :], [[0.0]]).to_discrete(0.01)
     theirs = dlsim(held, recording.input)[1][:, 0]
@@ -61,7 +65,7 @@ def arm_output(volts):
     """Undo the sensor."""
     from scipy.special import boxcox
 
-    from evopem.synthesis.flexible_arm import CHARACTERISTIC, SENSOR_GAIN
+    from evopem.synthesis import CHARACTERISTIC, SENSOR_GAIN
 
     return boxcox(volts, CHARACTERISTIC) / SENSOR_GAIN
 

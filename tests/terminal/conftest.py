@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from evopem.synthesis.armax import armax
+from evopem.synthesis import armax
 
 SMALL = {
     "recipe": "chapter",

@@ -13,7 +13,7 @@ from evopem.figures.chart import TIME, Chart, Curve, Panel, family
 from evopem.figures.style import styled, svg_text
 from evopem.models.varying import VaryingModel
 from evopem.signals.prepared_data import PreparedData
-from evopem.synthesis.armax import Truth
+from evopem.synthesis import Truth
 
 # Moments and frequencies of the picture, and decibels below the highest value that it tells apart.
 MOMENTS, FREQUENCIES, RANGE = 120, 160, 60.0

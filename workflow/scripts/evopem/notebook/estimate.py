@@ -109,7 +109,7 @@ def estimate(
     Examples
     --------
     >>> import evopem
-    >>> from evopem.synthesis.armax import armax
+    >>> from evopem.synthesis import armax
     >>> recording, truth = armax(seed=1, samples=1000)
     >>> found = evopem.estimate(
     ...     recording,

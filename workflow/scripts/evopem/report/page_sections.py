@@ -33,7 +33,7 @@ from evopem.report.results_text import error_parts, moving_sentence
 from evopem.report.templates import Context
 from evopem.report.verdict import mode_lines, verdict
 from evopem.results.dataset import DatasetResults
-from evopem.synthesis.armax import true_mode
+from evopem.synthesis import true_mode
 
 # The chapter on its own recording, which the simulated flexible arm stands in for.
 # Table 2: natural frequency in Hz, damping ratio.

@@ -163,7 +163,7 @@ STAGES = (
     ),
     Stage(
         "estimate_varying",
-        "varying:estimate_varying",
+        "complete_model:estimate_varying",
         "what moves",
         seconds=2.0,
         applies="varying",
