@@ -103,7 +103,7 @@ def test_stages_reach_their_part_of_the_package_and_no_more():
     assert "evopem/estimation/order_selection.py" in reached["estimate_candidates"]
     assert "evopem/signals/spectra.py" in reached["estimate_spectrum"]
     early = ("read_recording", "prepare_samples", "estimate_spectrum", "estimate_candidates")
-    for name in (*early, "search_structure", "choose"):
+    for name in (*early, "search_structures", "choose"):
         later = [each for each in reached[name] if "/figures/" in each or "/report/" in each]
         assert later == [], name
     for module in ("spectra", "peaks"):

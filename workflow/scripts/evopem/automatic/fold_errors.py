@@ -189,6 +189,7 @@ def regularised_unless_worse(
     if best is chosen or np.log(score(best) / score(chosen)) > most:
         return chosen, sentence
     return best, (
-        "The sizes of residuals follow the input: no orders are those of the system."
-        f" {best.name} has none, and simulates not clearly worse than {chosen.name}."
+        "The sizes of residuals follow the input, which points to a nonlinear system: orders of a"
+        f" linear model mean little. {best.name} has none and simulates about as well as"
+        f" {chosen.name}."
     )

@@ -219,7 +219,7 @@ def _despite_simulations(
 ) -> tuple[Candidate, str] | None:
     """A model by its likelihood, where simulation errors mislead and nothing speaks against it.
 
-    ``lowest``: error of all models.  What a linear model misses may pass for weak feedback.
+    ``lowest``: error of all models.  A missed nonlinearity can look like weak feedback.
 
     Maximum likelihood is unbiased under feedback, and efficient where the residuals are white.
     Simulation errors contain the noise as a whole; where it is heavy-tailed, they differ by chance

@@ -14,8 +14,7 @@ from evopem.automatic.candidates import (
 )
 from evopem.automatic.cross_validation.folds import FoldPlan
 from evopem.automatic.fit import CommonSettings
-from evopem.automatic.orders import DelayChoice
-from evopem.automatic.orders import search_structure as search
+from evopem.automatic.orders import DelayChoice, search_structure
 from evopem.automatic.preparation.plan import PreparationPlan, PreparedRecord
 from evopem.automatic.structures import compare_structures
 from evopem.blas_threads import one_blas_thread
@@ -85,35 +84,27 @@ def errors_name_dataset(files: DatasetFiles) -> Iterator[None]:
 Log = Callable[[str], None]
 
 
-def search_structure(
+def search_structures(
     files: DatasetFiles,
-    structure: str,
+    structures: tuple[str, ...],
     settings: AutomaticSettings,
     fits: CommonSettings,
-    nested: tuple[str, ...],
+    nested: tuple[str, ...] = (),
     log: Log | None = None,
 ) -> None:
-    """Search the orders of one structure, from the optima of those nested in it."""
-    smaller = {s: load(StructureSearch, files.search(s)) for s in nested}
-    scored = Scored.load(files, settings, fits)
-    with errors_name_dataset(files), one_blas_thread():
-        result = search(scored.scorer, structure, smaller, log)
-    save(without_covariances(result), files.search(structure))
-    models = order_models(result, scored.record, scored.prepared.estimation)
-    save(models, files.models_of_orders(structure))
+    """Search the orders of structures, each from the optima of those nested in it.
 
-
-def search_polynomials(
-    files: DatasetFiles,
-    polynomials: tuple[str, ...],
-    settings: AutomaticSettings,
-    fits: CommonSettings,
-    log: Log | None = None,
-) -> None:
-    """Search the orders of structures of polynomials, each behind those nested in it."""
-    for structure in polynomials:
-        nested = tuple(s for s in NESTED.get(structure, ()) if s in polynomials)
-        search_structure(files, structure, settings, fits, nested, log)
+    These are among the structures before it, or ``nested``, which were searched already.
+    """
+    for structure in structures:
+        known = [s for s in NESTED.get(structure, ()) if s in (*structures, *nested)]
+        smaller = {s: load(StructureSearch, files.search(s)) for s in known}
+        scored = Scored.load(files, settings, fits)
+        with errors_name_dataset(files), one_blas_thread():
+            result = search_structure(scored.scorer, structure, smaller, log)
+        save(without_covariances(result), files.search(structure))
+        models = order_models(result, scored.record, scored.prepared.estimation)
+        save(models, files.models_of_orders(structure))
 
 
 def choose(

@@ -11,7 +11,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy  # whose parts load on first use
 from numpy.typing import NDArray
 
 from evopem.arrays import Array, Complex
@@ -327,12 +326,14 @@ def goes_on(signal: Array, lag: int) -> bool:
 
 def overlapping_correlation(signal: Array) -> Array:
     """Correlation of what overlaps at each lag; 0 before it first falls below HAS_CHANGED."""
+    from scipy.fft import next_fast_len
+
     n = len(signal)
     longest = int(LONGEST_LAG * n)
     x = signal - signal.mean()
     if longest < 2 or not np.ptp(x) > 0.0:
         return np.zeros(1)
-    length = scipy.fft.next_fast_len(2 * n, real=True)
+    length = next_fast_len(2 * n, real=True)
     spectrum = np.fft.rfft(x, length)
     products = np.fft.irfft(np.abs(spectrum) ** 2, length)[: longest + 1]
     power = np.concatenate([[0.0], np.cumsum(x**2)])

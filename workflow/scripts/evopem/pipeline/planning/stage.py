@@ -98,7 +98,8 @@ def wanted(job: StageJob) -> tuple[str, ...]:
     return (structure,) if structure in searched else searched
 
 
-def _polynomials(job: StageJob) -> tuple[str, ...]:
+def polynomials(job: StageJob) -> tuple[str, ...]:
+    """The structures of polynomials that are searched, each behind those nested in it."""
     return tuple(filter(is_polynomial, searched_forms(job.settings)))
 
 
@@ -144,7 +145,7 @@ def _resonances(job: StageJob) -> list[str]:
 
 LISTS: Mapping[str, Callable[[StageJob], Sequence[str]]] = {
     "structures": lambda job: searched_forms(job.settings),
-    "polynomials": _polynomials,
+    "polynomials": polynomials,
     "forms": _forms,
     "wanted": wanted,
     "nested": _nested,
@@ -207,7 +208,6 @@ ARGUMENTS: Mapping[str, Value] = {
     "given": lambda job: job.settings.automatic and job.settings.automatic.preparation,
     "requirements": _of_chapter(order_grid.sample_requirements),
     "nested": _nested,
-    "polynomials": _polynomials,
     "structures": LISTS["structures"],
     "phases": LISTS["phases"],
     "parts": _part_count,

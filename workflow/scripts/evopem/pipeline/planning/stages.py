@@ -89,23 +89,26 @@ STAGES = (
     # Most take less than the start of a process: all in one.
     _decided(
         "search_polynomials",
-        "structure_search:search_polynomials",
+        "structure_search:search_structures",
         "searching the orders of polynomial models",
         seconds=8.0,
         inputs=_SCORED,
         outputs=("search:{polynomials}", "models_of_orders:{polynomials}"),
-        given=("fits", "polynomials"),
-        settings={"settings": of.orders_of_polynomials},
+        given=("fits",),
+        settings={"structures": of.polynomials, "settings": of.orders_of_polynomials},
     ),
     _decided(
         "search_state_space",
-        "structure_search:search_structure",
+        "structure_search:search_structures",
         "searching the orders of {structure} models",
         seconds=1.0,
         inputs=("search:{nested}", *_SCORED),
         outputs=("search:{structure}", "models_of_orders:{structure}"),
         given=("fits", "nested"),
-        settings={"settings": of.orders_of_states},
+        settings={
+            "structures": lambda job: (job.values["structure"],),
+            "settings": of.orders_of_states,
+        },
         wildcards={"structure": "forms"},
     ),
     _decided(
