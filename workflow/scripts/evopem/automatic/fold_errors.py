@@ -190,6 +190,6 @@ def regularised_unless_worse(
         return chosen, sentence
     return best, (
         "The sizes of residuals follow the input, which points to a nonlinear system: orders of a"
-        f" linear model mean little. {best.name} has none and simulates about as well as"
-        f" {chosen.name}."
+        f" linear model mean little. {best.name} has none, and simulates not clearly worse"
+        f" than {chosen.name}."
     )
