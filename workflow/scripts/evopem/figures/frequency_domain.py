@@ -28,8 +28,8 @@ from evopem.figures.style import thin_table
 from evopem.models.modes import Mode
 from evopem.results.channel_labels import Pair, gain_unit, with_unit
 from evopem.results.dataset import DatasetResults
-from evopem.signals.peaks import SpectralPeak
 from evopem.signals.spectra import multitaper_spectrum
+from evopem.signals.spectrum_summary import SpectralPeak
 
 # Colours of what moves the gain that the data give.
 LEVELS: dict[str, Role] = {"noise": "truth", "distortion": "error"}

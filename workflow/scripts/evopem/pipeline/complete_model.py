@@ -1,4 +1,4 @@
-"""The chosen model, searched globally: its covariance, modes and frequency response; what moves."""
+"""The chosen model, searched globally: its covariance, modes and frequency response."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -10,7 +10,6 @@ from evopem.automatic.fit import CommonSettings
 from evopem.automatic.revisions import Revised, act_on_checks
 from evopem.automatic.state_space import weighting_of
 from evopem.automatic.structures import Choice, Comparison, Purpose, rivals_of
-from evopem.automatic.varying import table_of, what_moves
 from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import (
     AutomaticSettings,
@@ -18,7 +17,6 @@ from evopem.config.settings import (
     Hold,
     ScoringWindow,
     SearchSettings,
-    VaryingSettings,
 )
 from evopem.config.structures import OF_SIMULATION
 from evopem.errors import InputError
@@ -35,7 +33,6 @@ from evopem.pipeline.structure_search import Scored, errors_name_dataset
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import Recording
-from evopem.validation.validate import class_of
 
 Log = Callable[[str], None]
 
@@ -184,14 +181,3 @@ def _selected(
         focus=fit.focus,
         constraints=fit.constraints,
     )
-
-
-def estimate_varying(files: DatasetFiles, settings: VaryingSettings) -> None:
-    """Try a model with moving coefficients where the machine seems to change."""
-    record = load(ModelRecord, files.model)
-    with one_blas_thread():
-        prepared = load_prepared(files.prepared, files.transforms)
-        tests = class_of(record.model, prepared, record.level_of_simulation == "state")
-        varying = replace(what_moves(prepared, record, settings, tests), tests=tests)
-    save(varying, files.varying)
-    write_table(files.varying_modes, table_of(varying))

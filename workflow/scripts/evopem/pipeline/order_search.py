@@ -17,8 +17,8 @@ from evopem.estimation.order_selection import select_candidate as select
 from evopem.files.json_form import load, save
 from evopem.models.orders import orders_of
 from evopem.results.layout import DatasetFiles
-from evopem.signals.peaks import SpectrumSummary
 from evopem.signals.prepared_data import load_prepared
+from evopem.signals.spectrum_summary import SpectrumSummary
 
 Log = Callable[[str], None]
 

@@ -29,10 +29,10 @@ from evopem.models.setups import Setup
 from evopem.results.channel_labels import Channel, Pair
 from evopem.results.identity import check_results
 from evopem.results.layout import DatasetFiles
-from evopem.signals.peaks import SpectrumSummary
 from evopem.signals.prepared_data import PreparedData, load_prepared
 from evopem.signals.recording import Recording, load_recording
 from evopem.signals.recording_info import FileOrigin, RecordingInfo
+from evopem.signals.spectrum_summary import SpectrumSummary
 from evopem.synthesis import Truth
 from evopem.validation.checks import Check, Evidence, OrderRange, checks
 from evopem.validation.checks.search import ranges_of_phases

@@ -1,12 +1,12 @@
 """Peaks of a spectral density, and the lines of a periodic input among them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from evopem.arrays import Array
 from evopem.signals.spectra import CONFIDENCE, Spectrum
+from evopem.signals.spectrum_summary import SpectralPeak, SpectrumSummary
 
 # Evenly spaced peaks from this number on are lines of a periodic input.
 MIN_LINES = 10
@@ -14,30 +14,6 @@ MIN_LINES = 10
 PEAK_WIDTHS = (1, 4, 16)
 # Largest share of the frequency axis that an average extends over.
 MAX_AVERAGED_SHARE = 0.2
-
-
-@dataclass(frozen=True)
-class SpectralPeak:
-    """A local maximum of the density that noise alone does not explain."""
-
-    frequency_hz: float
-    density: float  # density at the peak and its 95 % band (unit² / Hz)
-    prominence_db: float  # height above the higher of the two valleys between it and higher maxima
-    lower: float  # density at the peak and its 95 % band (unit² / Hz)
-    upper: float
-
-
-@dataclass(frozen=True)
-class SpectrumSummary:
-    """What the order search and the report need of a spectrum."""
-
-    time_halfbandwidth: float
-    tapers: int
-    nfft: int
-    segments: int
-    resolution_hz: float
-    peaks: tuple[SpectralPeak, ...]
-    resonances: int  # peaks that may be resonances; 0 where they are the lines of a periodic input
 
 
 def spectral_peaks(spectrum: Spectrum) -> list[SpectralPeak]:

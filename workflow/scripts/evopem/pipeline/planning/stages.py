@@ -166,7 +166,7 @@ STAGES = (
     ),
     Stage(
         "estimate_varying",
-        "complete_model:estimate_varying",
+        "varying:estimate_varying",
         "what moves",
         seconds=2.0,
         applies="varying",
