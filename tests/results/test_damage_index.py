@@ -10,8 +10,7 @@ import pytest
 from evopem import InputError, damage_index
 from evopem.config.conditions import Following
 from evopem.models.modes import Mode
-from evopem.report.control_chart import damage_charts, damage_sentences
-from evopem.report.index_page import build_index, movements
+from evopem.report.index_page import build_index, damage_charts, damage_sentences, movements
 from evopem.report.templates import template_folder
 from evopem.results.damage_index import Compared
 from evopem.results.fleet import DatasetSummary

@@ -1,8 +1,8 @@
-"""The page that lists all data sets."""
+"""The page that lists all data sets, with charts of their modes and damage indices."""
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median, stdev
 from typing import Any
@@ -13,9 +13,8 @@ import pandas as pd
 
 from evopem.config.conditions import Following
 from evopem.models.parameter_covariance import NORMAL_95
-from evopem.report import control_chart
 from evopem.report.comparison import dependence_sentences
-from evopem.report.numbers import THIN, enumeration, number
+from evopem.report.numbers import THIN, count, enumeration, number, plural
 from evopem.report.templates import Context, environment
 from evopem.results.comparison import Dependence
 from evopem.results.fleet import DatasetSummary, Entry
@@ -23,7 +22,11 @@ from evopem.results.followed_modes import FollowedMode, group_of
 from evopem.results.identity import IncompleteDataset
 
 # Size of a row's plot of the gain, and the decibels that it shows at most.
-WIDTH, HEIGHT, DEEPEST = 120, 30, 80.0
+GAIN_WIDTH, GAIN_HEIGHT, DEEPEST = 120, 30, 80.0
+# Size of the charts of recordings, and what is left free at their edges.
+WIDTH, HEIGHT, EDGE = 640, 90, 4
+# Lowest damage index that is drawn; names that a sentence lists.
+LOWEST, LISTED = 0.1, 20
 NOT_COMPARED = Following()
 # With fewer recordings the chart of a followed mode says no more than the table.
 FEWEST = 3
@@ -62,11 +65,9 @@ def build_index(
         dependences=dependence_sentences(dependences),
         ordered_by=following.order.name if following.order else "",
         corrected=enumeration([*following.corrected]),
-        control_charts=[] if damage is None else control_chart.damage_charts(damage),
-        damage=[]
-        if damage is None
-        else control_chart.damage_sentences(damage, following.false_alarms),
-        damage_headline="" if damage is None else control_chart.damage_headline(damage),
+        control_charts=[] if damage is None else damage_charts(damage),
+        damage=[] if damage is None else damage_sentences(damage, following.false_alarms),
+        damage_headline="" if damage is None else damage_headline(damage),
         setups=setups,
     )
 
@@ -112,11 +113,11 @@ def _gain(summary: DatasetSummary) -> Context | None:
     top = float(known.max())
     bottom = max(float(known.min()), top - DEEPEST)
     inside = np.where(np.isfinite(gain_db), np.maximum(gain_db, bottom), bottom)
-    xs = WIDTH * (np.arange(gain_db.size) + 0.5) / gain_db.size
-    ys = 1 + (HEIGHT - 2) * (top - inside) / max(top - bottom, 1.0)
+    xs = GAIN_WIDTH * (np.arange(gain_db.size) + 0.5) / gain_db.size
+    ys = 1 + (GAIN_HEIGHT - 2) * (top - inside) / max(top - bottom, 1.0)
     points = [f"{x:.0f} {y:.1f}".replace(".0", "") for x, y in zip(xs, ys, strict=True)]
     marks = [
-        f"{WIDTH * mode.frequency_hz / highest:.1f}"
+        f"{GAIN_WIDTH * mode.frequency_hz / highest:.1f}"
         for mode, trusted in zip(summary.modes, summary.trusted, strict=True)
         if trusted and mode.frequency_hz < highest
     ]
@@ -183,11 +184,11 @@ def _chart(followed: FollowedMode, several: bool) -> dict[str, str]:
     ends = [(v - half, v + half) for v, half in zip(values, halves, strict=True)]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
     places = followed.places
-    up = (control_chart.HEIGHT - 2 * control_chart.EDGE) / ((high - low) or 1.0)
-    xs = control_chart.across(places)
+    up = (HEIGHT - 2 * EDGE) / ((high - low) or 1.0)
+    xs = across(places)
 
     def ys(of: Sequence[float]) -> list[str]:
-        return [f"{control_chart.EDGE + up * (high - value):.1f}" for value in of]
+        return [f"{EDGE + up * (high - value):.1f}" for value in of]
 
     bars = zip(xs, *map(ys, zip(*ends, strict=True)), strict=True)
     points = [f"M{x} {y}h0" for x, y in zip(xs, ys(values), strict=True)]
@@ -212,4 +213,98 @@ def _chart(followed: FollowedMode, several: bool) -> dict[str, str]:
         "marks": "".join(points[index] for index in sorted(marked)),
         "label": f"{title}, in {len(values)} recordings {spread}."
         f" {text or 'It moved by no more than its error.'}",
+    }
+
+
+def damage_sentences(table: pd.DataFrame, false_alarms: float) -> list[str]:
+    """What the damage indices say, for each structure: who is above the limit, who not judged."""
+    several = table["group"].nunique() > 1
+    return [
+        f"{group}: {sentence}" if several else sentence
+        for group, rows in table.groupby("group", sort=False)
+        for sentence in _sentences(rows, false_alarms)
+    ]
+
+
+def damage_headline(table: pd.DataFrame) -> str:
+    """How many of the recordings that are judged lie above the limit."""
+    judged = table.loc[~table["reference"].astype(bool), "damage_index"].dropna()
+    exceeding = int((judged > 1.0).sum())
+    if judged.empty:
+        return "No recording is judged by its damage index"
+    amount = f"{exceeding or 'None'} of {plural(len(judged), 'recording')}"
+    return f"{amount} {'lie' if exceeding > 1 else 'lies'} above the limit of the damage index"
+
+
+def _sentences(table: pd.DataFrame, false_alarms: float) -> Iterator[str]:
+    known, reference = table["damage_index"].notna(), table["reference"].astype(bool)
+    above = known & (table["damage_index"] > 1.0)
+    judged, exceeding = int((known & ~reference).sum()), table[above & ~reference]
+    if judged:
+        share = f"{number(100.0 * false_alarms)}{THIN}%"
+        names = f": {_named(exceeding)}" if len(exceeding) else ""
+        yield (
+            f"{damage_headline(table)}{names}. At its false-alarm rate of {share},"
+            f" {number(false_alarms * judged, 2)} of them are expected there by chance."
+        )
+    if (above & reference).any():
+        yield f"Of the reference itself, {_named(table[above & reference])} lie above it."
+    if not (missing := table[table["missing_modes"].notna() & ~reference]).empty:
+        cells = zip(missing["dataset"], missing["missing_modes"].astype(str), strict=True)
+        lacking = [
+            f"mode {', '.join(modes.removesuffix('.0').split())} in {name}" for name, modes in cells
+        ]
+        rare = f"fewer than 5{THIN}% of the unchanged recordings lack them"
+        yield f"Modes not found: {_listed(lacking)}; {rare}."
+    for reason, rows in table[~known & ~reference].groupby("not_judged"):
+        yield f"Not judged, because {reason}: {_listed(rows['dataset'].tolist())}."
+
+
+def _named(rows: pd.DataFrame) -> str:
+    """Recordings with the mode that lies farthest away."""
+    cells = rows[["dataset", "farthest_mode", "change_percent"]].itertuples(index=False)
+    return _listed([f"{n} (mode {int(m)} by {number(change, 2)}{THIN}%)" for n, m, change in cells])
+
+
+def _listed(names: list[str]) -> str:
+    left = len(names) - LISTED
+    return enumeration([*names[:LISTED], *([f"{count(left)} more"] if left > 0 else [])])
+
+
+def damage_charts(table: pd.DataFrame) -> list[dict[str, str]]:
+    """The chart of each structure, on a logarithmic scale: SVG paths, and words at their edges."""
+    known = table[table["damage_index"].notna()]
+    groups = known.groupby("group", sort=False)
+    return [_damage_chart(str(group), rows, groups.ngroups > 1) for group, rows in groups]
+
+
+def across(places: Sequence[float]) -> list[str]:
+    """Where recordings stand across a chart, of ascending places."""
+    scale = (WIDTH - 2 * EDGE) / ((places[-1] - places[0]) or 1.0)
+    return [f"{EDGE + scale * (place - places[0]):.1f}" for place in places]
+
+
+def _damage_chart(group: str, rows: pd.DataFrame, several: bool) -> dict[str, str]:
+    indices = rows["damage_index"].clip(lower=LOWEST)
+    high, low = max(2.0, float(indices.max())), min(0.5, float(indices.min()))
+    up = (HEIGHT - 2 * EDGE) / math.log(high / low)
+    points = [
+        f"M{x} {EDGE + up * math.log(high / index):.1f}h0"
+        for x, index in zip(across(rows["place"].tolist()), indices, strict=True)
+    ]
+    above = (rows["damage_index"] > 1.0).tolist()
+    names = [f"{rows['dataset'].iloc[k]} ({number(rows['place'].iloc[k])})" for k in (0, -1)]
+    limit = f"{EDGE + up * math.log(high):.1f}"
+    return {
+        "title": f"{group}: damage index" if several else "Damage index",
+        "high": number(high, 3),
+        "low": number(low, 3),
+        "first": names[0],
+        "last": names[1],
+        "limit": f"M0 {limit}H{WIDTH}",
+        "points": "".join(points),
+        "reference": "".join(p for p, of in zip(points, rows["reference"], strict=True) if of),
+        "marks": "".join(p for p, over in zip(points, above, strict=True) if over),
+        "label": f"Damage index of {len(rows)} recordings from {number(float(indices.min()), 2)} to"
+        f" {number(float(indices.max()), 3)}; {sum(above)} above the limit of 1.",
     }
