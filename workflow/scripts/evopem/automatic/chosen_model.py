@@ -1,6 +1,5 @@
 """The chosen model, searched globally unless held-out samples speak against what is found."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,7 +28,7 @@ from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe, 
 from evopem.estimation.prediction_errors import checked_errors
 from evopem.estimation.prediction_estimate import optimum_next_to
 from evopem.estimation.search.certificate import is_certified
-from evopem.estimation.search.problem import SearchResult, pooled
+from evopem.estimation.search.problem import Log, SearchResult, pooled
 from evopem.estimation.state_space.estimate import estimate_state_space, with_noise_model
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate, descend_from
 from evopem.models.constraint_checks import check_constraints
@@ -37,8 +36,6 @@ from evopem.models.orders import Orders
 from evopem.models.polynomial import Model, PolynomialModel, of_signals
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording
-
-Log = Callable[[str], None]
 
 SUBJECT = "global search of the chosen model"
 SEARCHED, COMPARED = "searched model", "compared model"

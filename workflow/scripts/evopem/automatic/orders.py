@@ -21,11 +21,12 @@ from evopem.automatic.candidates import (
 from evopem.automatic.cross_validation.stretches import MOST_SAMPLES, first_samples
 from evopem.automatic.decision import Alternative, Decision, given_by_configuration
 from evopem.automatic.fit import ArxFit, likeliest_arx
-from evopem.automatic.state_space import Log, fits_in_state_space, from_likeliest
+from evopem.automatic.state_space import fits_in_state_space, from_likeliest
 from evopem.config.channels import of_each
 from evopem.config.settings import InputRanges
 from evopem.config.structures import OF_SIMULATION, ORDER_NAMES, REGULARISED, is_polynomial
 from evopem.estimation.delays import ORDERS, likely_delays, longest_delay
+from evopem.estimation.search.problem import Log
 from evopem.models.orders import PER_INPUT, Orders
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.state_space import StateSpaceModel

@@ -1,6 +1,6 @@
 """Models in state space, estimated order by order."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from evopem.automatic.cross_validation.folds import LONG, is_large
 from evopem.automatic.fit import CommonSettings, Fit
 from evopem.config.settings import OutputWeighting
 from evopem.config.structures import OF_ABSOLUTE_ERRORS, STATE_SPACE_FORMS
+from evopem.estimation.search.problem import Log
 from evopem.estimation.state_space.estimate import RISES, estimates_of_orders
 from evopem.estimation.state_space.local_estimates import (
     StateSpaceEstimate,
@@ -20,8 +21,6 @@ from evopem.estimation.state_space.search import FINAL_WIDTH, NO_MODELS, WIDTH, 
 from evopem.estimation.state_space.starting_models import USUAL_ORDER
 from evopem.models.state_space import StateSpaceModel
 from evopem.signals.recording import Recording, Segment
-
-Log = Callable[[str], None]
 
 # Estimates of each order that are descended from on large records, whose estimates are good ones,
 # and steps of these descents; also of those on folds of long records, from the optimum of all.

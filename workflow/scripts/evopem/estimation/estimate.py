@@ -1,6 +1,5 @@
 """The global search of one polynomial model: of given orders, with a focus and constraints."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from evopem.blas_threads import one_blas_thread
@@ -17,7 +16,7 @@ from evopem.estimation.prediction_estimate import (
     searched,
 )
 from evopem.estimation.search.certificate import Target
-from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.search.problem import Log, SearchResult
 from evopem.estimation.simulation_estimate import simulation_estimate
 from evopem.models.constraint_checks import Focus, check_fit
 from evopem.models.orders import Orders
@@ -36,7 +35,7 @@ def estimate_polynomial(
     constraints: Constraints | None = None,
     earlier: SearchResult | None = None,
     optimum: SearchResult | None = None,
-    log: Callable[[str], None] | None = None,
+    log: Log | None = None,
     target: Target | None = None,
 ) -> PolynomialEstimate:
     """Find the polynomial model of given orders with the smallest errors in focus, globally. One

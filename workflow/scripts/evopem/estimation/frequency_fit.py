@@ -24,7 +24,7 @@ from evopem.estimation.search.frequency_problem import (
     sections_dynamics,
     stacked,
 )
-from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.search.problem import Log, SearchResult
 from evopem.estimation.state_space.local_estimates import StateSpaceEstimate
 from evopem.models.continuous import phi_functions
 from evopem.models.modes import Mode, frequency_and_damping
@@ -254,7 +254,7 @@ def fit_responses(
     responses: FrequencyResponses,
     modes: tuple[int, int] = (1, MOST_MODES),
     seed: int = 1,
-    log: Callable[[str], None] | None = None,
+    log: Log | None = None,
 ) -> ResponseFit:
     """The output-error model with the smallest BIC, as :func:`evopem.fit_responses`."""
     most = min(modes[1], (len(responses.frequencies) - 1) // 3)
@@ -283,7 +283,7 @@ def _searched(
     weights: Array,
     modes: tuple[int, int],
     seed: int,
-    log: Callable[[str], None] | None,
+    log: Log | None,
 ) -> ResponseFit:
     """The fit of the smallest BIC, each number of modes searched from that before as well."""
     scale, shape = 2.0 * np.pi * float(responses.frequencies[-1]), responses.values.shape

@@ -26,7 +26,7 @@ from evopem.estimation.polynomial_estimate import PolynomialEstimate, describe
 from evopem.estimation.prediction_errors import prediction_errors
 from evopem.estimation.prediction_estimate import optimum_next_to
 from evopem.estimation.search.certificate import Target, is_certified
-from evopem.estimation.search.problem import pooled, same_optimum
+from evopem.estimation.search.problem import Log, pooled, same_optimum
 from evopem.files.job import end_with_parent
 from evopem.models.orders import Orders
 from evopem.signals.recording import Recording
@@ -43,7 +43,7 @@ class OrderSearch:
     settings: SearchSettings
     window: ScoringWindow
     level: bool = False  # whether a constant is estimated along
-    log: Callable[[str], None] | None = None
+    log: Log | None = None
 
     @property
     def samples(self) -> int:

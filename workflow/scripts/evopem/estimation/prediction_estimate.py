@@ -2,7 +2,7 @@
 constraints is the result where it meets them; else descents in coordinates that cannot leave the
 region start from it, from linear estimates and from random points."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -30,13 +30,11 @@ from evopem.estimation.search.blocks import searched_in_blocks
 from evopem.estimation.search.certificate import Target
 from evopem.estimation.search.global_search import FIRST_BATCH, FIRST_PASS, global_search
 from evopem.estimation.search.polynomial_problem import PolynomialProblem
-from evopem.estimation.search.problem import SearchResult, descended, pooled
+from evopem.estimation.search.problem import Log, SearchResult, descended, pooled
 from evopem.estimation.search.staged_descent import LINEAR_STEPS, multistart, solve_linear
 from evopem.models.parameter_covariance import ParameterCovariance
 from evopem.models.polynomial import PolynomialModel
 from evopem.models.polynomial_roots import roots
-
-Log = Callable[[str], None]
 
 # Random starts of the descents under constraints and of k-step errors; where no search is asked
 # for, those of its first pass.

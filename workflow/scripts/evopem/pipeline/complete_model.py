@@ -1,6 +1,6 @@
 """The chosen model, searched globally: its covariance, modes and frequency response."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
@@ -24,6 +24,7 @@ from evopem.estimation.continuous import in_continuous_time
 from evopem.estimation.model_record import LevelOfSimulation, ModelRecord
 from evopem.estimation.order_candidate import PhaseSelection
 from evopem.estimation.order_selection import complete_estimate
+from evopem.estimation.search.problem import Log
 from evopem.files.atomic import write_table
 from evopem.files.json_form import load, save
 from evopem.models.mode_matching import with_spread
@@ -33,8 +34,6 @@ from evopem.pipeline.structure_search import Scored, errors_name_dataset
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
 from evopem.signals.recording import Recording
-
-Log = Callable[[str], None]
 
 
 def _record_of(

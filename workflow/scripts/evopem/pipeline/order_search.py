@@ -1,6 +1,5 @@
 """Order search: the candidates of a phase, and the selection of one of them."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from evopem.config.order_grid import (
@@ -14,13 +13,12 @@ from evopem.config.settings import OrderGrid, ScoringWindow, SearchSettings
 from evopem.estimation.order_candidate import Candidate, PhaseSelection, first_pass
 from evopem.estimation.order_selection import OrderSearch, estimate_in_parallel
 from evopem.estimation.order_selection import select_candidate as select
+from evopem.estimation.search.problem import Log
 from evopem.files.json_form import load, save
 from evopem.models.orders import orders_of
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import load_prepared
 from evopem.signals.spectrum_summary import SpectrumSummary
-
-Log = Callable[[str], None]
 
 
 def estimate_candidates(

@@ -1,6 +1,6 @@
 """Orders and structure: one file for each decision."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Self
@@ -21,6 +21,7 @@ from evopem.blas_threads import one_blas_thread
 from evopem.config.settings import AutomaticSettings
 from evopem.config.structures import NESTED
 from evopem.errors import InputError
+from evopem.estimation.search.problem import Log
 from evopem.files.json_form import load, save
 from evopem.results.layout import DatasetFiles
 from evopem.signals.prepared_data import PreparedData, load_prepared
@@ -79,9 +80,6 @@ def errors_name_dataset(files: DatasetFiles) -> Iterator[None]:
     except ValueError as error:
         remedy = "give a longer recording, or lower the orders"
         raise InputError(key, str(error), remedy) from None
-
-
-Log = Callable[[str], None]
 
 
 def search_structures(

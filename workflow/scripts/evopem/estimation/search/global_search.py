@@ -4,7 +4,7 @@ enough have ended at the lowest value.  Replacements in it, and descents from ro
 edge, have to find nothing lower.  Models of several inputs have basin hopping before (Leary 2000),
 and so have polynomials that share no sections, where memetic restarts are the independent ones."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -27,6 +27,7 @@ from evopem.estimation.search.problem import (
     SAME_COARSE_DESCENT,
     BasinHopping,
     BasinHoppingProblem,
+    Log,
     SearchProgress,
     SearchResult,
     converged_values,
@@ -65,7 +66,7 @@ class _Search(SearchProgress):
         self,
         problem: BasinHoppingProblem,
         generator: np.random.Generator,
-        log: Callable[[str], None] | None,
+        log: Log | None,
         known_minimum: float,
     ) -> None:
         super().__init__()
@@ -216,7 +217,7 @@ def global_search(
     problem: BasinHoppingProblem,
     settings: SearchSettings,
     generator: np.random.Generator,
-    log: Callable[[str], None] | None = None,
+    log: Log | None = None,
     known_minimum: float = np.inf,
     target: Target | None = None,
 ) -> SearchResult:

@@ -2,8 +2,6 @@
 Offspring are recombined, some (the worst by default) refined, and the best kept.  A converged
 population restarts.  When enough restarts agree, a multistart check follows."""
 
-from collections.abc import Callable
-
 import numpy as np
 
 from evopem.arrays import Array, Indices
@@ -11,6 +9,7 @@ from evopem.config.settings import SearchSettings
 from evopem.estimation.search.certificate import enough_agree
 from evopem.estimation.search.problem import (
     SAME_DESCENT,
+    Log,
     Problem,
     SearchProgress,
     SearchResult,
@@ -37,7 +36,7 @@ def memetic_search(
     problem: Problem,
     settings: SearchSettings,
     generator: np.random.Generator,
-    log: Callable[[str], None] | None = None,
+    log: Log | None = None,
     known_minimum: float = np.inf,
     agreeing_restarts: int = AGREEING_RESTARTS,
     until_certified: bool = False,
@@ -76,7 +75,7 @@ class _Search(SearchProgress):
         problem: Problem,
         settings: SearchSettings,
         generator: np.random.Generator,
-        log: Callable[[str], None] | None,
+        log: Log | None,
     ) -> None:
         super().__init__()
         self.problem, self.settings, self.generator = problem, settings, generator

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -18,6 +19,9 @@ SAME_OPTIMUM = 1e-6
 SAME_DESCENT = 1e-5
 # The same for the coarse descents of a first pass.
 SAME_COARSE_DESCENT = 1e-4
+
+Log = Callable[[str], None]
+"""What receives a line about the progress of a search."""
 
 
 class Problem(Protocol):

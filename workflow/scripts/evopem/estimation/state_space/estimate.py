@@ -1,6 +1,6 @@
 """Estimate state-space models of one order or of several."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -20,6 +20,7 @@ from evopem.errors import InputError, LostModelError, NoModelError
 from evopem.estimation.criteria import log_loss
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.search.problem import (
+    Log,
     SearchDiagnostics,
     SearchResult,
     count_confirming,
@@ -45,8 +46,6 @@ from evopem.models.conversions import side_by_side
 from evopem.models.orders import Orders
 from evopem.models.state_space import StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording, Segment
-
-Log = Callable[[str], None]
 
 # A search ends after so many orders of higher BIC; estimates of an order that are descended from.
 RISES, WIDTH = 2, 3

@@ -1,6 +1,6 @@
 """Estimates of one state-space problem: next to a model, of ascending orders, in full."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Self, get_args
@@ -20,7 +20,7 @@ from evopem.estimation.criteria import (
 )
 from evopem.estimation.polynomial_estimate import ConstraintEffect
 from evopem.estimation.prediction_errors import check_search_settings
-from evopem.estimation.search.problem import SearchResult
+from evopem.estimation.search.problem import Log, SearchResult
 from evopem.estimation.state_space.entry_problem import EntryProblem
 from evopem.estimation.state_space.errors import StateSpaceErrors, scaled_recording
 from evopem.estimation.state_space.point_model import ScaledModel
@@ -42,8 +42,6 @@ from evopem.estimation.state_space.search import (
 from evopem.estimation.state_space.starting_points import point_of_model
 from evopem.models.state_space import PlainStructure, StateSpaceModel, StateSpaceStructure
 from evopem.signals.recording import Recording
-
-Log = Callable[[str], None]
 
 STRUCTURES, WEIGHTINGS = get_args(StateSpaceStructure), get_args(OutputWeighting)
 QUADRATIC = SearchSettings(objective="quadratic")

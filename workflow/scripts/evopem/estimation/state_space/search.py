@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from types import MappingProxyType
@@ -17,7 +17,7 @@ from evopem.estimation.damped_descent import Optimum, descend
 from evopem.estimation.pem.kernels.bfgs import Descent
 from evopem.estimation.search.certificate import AGREEING
 from evopem.estimation.search.memetic import memetic_search
-from evopem.estimation.search.problem import SearchDiagnostics, SearchResult
+from evopem.estimation.search.problem import Log, SearchDiagnostics, SearchResult
 from evopem.estimation.state_space.errors import StateSpaceErrors
 from evopem.estimation.state_space.point_model import PointModel
 from evopem.estimation.state_space.problem import (
@@ -34,8 +34,6 @@ from evopem.estimation.state_space.starting_points import (
     random_poles,
 )
 from evopem.models.state_space import StateSpaceModel
-
-Log = Callable[[str], None]
 
 NO_MODELS: Mapping[int, StateSpaceModel] = MappingProxyType({})
 """No models of other forms to start from."""
