@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from evopem.automatic.candidates import Candidate, Scorer
+from evopem.automatic import structures
+from evopem.automatic.candidates import Candidate, Scorer, StructureSearch
 from evopem.automatic.cross_validation.folds import HeldOutScores, decide_folds
 from evopem.automatic.fit import CommonSettings
 from evopem.automatic.fold_errors import (
@@ -27,6 +28,7 @@ from evopem.automatic.structures import (
     _for_simulation,
     _misses_response,
     _smallest_as_good,
+    compare_structures,
 )
 from evopem.models.orders import Orders
 from evopem.models.polynomial import PolynomialModel
@@ -304,3 +306,25 @@ def test_what_a_linear_model_misses_calls_for_a_regularised_response(gain, follo
     scorer.stretches = [Segment(u, np.concatenate([[0.0], u[:-1]]) + e)]
     found, _ = _for_simulation(scorer, [chosen, response], "simulation")
     assert found is (response if is_response else chosen)
+
+
+@pytest.mark.parametrize(("prediction", "is_left"), [(2.9, False), (3.1, True)])
+def test_a_noise_model_that_makes_held_out_errors_several_times_larger_is_refuted(
+    monkeypatch, prediction, is_left
+):
+    """It has the lowest simulation errors and BIC; its errors one step ahead are larger."""
+    sound, found = candidate(9), candidate(8, (-0.3,) * 5, evidence=-100.0)
+    scores = replace(found.scores, prediction=prediction * found.scores.simulation)
+    found = replace(found, structure="bj", scores=scores)
+    scorer = scorer_of((sound, found))
+    for name in ("known", "with_own_scores", "on_all_samples"):
+        setattr(scorer, name, lambda each: each)
+    scorer.has_input, scorer.with_scores, scorer.remember = True, list, list
+    scorer.settings = CommonSettings()
+    monkeypatch.setattr(structures, "refine_orders", lambda *_: [])
+    monkeypatch.setattr(structures, "gain_of_nothing", lambda *_: None)
+    decision = structures.Decision("orders", "", (), "", "")
+    searches = [StructureSearch(each.structure, (each,), decision) for each in (sound, found)]
+    comparison = compare_structures(scorer, searches)
+    for purpose in ("simulation", "modes"):
+        assert comparison.choice(purpose).candidate is (sound if is_left else found)

@@ -49,6 +49,8 @@ HEAVY = 0.1
 MOST_WHEN_VALID, MOST_UNDER_FEEDBACK = 1.25, 1.35
 MOST_WHEN_ALL_HOLD = MOST_UNDER_HEAVY_TAILS = 3.0
 FINALISTS = 2
+# One-step errors over simulation errors, on held-out samples, that refute a noise model.
+HARMFUL = 3.0
 # The largest logarithm of a ratio of errors that standard errors of few folds may call chance.
 MOST_BY_CHANCE = 1.0
 
@@ -137,6 +139,7 @@ def compare_structures(scorer: Scorer, searches: Sequence[StructureSearch]) -> C
                 candidates.extend(refine_orders(scorer, finalist, criterion))
         # What was refined may have been searched, and scored only then.
         candidates = list(dict.fromkeys(map(scorer.known, candidates)))
+        candidates = _with_valid_noise(candidates) or candidates
         simulation, about = _for_simulation(scorer, candidates, _kind_of(level))
         if level == "constant":
             # A level passes through 1/A: where A has roots near 1, its small error in the equation
@@ -186,6 +189,14 @@ def _level_of(candidates: Sequence[Candidate]) -> tuple[Level, Decision]:
     alternatives = (Alternative("constant", constant), Alternative("state", fitted))
     criterion = "lowest simulation error on held-out samples, %"
     return level, Decision("level", level, alternatives, criterion, sentence)
+
+
+def _with_valid_noise(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The models whose noise model does not make errors on held-out samples several times larger.
+
+    Many coefficients, with roots of C at the bound, fit the noise of a short record alone.
+    """
+    return [c for c in candidates if not c.scores.prediction > HARMFUL * c.scores.simulation]
 
 
 def _finalists(candidates: Sequence[Candidate], score: Score) -> list[Candidate]:
