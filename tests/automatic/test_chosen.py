@@ -153,6 +153,23 @@ def test_an_optimum_that_rounding_spoils_is_left_for_the_compared_model(candidat
     np.testing.assert_allclose(found.model.B[0], compared.B[0], rtol=1e-2)
 
 
+def test_a_pole_that_rounding_puts_beyond_the_bound_moves_the_bound_in(candidate, monkeypatch):
+    recording, _, scorer, choice = candidate
+    refit, bounds = chosen_model.refitted_estimate, []
+
+    def rounded(model, data, settings):
+        bounds.append(settings.max_root_radius)
+        estimate = refit(model, data, settings)
+        outside = replace(estimate.model, F=(np.poly([1.0 + 1e-8, 0.5]),))
+        return replace(estimate, model=outside) if len(bounds) < 3 else estimate
+
+    monkeypatch.setattr(chosen_model, "refitted_estimate", rounded)
+    search = SearchSettings(evaluations=0, max_root_radius=1.0 - 1e-7)
+    found = chosen_model.estimate_candidate(choice.candidate, recording, scorer, search)
+    np.testing.assert_allclose(1.0 - np.array(bounds), [1e-7, 1e-6, 1e-5], rtol=1e-6)
+    assert np.abs(found.model.poles()).max() < 1.0
+
+
 def test_an_undamped_pole_gains_nothing_by_the_state_it_begins_with():
     """A pole that a zero cancels, and whose state draws the slow wave of a drift."""
     generator = np.random.default_rng(1)
